@@ -1,0 +1,23 @@
+"""Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction."""
+
+from fenics_contact.errors import ContactError, InputError, SolverError
+from fenics_contact.limit_load import LimitLoad, limit_load
+from fenics_contact.mesh import BlockMesh
+from fenics_contact.scene import JointLaw, Load, Material, OutputOptions, Scene, SolveOptions
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BlockMesh",
+    "ContactError",
+    "InputError",
+    "JointLaw",
+    "LimitLoad",
+    "Load",
+    "Material",
+    "OutputOptions",
+    "Scene",
+    "SolveOptions",
+    "SolverError",
+    "limit_load",
+]

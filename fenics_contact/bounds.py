@@ -1,0 +1,264 @@
+"""Limit loads of rigid blocks as linear programs: bounds on, and a check of, the elastic ones.
+
+    max lambda   subject to   R^T (f_D + lambda f_L + B_N^T r_N + B_T^T r_T) = 0   (every body),
+                              r_N >= 0,   |r_T| <= F r_N + g.
+
+With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
+multipliers of equilibrium are the rigid motions of a collapse (E. Charnes, H.J. Greenberg's
+duality; see R.K. Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). With
+Coulomb friction it is the limit load for associative slip, an upper bound; without friction it is
+a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+
+On a straight face between two bodies only the resultants matter: the normal forces at its two ends
+and one shear force are enough, whatever the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from fenics_contact.errors import SolverError
+from fenics_contact.joints import GROUND, Joints
+from fenics_contact.rigid import RigidBodies
+
+Array = npt.NDArray[np.float64]
+
+#: Directions and offsets of faces on one line agree to this fraction.
+COLLINEAR = 1e-6
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Straight faces between two bodies.
+
+    Attributes:
+        ends: Joint points at the two ends of every face, shape (faces, 2); equal if there is one.
+        friction: Coulomb's coefficient, shape (faces,).
+        strength: Given bound on the shear force of the whole face, shape (faces,), N/m.
+    """
+
+    ends: npt.NDArray[np.int64]
+    friction: Array
+    strength: Array
+
+
+def straight_faces(joints: Joints, strength: Array) -> Faces:
+    """Group joint points by bodies, law and line.
+
+    Args:
+        joints: All joint points.
+        strength: Given bound on the shear force at every point, N/m.
+    """
+    if len(joints.length) == 0:
+        return Faces(np.empty((0, 2), dtype=np.int64), np.empty(0), np.empty(0))
+    size = np.ptp(joints.position, axis=0).max() or 1.0
+    offset = np.sum(joints.normal * (joints.position - joints.position[0]), axis=1) / size
+    line = np.round(np.column_stack([joints.normal, offset]) / COLLINEAR).astype(np.int64)
+    keys = np.column_stack([joints.bodies, joints.law, line])
+    _, face = np.unique(keys, axis=0, return_inverse=True)
+    face = face.ravel()
+    along = np.sum(joints.tangent * joints.position, axis=1)
+    order = np.lexsort((along, face))
+    starts = np.flatnonzero(np.diff(face[order], prepend=-1))
+    stops = np.append(starts[1:], len(order)) - 1
+    ends = np.column_stack([order[starts], order[stops]])
+    return Faces(ends, joints.friction[ends[:, 0]], np.bincount(face, strength))
+
+
+@dataclass(frozen=True)
+class LimitBounds:
+    """Values of the linear programs for one direction of the live load.
+
+    Attributes:
+        lower: Frictionless, not below 0; None if the dead load needs friction to stand.
+        upper: Associative; infinite if nothing limits the load.
+        stands: Whether the dead load alone has an equilibrium with associative friction.
+        stands_frictionless: Whether it has one without friction.
+    """
+
+    lower: float | None
+    upper: float
+    stands: bool
+    stands_frictionless: bool
+
+
+class RigidBlocks:
+    """The linear programs of one structure, solved on rank 0."""
+
+    def __init__(self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm) -> None:
+        """Set up equilibrium of all bodies.
+
+        Args:
+            joints: All joint points.
+            bodies: Rigid motions and loads.
+            comm: Ranks that share the results.
+        """
+        self._joints = joints
+        self._bodies = bodies
+        self._comm = comm
+        force = np.abs(bodies.dead).max(initial=0.0) or joints.shear_strength.max(initial=0.0)
+        self._force = float(force) or float(np.abs(bodies.live).max(initial=0.0)) or 1.0
+        live = float(np.abs(bodies.live).max(initial=0.0))
+        self._load = self._force / live if live else 1.0
+
+    def limit(self, friction: bool = True) -> float | None:
+        """Largest load factor in the direction of the live load.
+
+        Args:
+            friction: With the scene's friction, Coulomb's taken as associative, or without any.
+
+        Returns:
+            The load factor; infinite where nothing limits it, None where there is no equilibrium.
+        """
+        return self._on_root(lambda: self._solve(self._faces(friction))[0])
+
+    def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
+        """Limit load and collapse mode with given friction at all joint points.
+
+        Args:
+            strength: Bounds on the shear forces at all joint points, N/m, on all ranks.
+
+        Returns:
+            The load factor as `limit` gives it, and the bodies' rigid motions (a, b, c) about
+            their centres, shape (bodies, 3), with f_L.v = 1; None unless the factor is finite.
+        """
+        faces = straight_faces(self._joints, strength)
+        faces = replace(faces, friction=np.zeros_like(faces.friction))
+        return self._on_root(lambda: self._solve(faces))
+
+    def stands(self, friction: bool = True) -> bool:
+        """Whether the dead load alone has an equilibrium."""
+        faces = self._faces(friction)
+        return self._on_root(lambda: self._solve(faces, dead_only=True)[0]) is not None
+
+    def _faces(self, friction: bool) -> Faces:
+        faces = straight_faces(self._joints, self._joints.shear_strength)
+        if friction:
+            return faces
+        none = np.zeros_like(faces.friction)
+        return replace(faces, friction=none, strength=none)
+
+    def bounds(self) -> LimitBounds:
+        """All bounds at once."""
+        bare = self.stands(friction=False)
+        stands = bare or self.stands()
+        upper = self.limit() if stands else None
+        lower = self.limit(friction=False) if bare else None
+        return LimitBounds(
+            lower=None if lower is None else max(lower, 0.0),
+            upper=np.inf if upper is None else upper,
+            stands=stands,
+            stands_frictionless=bare,
+        )
+
+    def _on_root(self, solve: Callable[[], Any]) -> Any:
+        """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""
+        answer, message = None, ""
+        if self._comm.rank == 0:
+            try:
+                answer = solve()
+            except SolverError as error:
+                message = str(error)
+        answer, message = self._comm.bcast((answer, message))
+        if message:
+            raise SolverError(message)
+        return answer
+
+    def _solve(self, faces: Faces, dead_only: bool = False) -> tuple[float | None, Array | None]:
+        """Variables: load factor, normal forces at both ends and shear force of every face."""
+        from scipy.sparse import coo_matrix, hstack
+
+        joints, bodies = self._joints, self._bodies
+        first, last = faces.ends.T
+        free = bodies.free
+        live = np.einsum("bmk,bm->bk", free, bodies.live).ravel() * self._load / self._force
+        dead = np.einsum("bmk,bm->bk", free, bodies.dead).ravel() / self._force
+        equilibrium = hstack(
+            [
+                coo_matrix(live[:, None]),
+                self._columns(first, joints.normal[first]),
+                self._columns(last, joints.normal[last]),
+                self._columns(first, joints.tangent[first]),
+            ]
+        ).tocsr()
+        used = np.any(free != 0.0, axis=1).ravel()
+        count = len(first)
+        limits = [(0.0, 0.0) if dead_only else (None, None)]
+        limits += [(0.0, None)] * (2 * count) + [(None, None)] * count
+        answer = self._linprog(
+            equilibrium[used],
+            -dead[used],
+            _friction_rows(faces),
+            np.tile(faces.strength / self._force, 2),
+            limits,
+        )
+        if answer is None or np.isinf(answer.x[0]):
+            return (None if answer is None else np.inf), None
+        motion = np.zeros(len(used))
+        motion[used] = answer.eqlin.marginals
+        motion = np.einsum("bmk,bk->bm", free, motion.reshape(-1, 3))
+        work = float(np.sum(motion * bodies.live))
+        motion[:, 2] /= bodies.size
+        return float(answer.x[0]) * self._load, motion / work if work else None
+
+    def _linprog(self, a_eq: Any, b_eq: Array, a_ub: Any, b_ub: Array, limits: list[Any]) -> Any:
+        """HiGHS' answer; None if there is no equilibrium, x infinite if nothing limits the load."""
+        from scipy.optimize import linprog
+
+        cost = np.zeros(a_eq.shape[1])
+        cost[0] = -1.0
+        options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+        for presolve in (True, False):
+            answer = linprog(
+                cost, a_ub, b_ub, a_eq, b_eq, limits, method="highs",
+                options=options | {"presolve": presolve},
+            )  # fmt: skip
+            if answer.status == 0:
+                return answer
+            if answer.status == 2:
+                return None
+            if answer.status == 3:
+                answer.x = np.array([np.inf])
+                return answer
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+
+    def _columns(self, points: npt.NDArray[np.int64], direction: Array) -> Any:
+        """Generalised forces on the bodies' free motions of unit forces at joint points."""
+        from scipy.sparse import coo_matrix
+
+        bodies, joints = self._bodies, self._joints
+        rows, columns, values = [], [], []
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            kept = np.flatnonzero(joints.bodies[points, side] != GROUND)
+            body = joints.bodies[points[kept], side]
+            arm = joints.position[points[kept]] - bodies.centre[body]
+            force = sign * direction[kept]
+            moment = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / bodies.size
+            general = np.einsum("nmk,nm->nk", bodies.free[body], np.column_stack([force, moment]))
+            rows.append((3 * body[:, None] + np.arange(3)).ravel())
+            columns.append(np.repeat(kept, 3))
+            values.append(general.ravel())
+        shape = (3 * len(bodies.centre), len(points))
+        indices = (np.concatenate(rows), np.concatenate(columns))
+        return coo_matrix((np.concatenate(values), indices), shape)
+
+
+def _friction_rows(faces: Faces) -> Any:
+    """Rows +-r_T - F (r_N first + r_N last) <= strength, shape (2 faces, 1 + 3 faces)."""
+    from scipy.sparse import coo_matrix, vstack
+
+    count = len(faces.friction)
+    index = np.arange(count)
+    first, last, shear = 1 + index, 1 + count + index, 1 + 2 * count + index
+    rows, columns = np.tile(index, 3), np.concatenate([shear, first, last])
+    sides = []
+    for sign in (1.0, -1.0):
+        values = np.concatenate([np.full(count, sign), -faces.friction, -faces.friction])
+        sides.append(coo_matrix((values, (rows, columns)), (count, 1 + 3 * count)))
+    return vstack(sides).tocsr()

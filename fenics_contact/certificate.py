@@ -1,0 +1,164 @@
+"""Verification of a limit load from the problem itself, whatever solver found it.
+
+A collapse state is right if it is in equilibrium, respects all joint laws, and if the motion that
+follows, its mode v with f_L.v = 1, is admissible everywhere, costs no elastic energy, and
+dissipates what the loads do on it:
+
+    sum g |B_T v| = lambda f_L.v + f_D.v.
+
+Such a mode proves that the load factor is the limit load for the friction forces of the state
+(kinematic theorem); what the power balance misses is the error. With Coulomb friction it shows a
+true non-associative collapse state, one of possibly several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from fenics_contact.bounds import LimitBounds
+from fenics_contact.interior_point import Scales, State
+from fenics_contact.problem import ContactProblem
+
+Array = npt.NDArray[np.float64]
+
+#: What a converged result may miss, relative to typical force, displacement or power.
+TOLERANCES: Mapping[str, float] = {
+    "equilibrium": 1e-6,
+    "tension": 1e-6,
+    "penetration": 1e-6,
+    "complementarity": 1e-6,
+    "friction": 1e-5,
+    "slip_direction": 1e-5,
+    "work": 1e-8,
+    "mode_penetration": 1e-5,
+    "mode_elastic": 1e-4,
+    "mode_power": 1e-4,
+    "bracket": 1e-6,
+}
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Residuals of a collapse state.
+
+    Attributes:
+        residuals: By name; relative, zero for an exact state.
+    """
+
+    residuals: Mapping[str, float]
+
+    @property
+    def failures(self) -> dict[str, float]:
+        """Residuals above their tolerance, or not finite."""
+        return {
+            name: value
+            for name, value in self.residuals.items()
+            if not value <= TOLERANCES[name]
+        }
+
+    @property
+    def passed(self) -> bool:
+        """Whether the state is what it claims to be."""
+        return not self.failures
+
+    @property
+    def mode_passed(self) -> bool:
+        """Whether the mode is a collapse mode of the state."""
+        return not any(name.startswith("mode_") for name in self.failures)
+
+    @property
+    def gap(self) -> float:
+        """Relative difference of the load factor and the one its mode proves."""
+        return self.residuals["mode_power"]
+
+
+def certify(
+    problem: ContactProblem,
+    state: State,
+    mode: PETSc.Vec,
+    scales: Scales,
+    bounds: LimitBounds,
+) -> Certificate:
+    """Recompute all conditions of a collapse state.
+
+    Args:
+        problem: Stiffness, loads and joints.
+        state: Displacements, load factor and joint forces to be verified.
+        mode: Collapse mode v.
+        scales: Typical sizes.
+        bounds: Bracket from the rigid-block programs.
+
+    Returns:
+        Residuals relative to `scales`.
+    """
+    residuals = _state_residuals(problem, state, scales)
+    residuals |= _mode_residuals(problem, state, mode, scales)
+    factor = max(abs(state.load_factor), scales.load_factor * 1e-6)
+    lower = -np.inf if bounds.lower is None else bounds.lower
+    outside = max(lower - state.load_factor, state.load_factor - bounds.upper, 0.0)
+    residuals["bracket"] = outside / factor
+    return Certificate(residuals)
+
+
+def _state_residuals(problem: ContactProblem, state: State, scales: Scales) -> dict[str, float]:
+    d, f = scales.displacement, scales.force
+    rest = problem.dead.duplicate()
+    problem.stiffness.mult(state.displacement, rest)
+    rest.axpy(-1.0, problem.dead)
+    rest.axpy(-state.load_factor, problem.live)
+    for matrix, force in ((problem.normal, state.pressure), (problem.tangential, state.shear)):
+        joint = matrix.createVecLeft()
+        joint.array[:] = -force
+        matrix.multTransposeAdd(joint, rest, rest)
+        joint.destroy()
+    equilibrium = rest.norm(PETSc.NormType.INFINITY) / f
+    rest.destroy()
+    opening, slip = joint_displacements(problem, state.displacement)
+    bound = problem.bound(np.maximum(state.pressure, 0.0))
+    live = problem.live.dot(state.displacement)
+    return {
+        "equilibrium": equilibrium,
+        "tension": problem.max(-state.pressure) / f,
+        "penetration": problem.max(-opening) / d,
+        "complementarity": problem.max(np.abs(opening * state.pressure)) / (d * f),
+        "friction": problem.max(np.abs(state.shear) - bound) / f,
+        "slip_direction": problem.max(np.abs(bound * np.abs(slip) + state.shear * slip)) / (d * f),
+        "work": abs(live - state.work) / abs(state.work),
+    }
+
+
+def _mode_residuals(
+    problem: ContactProblem, state: State, mode: PETSc.Vec, scales: Scales
+) -> dict[str, float]:
+    unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
+    opening, slip = joint_displacements(problem, mode)
+    bound = problem.bound(np.maximum(state.pressure, 0.0))
+    dissipation = problem.sum(bound * np.abs(slip))
+    power = state.load_factor * problem.live.dot(mode) + problem.dead.dot(mode)
+    stress = problem.stiffness.createVecLeft()
+    problem.stiffness.mult(mode, stress)
+    elastic = stress.dot(mode)
+    stress.destroy()
+    factor = max(abs(state.load_factor), scales.load_factor * 1e-6)
+    return {
+        "mode_penetration": problem.max(-opening) / unit,
+        # Change of the load factor, were the motion to go on as far again.
+        "mode_elastic": elastic * abs(state.work) / factor,
+        "mode_power": abs(dissipation - power) / max(dissipation, abs(power), factor),
+    }
+
+
+def joint_displacements(problem: ContactProblem, u: PETSc.Vec) -> tuple[Array, Array]:
+    """Opening B_N u and slip B_T u at this rank's points."""
+    values = []
+    for matrix in (problem.normal, problem.tangential):
+        joint = matrix.createVecLeft()
+        matrix.mult(u, joint)
+        values.append(joint.array.copy())
+        joint.destroy()
+    return values[0], values[1]

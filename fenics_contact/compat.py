@@ -1,0 +1,128 @@
+"""The only module that knows dolfinx versions: features are probed, the newest shape is returned."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import cpp, fem, io, mesh
+from dolfinx import graph as dolfinx_graph
+from mpi4py import MPI
+from petsc4py import PETSc
+
+#: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
+CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+
+
+def default_comm() -> MPI.Comm:
+    """The communicator PETSc was started with."""
+    return PETSc.Sys.getDefaultComm().tompi4py()
+
+
+def create_mesh(
+    comm: MPI.Comm,
+    cell_name: str,
+    cells: npt.NDArray[np.int64],
+    points: npt.NDArray[np.float64],
+    destinations: npt.NDArray[np.int32] | None,
+) -> mesh.Mesh:
+    """Distribute a mesh given on one rank (the others pass empty arrays of the right width).
+
+    Args:
+        comm: Communicator of the mesh.
+        cell_name: "triangle" or "quadrilateral".
+        cells: Point indices of the cells in gmsh order, shape (cells, nodes).
+        points: Coordinates, shape (points, 2).
+        destinations: Rank of every cell given here, shape (cells,); None: graph partitioning.
+
+    Returns:
+        The distributed mesh, without ghost cells.
+    """
+    kind = getattr(mesh.CellType, cell_name)
+    cells = cells[:, cpp.io.perm_gmsh(kind, cells.shape[1])]
+    ghost_mode_in_create_mesh = "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
+    if destinations is not None:
+        partitioner: Any = _given_partition(destinations)
+    elif ghost_mode_in_create_mesh:
+        partitioner = mesh.create_cell_partitioner()
+    else:
+        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.none)
+    domain = ufl.Mesh(_coordinate_element(cell_name))
+    if ghost_mode_in_create_mesh:
+        return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
+    if list(inspect.signature(mesh.create_mesh).parameters)[2] == "x":
+        return mesh.create_mesh(comm, cells, points, domain, partitioner)
+    return mesh.create_mesh(comm, cells, domain, points, partitioner)
+
+
+def _coordinate_element(cell_name: str) -> Any:
+    if hasattr(ufl, "VectorElement"):
+        return ufl.VectorElement("Lagrange", ufl.Cell(cell_name, geometric_dimension=2), 1)
+    import basix.ufl
+
+    return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
+
+
+def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
+    def partitioner(*_: Any) -> Any:
+        if hasattr(dolfinx_graph, "adjacencylist"):
+            return dolfinx_graph.adjacencylist(destinations[:, None])._cpp_object
+        return cpp.graph.AdjacencyList_int32(destinations[:, None])
+
+    return partitioner
+
+
+def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+    """Scalar, vector or tensor Lagrange ("Lagrange") or discontinuous ("DG") space."""
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(domain, (family, degree, shape) if shape else (family, degree))
+    if len(shape) == 1:
+        return fem.VectorFunctionSpace(domain, (family, degree), dim=shape[0])
+    if len(shape) == 2:
+        return fem.TensorFunctionSpace(domain, (family, degree), shape=shape)
+    return fem.FunctionSpace(domain, (family, degree))
+
+
+def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
+    """Local (block) dofs of every local cell, shape (cells, dofs of a cell)."""
+    dofs = space.dofmap.list
+    if not isinstance(dofs, np.ndarray):
+        dofs = dofs.array.reshape(dofs.num_nodes, -1)
+    return dofs
+
+
+def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
+    dofs = domain.geometry.dofmap
+    if not isinstance(dofs, np.ndarray):
+        dofs = dofs.array.reshape(dofs.num_nodes, -1)
+    return dofs
+
+
+def petsc_vector(function: fem.Function) -> PETSc.Vec:
+    """The PETSc vector that shares the memory of a function."""
+    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+
+
+def interpolation_points(space: Any) -> Any:
+    """Reference points at which an expression is evaluated to be interpolated into a space."""
+    points = space.element.interpolation_points
+    return points() if callable(points) else points
+
+
+def write_vtk(path: Path, functions: list[fem.Function]) -> None:
+    """Write functions of one mesh into one ParaView file (.pvd and its pieces)."""
+    domain = functions[0].function_space.mesh
+    with io.VTKFile(domain.comm, str(path), "w") as file:
+        file.write_function([getattr(f, "_cpp_object", f) for f in functions], 0.0)
+
+
+def facet_vertices(topology: Any) -> npt.NDArray[np.int32]:
+    """Cell-local vertices of every facet of a cell, shape (facets of a cell, 2)."""
+    kind = topology.cell_type
+    table = cpp.mesh.get_entity_vertices(kind, 1)
+    return np.asarray(table.array).reshape(table.num_nodes, 2)

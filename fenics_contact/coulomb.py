@@ -1,0 +1,324 @@
+"""Coulomb friction by the fixed point on the friction bound.
+
+    g^{k+1} = g^k + omega^k (F r_N(g^k) - g^k),
+
+where r_N(g) are the normal forces of the state with given friction g (L.A. Mihai, M. Ainsworth,
+Comput. Struct. 88 (2010) 859). The relaxation omega follows the observed contraction by Aitken's
+formula for vectors (B.M. Irons, R.C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275); where the
+iteration cycles, omega is capped, lower and lower.
+
+Near the fixed point the bound can be taken with the pressure into one set of equations, which
+Newton's method then solves ("monolithic"). That set has other solutions too, so its answer counts
+only if it is the one that the fixed point was heading for.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import SolverError
+from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+
+Array = npt.NDArray[np.float64]
+
+_log = logging.getLogger("fenics_contact")
+
+MAX_ITERATIONS = 150
+
+#: Relaxation is kept within these limits; the upper one falls where the iteration cycles.
+RELAXATION = (0.05, 2.0)
+
+#: Iterations without a change of the bound smaller than before that make a cycle.
+CYCLE = 6
+
+#: Change of the bound at which the monolithic finish is tried, and the factor to the next try.
+FINISH_AT, FINISH_AGAIN = 0.15, 0.2
+
+#: Centring of the monolithic finish, by change of the bound, and its limits.
+FINISH_CENTRING, FINISH_RANGE = 0.1, (1e-5, 1e-2)
+
+#: Centrings of the monolithic solve at a larger T, and how far its load factor may move.
+CONTINUE_CENTRINGS, CONTINUE_NEAR = (1e-4, 1e-2), 1e-2
+
+#: The monolithic load factor may differ from the fixed point's by this times its last changes.
+FINISH_NEAR = 5.0
+
+#: Centring and tolerance of a warm-started solve, by change of the bound (and its square).
+WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
+
+#: Limits of both.
+CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
+
+
+@dataclass(frozen=True)
+class FixedPointStep:
+    """One iteration of the fixed point.
+
+    Attributes:
+        load_factor: Of the state with the given bound.
+        change: |F r_N - g| / |F r_N|, Euclidean.
+        relaxation: omega.
+        steps: Factorisations spent.
+    """
+
+    load_factor: float
+    change: float
+    relaxation: float
+    steps: int
+
+
+@dataclass
+class FixedPointHistory:
+    """What the iteration did.
+
+    Attributes:
+        steps: Iterations, in order.
+        cycles: How often a cycle was recognised and damped.
+        method: "fixed-point" or "monolithic", whichever made the last step.
+        converged: Whether load factor and bound stand still.
+    """
+
+    steps: list[FixedPointStep] = field(default_factory=list)
+    cycles: int = 0
+    method: str = "fixed-point"
+    converged: bool = False
+
+    @property
+    def contraction(self) -> float | None:
+        """Factor by which the change of the bound fell per iteration, mean of the last half."""
+        changes = [step.change for step in self.steps]
+        changes = changes[len(changes) // 2 :]
+        if len(changes) < 2 or min(changes) <= 0.0:
+            return None
+        return float((changes[-1] / changes[0]) ** (1.0 / (len(changes) - 1)))
+
+    @property
+    def error(self) -> float:
+        """Estimate of the error of the load factor from its last changes."""
+        factors = [step.load_factor for step in self.steps[-4:]]
+        if len(factors) < 2:
+            return np.inf
+        last = float(np.abs(np.diff(factors)).max())
+        contraction = min(self.contraction or 0.5, 0.95)
+        return last * contraction / (1.0 - contraction) if len(factors) > 2 else last
+
+
+class CoulombFriction:
+    """The fixed point at one value of T."""
+
+    def __init__(
+        self,
+        control: WorkControl,
+        scales: Scales,
+        tolerance: float,
+        monolithic: bool,
+        monitor: Callable[[FixedPointStep], None] | None = None,
+    ) -> None:
+        """Choose how to iterate.
+
+        Args:
+            control: Solver for given friction.
+            scales: Typical sizes.
+            tolerance: On the load factor and on the bound, relative.
+            monolithic: Whether to finish with the bound in the equations.
+            monitor: Called after every iteration.
+        """
+        self.control = control
+        self.problem = control.problem
+        self.scales = scales
+        self.tolerance = tolerance
+        self.monolithic = monolithic
+        self.monitor = monitor
+
+    def solve(
+        self, start: State, bound: Array, work: float, warm: bool = False
+    ) -> tuple[PathPoint, FixedPointHistory]:
+        """Iterate from a first bound.
+
+        Args:
+            start: State to start from.
+            bound: First g at this rank's points, N/m.
+            work: T.
+            warm: Whether `start` is a state for a nearby bound and T.
+
+        Returns:
+            The last state, and the history; see there whether it converged.
+
+        Raises:
+            SolverError: If not even the first state was found.
+        """
+        history = FixedPointHistory()
+        relaxed = _Relaxation(self.problem.sum)
+        coulomb = self.problem.max(self.problem.friction) > 0.0
+        change, finish_at = (0.1 if warm else np.inf), FINISH_AT
+        point: PathPoint | None = None
+        if warm and coulomb and self.monolithic:
+            point = self._continue(start, work, history)
+            if point is not None:
+                return point, history
+        for _ in range(MAX_ITERATIONS):
+            try:
+                point, steps = self._given_friction(point, start, bound, work, change, coulomb)
+            except SolverError:
+                if point is None:
+                    raise
+                _log.info("  fixed point stops: no state for the next bound")
+                break
+            target = self.problem.bound(point.state.pressure)
+            difference = target - bound
+            change = self._norm(difference) / (self._norm(target) or 1.0)
+            omega = relaxed.next(difference, change) if coulomb else 1.0
+            history.steps.append(FixedPointStep(point.state.load_factor, change, omega, steps))
+            history.cycles = relaxed.cycles
+            self._report(history)
+            if not coulomb or (
+                change <= self.tolerance
+                and history.error <= self.tolerance * abs(point.state.load_factor)
+                and point.steps > 0
+            ):
+                history.converged = True
+                break
+            if self.monolithic and change <= finish_at and len(history.steps) > 2:
+                finish_at = FINISH_AGAIN * change
+                finished = self._finish(point, work, history)
+                if finished is not None:
+                    return finished, history
+            bound = np.maximum(bound + omega * difference, 0.0)
+        if point is None:
+            raise SolverError("fixed point: no iteration was made")
+        return point, history
+
+    def go_on(self, start: State, work: float) -> tuple[PathPoint, FixedPointHistory]:
+        """Follow a converged state to a larger T, without iterating afresh if that fails.
+
+        Raises:
+            SolverError: If there is no state next to it.
+        """
+        history = FixedPointHistory()
+        point = self._continue(start, work, history) if self.monolithic else None
+        if point is None:
+            raise SolverError("no state next to the last one")
+        return point, history
+
+    def _given_friction(
+        self,
+        point: PathPoint | None,
+        start: State,
+        bound: Array,
+        work: float,
+        change: float,
+        coulomb: bool,
+    ) -> tuple[PathPoint, int]:
+        """A state with given bound, as exact as the change of the bound deserves."""
+        warm = np.isfinite(change)
+        centring = float(np.clip(WARM_CENTRING * change, *CENTRING_RANGE)) if warm else 1.0
+        tolerance = float(np.clip(WARM_TOLERANCE * min(change, 1.0) ** 2, *TOLERANCE_RANGE))
+        if not coulomb:
+            tolerance = TOLERANCE_RANGE[0]
+        state = start if point is None else point.state
+        before = self.control.springs.factorizations
+        while True:
+            try:
+                new = self.control.solve(bound, work, state, self.scales, centring, tolerance)
+                break
+            except SolverError:
+                if centring >= 1.0:
+                    raise
+                centring = min(1.0, 1e2 * centring)
+        if point is not None:
+            point.state.displacement.destroy()
+        return new, self.control.springs.factorizations - before
+
+    def _continue(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
+        """The monolithic state next to one at a smaller T, if there is one."""
+        for centring in CONTINUE_CENTRINGS:
+            allowed = CONTINUE_NEAR * abs(start.load_factor)
+            found = self._monolithic(start, work, centring, (allowed, allowed), history)
+            if found is not None:
+                return found
+        return None
+
+    def _finish(
+        self, point: PathPoint, work: float, history: FixedPointHistory
+    ) -> PathPoint | None:
+        """The monolithic state next to the fixed point's, if there is one."""
+        centring = float(np.clip(FINISH_CENTRING * history.steps[-1].change, *FINISH_RANGE))
+        floor = self.tolerance * abs(point.state.load_factor)
+        allowed = FINISH_NEAR * max(history.error, floor)
+        finished = self._monolithic(point.state, work, centring, (10.0 * allowed, allowed), history)
+        if finished is not None:
+            point.state.displacement.destroy()
+        return finished
+
+    def _monolithic(
+        self,
+        start: State,
+        work: float,
+        centring: float,
+        allowed: tuple[float, float],
+        history: FixedPointHistory,
+    ) -> PathPoint | None:
+        """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
+        before = self.control.springs.factorizations
+        try:
+            found = self.control.solve(
+                None, work, start, self.scales, centring, TOLERANCE_RANGE[0]
+            )
+        except SolverError as error:
+            _log.info("  monolithic step not used: %s", error)
+            return None
+        factor = found.state.load_factor
+        if not -allowed[0] <= factor - start.load_factor <= allowed[1]:
+            _log.info("  monolithic step not used: it ends elsewhere, at %.6g", factor)
+            found.state.displacement.destroy()
+            return None
+        steps = self.control.springs.factorizations - before
+        history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))
+        history.method, history.converged = "monolithic", True
+        self._report(history)
+        return found
+
+    def _norm(self, values: Array) -> float:
+        return float(np.sqrt(self.problem.sum(values**2)))
+
+    def _report(self, history: FixedPointHistory) -> None:
+        if self.monitor is not None:
+            self.monitor(history.steps[-1])
+
+
+class _Relaxation:
+    """Irons and Tuck's omega, capped where the iteration cycles."""
+
+    def __init__(self, total: Callable[[Array], float]) -> None:
+        self._total = total
+        self._last: Array | None = None
+        self._omega = 1.0
+        self._cap = RELAXATION[1]
+        self._best, self._since = np.inf, 0
+        self.cycles = 0
+
+    def next(self, difference: Array, change: float) -> float:
+        """Relaxation for the next step, from F r_N - g of this one."""
+        if self._last is not None:
+            step = difference - self._last
+            square = self._total(step * step)
+            if square > 0.0:
+                self._omega *= -self._total(self._last * step) / square
+        if self._omega <= 0.0:  # the change points the same way and grew: not contracting
+            self._omega = 0.5
+        if change < 0.9 * self._best:
+            self._best, self._since = change, 0
+        else:
+            self._since += 1
+        if self._since >= CYCLE:
+            self._cap = max(0.5 * min(self._cap, 1.0), RELAXATION[0])
+            self._since = 0
+            self.cycles += 1
+        self._omega = float(np.clip(self._omega, RELAXATION[0], self._cap))
+        self._last = difference.copy()
+        return self._omega

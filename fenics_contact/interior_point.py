@@ -1,0 +1,427 @@
+"""One point of the load path under work control, by a primal-dual interior point method.
+
+Prescribe the work of the live load, f_L.u = T; its multiplier is the load factor. With given
+friction g this is a convex problem,
+
+    min 1/2 u.Ku - f_D.u + g.|B_T u|   subject to   B_N u >= 0,   f_L.u = T;
+
+with Coulomb friction, g = F r_N, only its optimality conditions remain. With slacks y = B_N u,
+s1 = g - r_T, s2 = g + r_T and slip split as B_T u = -z1 + z2 they are
+
+    K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   f_L.u = T,
+    y r_N = 0,   s1 z1 = 0,   s2 z2 = 0,   all six >= 0.
+
+A predictor-corrector method (S. Mehrotra, SIAM J. Optim. 2 (1992) 575) drives the products to
+zero. Eliminating all but (u, lambda), every step is an elastic solve in which the joints are
+springs, bordered by f_L:
+
+    k_N = r_N / y,    k_T = 1 / (z1/s1 + z2/s2),    coupling  q k_N,  q = F k_T (z1/s1 - z2/s2),
+
+the coupling with Coulomb friction only. As T grows, lambda(T) rises to the limit load and stays;
+du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact.errors import SolverError
+from fenics_contact.problem import ContactProblem
+from fenics_contact.springs import SpringStiffness
+
+Array = npt.NDArray[np.float64]
+
+_log = logging.getLogger("fenics_contact")
+
+#: Largest spring, in units of the mean diagonal of K; larger ones would cancel digits.
+LARGEST_SPRING = 1e10
+
+#: Springs of the collapse mode: products of open and sliding joints, in units of force times
+#: displacement, and the cap on closed ones, in units of the mean diagonal of K. No forces arise
+#: in a mechanism, so that a moderate cap lets nothing penetrate and keeps its digits.
+MODE_CENTRING, MODE_SPRING = 1e-12, 1e3
+
+#: Points whose bound is below this fraction of the typical force transmit no shear.
+NO_FRICTION = 1e-12
+
+#: Fraction of the way to the boundary that a step may go.
+STEP_FRACTION = 0.995
+
+MAX_STEPS = 80
+
+#: Steps without progress after which the best iterate so far is judged.
+PATIENCE = 6
+
+#: The best iterate of a stalled solve is accepted up to this error where less was asked for.
+ACCEPTABLE = 1e-9
+
+#: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
+#: still move; it recovers as they come to rest.
+EQUILIBRIUM_WEIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes, so that no tolerance depends on units.
+
+    Attributes:
+        displacement: m.
+        force: Nodal joint force, N/m.
+        load_factor: Typical load factor.
+    """
+
+    displacement: float
+    force: float
+    load_factor: float
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacements and joint forces of a structure under work control.
+
+    Attributes:
+        displacement: u, in the supports' coordinates.
+        load_factor: lambda.
+        pressure: r_N at this rank's points, N/m.
+        shear: r_T, likewise.
+        work: T = f_L . u.
+    """
+
+    displacement: PETSc.Vec
+    load_factor: float
+    pressure: Array
+    shear: Array
+    work: float
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """A state on the load path.
+
+    Attributes:
+        state: The state.
+        bound: g at this rank's points, N/m.
+        residuals: Of the optimality conditions, relative to `Scales`, recomputed at the end.
+        steps: Interior point steps, each one factorisation.
+    """
+
+    state: State
+    bound: Array
+    residuals: dict[str, float]
+    steps: int
+
+
+@dataclass
+class _Iterate:
+    """Variables of the interior point method; also a direction, and a residual's joint part."""
+
+    u: PETSc.Vec
+    load_factor: float
+    y: Array
+    pressure: Array
+    shear: Array
+    s1: Array
+    s2: Array
+    z1: Array
+    z2: Array
+
+    def move(self, length: float, direction: _Iterate) -> None:
+        """Take a step along a direction."""
+        self.u.axpy(length, direction.u)
+        for field in fields(self)[1:]:
+            here, there = getattr(self, field.name), getattr(direction, field.name)
+            setattr(self, field.name, here + length * there)
+
+    def copy(self) -> _Iterate:
+        """A copy with arrays of its own."""
+        rest = (getattr(self, field.name) for field in fields(self)[2:])
+        return _Iterate(self.u.copy(), self.load_factor, *(array.copy() for array in rest))
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """What is left of the linear optimality conditions at an iterate."""
+
+    equilibrium: PETSc.Vec
+    opening: Array
+    slip: Array
+    work: float
+
+
+class WorkControl:
+    """Solves for states of one structure under prescribed work of the live load."""
+
+    def __init__(self, problem: ContactProblem, springs: SpringStiffness) -> None:
+        """Prepare work vectors.
+
+        Args:
+            problem: The structure.
+            springs: Its stiffness with joint springs.
+        """
+        self.problem = problem
+        self.springs = springs
+        self._right = problem.dead.duplicate()
+        self._free = problem.dead.duplicate()
+        self._border = problem.dead.duplicate()
+        self._rest = problem.dead.duplicate()
+        self._opening = problem.normal.createVecLeft()
+        self._slip = problem.tangential.createVecLeft()
+
+    def destroy(self) -> None:
+        """Free the work vectors."""
+        for vector in (
+            self._right, self._free, self._border, self._rest, self._opening, self._slip
+        ):  # fmt: skip
+            vector.destroy()
+
+    def solve(
+        self,
+        bound: Array | None,
+        work: float,
+        start: State,
+        scales: Scales,
+        centring: float = 1.0,
+        tolerance: float = 1e-12,
+    ) -> PathPoint:
+        """Solve for given work.
+
+        Args:
+            bound: g at this rank's points, N/m; points with zero slide freely. None: Coulomb's.
+            work: T, N m per metre of thickness.
+            start: State to start from; its joint forces need not be admissible.
+            scales: Typical sizes.
+            centring: Complementarity products of the start, in units of force times displacement.
+            tolerance: On the mean product and the joints' residuals, relative to `scales`.
+
+        Returns:
+            The solution, with the residuals recomputed.
+
+        Raises:
+            SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
+        """
+        run = _InteriorPoint(self, bound, work, scales)
+        now = run.centred(start, centring)
+        best, best_sizes, best_error, best_step = now.copy(), {}, np.inf, 0
+        for step in range(MAX_STEPS + 1):
+            residual = run.residual(now)
+            sizes = run.sizes(now, residual)
+            error = float(np.max(list(sizes.values())))  # nan where any is nan
+            _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
+            if error < best_error:
+                best.u.destroy()
+                best, best_sizes, best_error, best_step = now.copy(), sizes, error, step
+            stalled = not np.isfinite(error) or step - best_step >= PATIENCE
+            if error <= tolerance or stalled or step == MAX_STEPS:
+                break
+            try:
+                run.step(now, residual)
+            except SolverError:
+                break
+        now.u.destroy()
+        if not best_error <= max(tolerance, ACCEPTABLE):
+            best.u.destroy()
+            raise SolverError(
+                f"interior point: residual {best_error:.1e} after {step} steps, asked {tolerance:.1e}"
+            )
+        state = State(best.u, best.load_factor, best.pressure, best.shear, work)
+        return PathPoint(state, run.bound(best), best_sizes, step)
+
+    def rate(self, state: State, bound: Array, scales: Scales) -> tuple[PETSc.Vec, float]:
+        """Derivatives of a state with respect to T while the bound on friction stays.
+
+        Args:
+            state: A solution.
+            bound: g at this rank's points, N/m.
+            scales: Typical sizes.
+
+        Returns:
+            du/dT, with f_L . du/dT = 1, and d lambda/dT. At the limit load the first is the
+            collapse mode and the second zero.
+        """
+        run = _InteriorPoint(self, bound, state.work, scales)
+        now = run.centred(state, MODE_CENTRING)
+        run.factor(now, MODE_SPRING * self.springs.mean_diagonal)
+        now.u.destroy()
+        live = self.problem.live
+        self.springs.solve(live, self._border)
+        flexibility = self._border.dot(live)
+        mode = self._border.copy()
+        mode.scale(1.0 / flexibility)
+        return mode, 1.0 / flexibility
+
+
+class _InteriorPoint:
+    """The equations of one solve: one bound, one T."""
+
+    def __init__(
+        self, solver: WorkControl, bound: Array | None, work: float, scales: Scales
+    ) -> None:
+        self.problem = problem = solver.problem
+        self.springs = solver.springs
+        self.workspace = solver
+        self.given = bound
+        self.work = work
+        self.scales = scales
+        #: Coulomb's coefficient where the bound follows the pressure.
+        self.friction = problem.friction if bound is None else np.zeros_like(bound)
+        #: Points that transmit shear; the others' shear stays zero and their slip is free.
+        if bound is None:
+            self.sticky = (problem.friction > 0.0) | (problem.strength > 0.0)
+        else:
+            self.sticky = bound > NO_FRICTION * scales.force
+        products = np.ones(len(self.sticky)) + 2.0 * self.sticky
+        self.count = max(problem.sum(products), 1.0)
+
+    def bound(self, now: _Iterate) -> Array:
+        """g of an iterate."""
+        return self.problem.bound(now.pressure) if self.given is None else self.given
+
+    def centred(self, start: State, centring: float) -> _Iterate:
+        """The point on the central path next to a state, all products equal to `centring`.
+
+        With p = r_N/f - w_N/d the pair y/d, r_N/f = (sqrt(p^2 + 4 mu) -+ p) / 2 has product mu and
+        keeps r_N/f - y/d; the shear solves rho + 2 mu rho / (gamma^2 - rho^2) = r_T/f - w_T/d.
+        """
+        d, f = self.scales.displacement, self.scales.force
+        opening, slip = self._joint_displacements(start.displacement)
+        p = start.pressure / f - opening / d
+        large = 0.5 * (np.sqrt(p**2 + 4.0 * centring) + np.abs(p))
+        small = centring / large
+        y, pressure = np.where(p > 0.0, small, large) * d, np.where(p > 0.0, large, small) * f
+
+        bound = self.problem.bound(pressure) if self.given is None else self.given
+        gamma = np.where(self.sticky, bound / f, 1.0)
+        q = start.shear / f - slip / d
+        low, high = -gamma, gamma.copy()
+        for _ in range(60):  # bisection: the left-hand side increases
+            rho = 0.5 * (low + high)
+            room = gamma**2 - rho**2
+            above = rho * room + 2.0 * centring * rho > q * room
+            low, high = np.where(above, low, rho), np.where(above, rho, high)
+        rho = np.clip(0.5 * (low + high), -gamma * (1.0 - 1e-9), gamma * (1.0 - 1e-9))
+        s1, s2 = (gamma - rho) * f, (gamma + rho) * f
+        z1, z2 = centring * f * d / s1, centring * f * d / s2
+        shear = np.where(self.sticky, rho * f, 0.0)
+        u = start.displacement.copy()
+        return _Iterate(u, start.load_factor, y, pressure, shear, s1, s2, z1, z2)
+
+    def residual(self, now: _Iterate) -> _Residual:
+        problem, equilibrium = self.problem, self.workspace._rest
+        problem.stiffness.mult(now.u, equilibrium)
+        equilibrium.axpy(-1.0, problem.dead)
+        equilibrium.axpy(-now.load_factor, problem.live)
+        self._add_joint_forces(equilibrium, -now.pressure, -now.shear)
+        opening, slip = self._joint_displacements(now.u)
+        work = problem.live.dot(now.u) - self.work
+        return _Residual(equilibrium, now.y - opening, now.z2 - now.z1 - slip, work)
+
+    def sizes(self, now: _Iterate, residual: _Residual) -> dict[str, float]:
+        """Relative sizes of residuals and mean product."""
+        d, f = self.scales.displacement, self.scales.force
+        problem, sticky = self.problem, self.sticky
+        equilibrium = residual.equilibrium.norm(PETSc.NormType.INFINITY) / f
+        return {
+            "equilibrium": EQUILIBRIUM_WEIGHT * equilibrium,
+            "opening": problem.max(np.abs(residual.opening)) / d,
+            "slip": problem.max(np.abs(residual.slip[sticky])) / d,
+            "work": abs(residual.work) / abs(self.work),
+            "complementarity": self._products(now) / (self.count * f * d),
+        }
+
+    def factor(self, now: _Iterate, largest: float) -> tuple[Array, Array, Array]:
+        """Factor A with the springs of an iterate; returns k_N, k_T and q."""
+        k_n = np.minimum(now.pressure / now.y, largest)
+        lower, upper = now.z1 / now.s1, now.z2 / now.s2
+        k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
+        q = self.friction * k_t * (lower - upper)
+        self.springs.factor(k_n, k_t, q * k_n if self.given is None else None)
+        return k_n, k_t, q
+
+    def step(self, now: _Iterate, residual: _Residual) -> None:
+        """One predictor-corrector step on one factor."""
+        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal)
+        self.springs.solve(self.problem.live, self.workspace._border)
+        here = self._products(now)
+        y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
+        affine = self._direction(now, residual, springs, -y * r, -s1 * z1, -s2 * z2)
+        ahead = now.copy()
+        ahead.move(self._length(now, affine), affine)
+        target = here / self.count * max(self._products(ahead) / here, 0.0) ** 3
+        corrected = self._direction(
+            now,
+            residual,
+            springs,
+            target - y * r - affine.y * affine.pressure,
+            target - s1 * z1 - affine.s1 * affine.z1,
+            target - s2 * z2 - affine.s2 * affine.z2,
+        )
+        length = STEP_FRACTION * self._length(now, corrected)
+        now.move(min(1.0, length), corrected)
+        for iterate in (affine, ahead, corrected):
+            iterate.u.destroy()
+
+    def _direction(
+        self,
+        now: _Iterate,
+        residual: _Residual,
+        springs: tuple[Array, Array, Array],
+        c_n: Array,
+        c_1: Array,
+        c_2: Array,
+    ) -> _Iterate:
+        """Newton direction towards products changed by c_n, c_1, c_2 (module docstring)."""
+        k_n, k_t, q = springs
+        right, free, border = self.workspace._right, self.workspace._free, self.workspace._border
+        residual.equilibrium.copy(right)
+        right.scale(-1.0)
+        push = c_n / now.y + k_n * residual.opening
+        drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
+        self._add_joint_forces(right, push, k_t * drive + q * push)
+        self.springs.solve(right, free)
+        live = self.problem.live
+        load_factor = (-residual.work - free.dot(live)) / border.dot(live)
+        u = free.copy()
+        u.axpy(load_factor, border)
+        opening, slip = self._joint_displacements(u)
+        y = opening - residual.opening
+        pressure = c_n / now.y - k_n * y
+        shear = k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure
+        s1, s2 = self.friction * pressure - shear, self.friction * pressure + shear
+        z1 = np.where(self.sticky, (c_1 - now.z1 * s1) / now.s1, 0.0)
+        z2 = np.where(self.sticky, (c_2 - now.z2 * s2) / now.s2, 0.0)
+        s1, s2 = np.where(self.sticky, s1, 0.0), np.where(self.sticky, s2, 0.0)
+        return _Iterate(u, load_factor, y, pressure, shear, s1, s2, z1, z2)
+
+    def _length(self, now: _Iterate, direction: _Iterate) -> float:
+        """Longest step that keeps all products' factors non-negative, at most 1 / STEP_FRACTION."""
+        ratio = 0.0
+        for name in ("y", "pressure", "s1", "s2", "z1", "z2"):
+            here, there = getattr(now, name), getattr(direction, name)
+            ratio = max(ratio, float(np.max(-there / here, initial=0.0)))
+        return 1.0 / max(self.problem.comm.allreduce(ratio, MPI.MAX), STEP_FRACTION)
+
+    def _products(self, now: _Iterate) -> float:
+        """Sum of all complementarity products, N m per metre of thickness."""
+        slip = np.where(self.sticky, now.s1 * now.z1 + now.s2 * now.z2, 0.0)
+        return self.problem.sum(now.y * now.pressure + slip)
+
+    def _joint_displacements(self, u: PETSc.Vec) -> tuple[Array, Array]:
+        """B_N u and B_T u at this rank's points."""
+        opening, slip = self.workspace._opening, self.workspace._slip
+        self.problem.normal.mult(u, opening)
+        self.problem.tangential.mult(u, slip)
+        return opening.array.copy(), slip.array.copy()
+
+    def _add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
+        """Add B_N^T r_N + B_T^T r_T."""
+        opening, slip = self.workspace._opening, self.workspace._slip
+        opening.array[:] = pressure
+        slip.array[:] = shear
+        self.problem.normal.multTransposeAdd(opening, vector, vector)
+        self.problem.tangential.multTransposeAdd(slip, vector, vector)

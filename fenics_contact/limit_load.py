@@ -1,0 +1,488 @@
+"""The limit load of a scene: bounds, fixed point at growing work, verification."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact.bounds import LimitBounds, RigidBlocks
+from fenics_contact.certificate import Certificate, certify, joint_displacements
+from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.errors import SolverError
+from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+from fenics_contact.plan import Plan
+from fenics_contact.problem import ContactProblem
+from fenics_contact.scene import Scene
+from fenics_contact.structure import Bonded, Structure
+
+if TYPE_CHECKING:
+    from fenics_contact.output import CapacityPoint
+
+Array = npt.NDArray[np.float64]
+
+_log = logging.getLogger("fenics_contact")
+
+#: First work of the live load in units of its work on the bonded structure, and growth.
+FIRST_WORK, WORK_GROWTH = 300.0, 4.0
+
+#: Largest work, in the same units.
+LAST_WORK = 3e5
+
+#: Slope above which the load factor grows like the work: nothing limits it.
+GROWING = 0.9
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """One end of the range of load factors.
+
+    Attributes:
+        status: "limit", "unbounded" or "not_converged".
+        load_factor: Signed; nan if no state was found.
+        bounds: From the rigid-block programs, for this direction.
+        state: The state reached, None if there is none.
+        mode: Collapse mode v in the supports' coordinates, f_L.v = 1.
+        certificate: Verification of the state.
+        history: Of the fixed point, over all T.
+        work_ratio: T in units of the live load's work on the bonded structure.
+    """
+
+    status: str
+    load_factor: float
+    bounds: LimitBounds
+    state: State | None = None
+    mode: PETSc.Vec | None = None
+    certificate: Certificate | None = None
+    history: tuple[FixedPointHistory, ...] = ()
+    work_ratio: float = 0.0
+
+
+@dataclass
+class LimitLoad:
+    """Result of `limit_load`.
+
+    Attributes:
+        scene: What was solved.
+        structure: Its discretisation.
+        status: "limit", "unbounded", "unstable" or "not_converged".
+        positive: Collapse with the live load as given; None if not asked for.
+        negative: Collapse with the live load reversed; None if not asked for.
+        plan: What the scene did not need.
+        seconds: Time by phase, s.
+        factorizations: Numeric factorisations in all.
+        capacity: Points of the capacity curve.
+    """
+
+    scene: Scene
+    structure: Structure
+    status: str
+    positive: Collapse | None
+    negative: Collapse | None
+    plan: Plan
+    seconds: dict[str, float]
+    factorizations: int
+    capacity: list[CapacityPoint] = field(default_factory=list)
+
+    @property
+    def collapse(self) -> Collapse | None:
+        """The collapse that pictures and fields show: the positive one if there is one."""
+        return self.positive if self.positive is not None else self.negative
+
+    @property
+    def load_factor(self) -> float:
+        """Limit load factor; infinite if unbounded, nan if there is none."""
+        return float("nan") if self.positive is None else self.positive.load_factor
+
+    @property
+    def load_factor_negative(self) -> float:
+        """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
+        return float("nan") if self.negative is None else self.negative.load_factor
+
+    @property
+    def bounds(self) -> LimitBounds | None:
+        """Bracket of the rigid-block programs for the collapse shown."""
+        return None if self.collapse is None else self.collapse.bounds
+
+    @property
+    def mode(self):  # type: ignore[no-untyped-def]
+        """Displacement field of the collapse, a dolfinx function; None without a limit."""
+        from fenics_contact.fields import displacement_function
+
+        if self.collapse is None or self.collapse.mode is None:
+            return None
+        return displacement_function(self.structure, self.collapse.mode, "collapse_mode")
+
+    @property
+    def displacement(self):  # type: ignore[no-untyped-def]
+        """Displacements at the state reached, m, a dolfinx function; None if there is none."""
+        from fenics_contact.fields import displacement_function
+
+        if self.collapse is None or self.collapse.state is None:
+            return None
+        state = self.collapse.state
+        return displacement_function(self.structure, state.displacement, "displacement")
+
+    def write(self, folder: str | Path) -> None:
+        """Write result.json, and files and pictures as the scene's output options say."""
+        from fenics_contact.output import write_result
+
+        write_result(self, Path(folder))
+
+
+def limit_load(
+    scene: Scene, monitor: Callable[[str, FixedPointStep], None] | None = None
+) -> LimitLoad:
+    """Compute the limit load of a scene.
+
+    Args:
+        scene: What to solve.
+        monitor: Called after every fixed-point iteration with the direction and the step.
+
+    Returns:
+        The result; look at its status.
+
+    Raises:
+        InputError: If joints, supports or loads of the scene do not fit its mesh.
+    """
+    start = time.perf_counter()
+    structure = Structure.build(scene)
+    plan = scene.plan()
+    for item in plan.skipped:
+        _log.info("skipped: %s", item)
+    driver = _Driver(structure, plan, monitor)
+    result = driver.run()
+    result.seconds["total"] = time.perf_counter() - start
+    return result
+
+
+class _Driver:
+    """One run of `limit_load`."""
+
+    def __init__(
+        self,
+        structure: Structure,
+        plan: Plan,
+        monitor: Callable[[str, FixedPointStep], None] | None,
+    ) -> None:
+        self.structure = structure
+        self.scene = structure.scene
+        self.plan = plan
+        self.monitor = monitor
+        self.seconds = {"assemble": structure.seconds}
+
+    def run(self) -> LimitLoad:
+        structure, options = self.structure, self.scene.solve
+        start = time.perf_counter()
+        blocks = RigidBlocks(structure.joints, structure.bodies, self.scene.comm)
+        bounds = blocks.bounds()
+        self.seconds["bounds"] = time.perf_counter() - start
+        if not bounds.stands:
+            return self._result("unstable", None, None)
+        bonded = structure.bonded()
+        self.seconds["bonded"] = bonded.seconds
+        start = time.perf_counter()
+        scales = typical_sizes(structure.problem, bonded)
+        if not bounds.stands_frictionless and not self._dead_load_stands(bonded, scales):
+            return self._result("unstable", None, None)
+        positive = negative = None
+        if options.direction in ("positive", "both"):
+            positive = self._collapse(
+                "positive", structure.problem, blocks, bounds, bonded, scales
+            )
+        if options.direction in ("negative", "both"):
+            bodies = replace(structure.bodies, live=-structure.bodies.live)
+            blocks = RigidBlocks(structure.joints, bodies, self.scene.comm)
+            reverse = blocks.bounds()
+            mirrored = self._collapse(
+                "negative", structure.reversed(), blocks, reverse, bonded, scales
+            )
+            negative = replace(mirrored, load_factor=-mirrored.load_factor)
+        self.seconds["solve"] = time.perf_counter() - start
+        ends = [end for end in (positive, negative) if end is not None]
+        status = ends[0].status if len({end.status for end in ends}) == 1 else "limit"
+        if any(end.status == "not_converged" for end in ends):
+            status = "not_converged"
+        return self._result(status, positive, negative)
+
+    def _result(
+        self, status: str, positive: Collapse | None, negative: Collapse | None
+    ) -> LimitLoad:
+        return LimitLoad(
+            self.scene,
+            self.structure,
+            status,
+            positive,
+            negative,
+            self.plan,
+            self.seconds,
+            self.structure.springs.factorizations,
+        )
+
+    def _dead_load_stands(self, bonded: Bonded, scales: Scales) -> bool:
+        """Whether the elastic structure finds an equilibrium under its dead load.
+
+        The dead load takes the place of the live one and grows from nothing: it stands if its
+        factor reaches 1.
+        """
+        problem = self.structure.problem
+        nothing = problem.dead.duplicate()
+        nothing.set(0.0)
+        alone = replace(problem, dead=nothing, live=problem.dead)
+        work = problem.dead.dot(bonded.dead)
+        if work <= 0.0:
+            return True
+        reached = 0.0
+        for ratio in (3.0, 30.0, 300.0):
+            sizes = Scales(ratio * work / problem.dead.norm(PETSc.NormType.N1), scales.force, 1.0)
+            control = WorkControl(alone, self.structure.springs)
+            friction = CoulombFriction(control, sizes, 1e-3, monolithic=False)
+            start = _scaled_state(bonded.dead, bonded.dead_pressure, ratio, ratio * work)
+            try:
+                point, _ = friction.solve(start, problem.bound(bonded.dead_pressure), ratio * work)
+            except SolverError as error:
+                _log.info("dead load alone: %s", error)
+                continue
+            finally:
+                control.destroy()
+            reached = point.state.load_factor
+            point.state.displacement.destroy()
+            if reached >= 1.0:
+                break
+        nothing.destroy()
+        _log.info("dead load alone: factor %.4g reached", reached)
+        return reached >= 1.0 - self.scene.solve.tolerance
+
+    def _collapse(
+        self,
+        direction: str,
+        problem: ContactProblem,
+        blocks: RigidBlocks,
+        bounds: LimitBounds,
+        bonded: Bonded,
+        scales: Scales,
+    ) -> Collapse:
+        """Follow one direction of the live load to its plateau."""
+        if np.isinf(bounds.upper) and self.plan.exact_program:
+            return Collapse("unbounded", np.inf, bounds)
+        unit = problem.live.norm(PETSc.NormType.N1)
+        per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
+        sign = 1.0 if problem is self.structure.problem else -1.0
+        search = _Search(self.structure, problem, blocks, bounds, self._monitor(direction))
+        ratio = FIRST_WORK
+        scale = sign * ratio * scales.load_factor
+        start = _scaled_state(bonded.live, bonded.dead_pressure, scale, ratio * per_ratio)
+        pressure = bonded.dead_pressure
+        if problem.max(pressure) == 0.0:
+            pressure = bonded.live_pressure
+        bound = problem.bound(pressure)
+        try:
+            while ratio <= LAST_WORK:
+                work = ratio * per_ratio
+                sizes = replace(scales, displacement=work / unit)
+                if not search.at(work, sizes, start, bound) or search.settled:
+                    break
+                if search.growing and np.isinf(bounds.upper) and ratio > FIRST_WORK:
+                    return search.result("unbounded", ratio)
+                ratio *= WORK_GROWTH
+                start, bound = search.extrapolated(ratio * per_ratio), search.point_bound
+            return search.result("limit" if search.verified else "not_converged", ratio)
+        finally:
+            search.control.destroy()
+
+    def _monitor(self, direction: str) -> Callable[[FixedPointStep], None] | None:
+        if self.monitor is None:
+            return None
+        monitor = self.monitor
+        return lambda step: monitor(direction, step)
+
+
+class _Search:
+    """States of one direction at growing T."""
+
+    def __init__(
+        self,
+        structure: Structure,
+        problem: ContactProblem,
+        blocks: RigidBlocks,
+        bounds: LimitBounds,
+        monitor: Callable[[FixedPointStep], None] | None,
+    ) -> None:
+        self.structure = structure
+        self.problem = problem
+        self.blocks = blocks
+        self.bounds = bounds
+        self.options = structure.scene.solve
+        self.monitor = monitor
+        self.control = WorkControl(problem, structure.springs)
+        self.history: list[FixedPointHistory] = []
+        self.point: PathPoint | None = None
+        self.mode: PETSc.Vec | None = None
+        self.relative_slope = np.inf
+        self.certificate: Certificate | None = None
+
+    def at(self, work: float, scales: Scales, start: State, bound: Array) -> bool:
+        """Find, differentiate and verify the state at one T.
+
+        Returns:
+            Whether there is a new state; if not, the last one is kept.
+        """
+        friction = CoulombFriction(
+            self.control,
+            scales,
+            self.options.tolerance,
+            self.options.method != "fixed-point",
+            self.monitor,
+        )
+        good_enough = self.verified
+        try:
+            if good_enough:
+                point, history = friction.go_on(start, work)
+            else:
+                point, history = friction.solve(start, bound, work, warm=bool(self.history))
+        except SolverError as error:
+            _log.info("no state with T = %.3g: %s", work, error)
+            return False
+        mode, slope = self.control.rate(point.state, point.bound, scales)
+        certificate = certify(self.problem, point.state, mode, scales, self.bounds)
+        if history.converged and not certificate.mode_passed:
+            rigid = self._rigid_mode(point.state)
+            if rigid is not None:
+                mode.destroy()
+                mode = rigid
+                certificate = certify(self.problem, point.state, mode, scales, self.bounds)
+        if good_enough and not (history.converged and certificate.passed):
+            return False
+        self.history.append(history)
+        self.point, self.mode, self.certificate = point, mode, certificate
+        self.relative_slope = slope * work / abs(self.load_factor or 1.0)
+        _log.info(
+            "  T = %.3g: load factor %.8g, slope %.1e, gap %.1e",
+            work, self.load_factor, self.relative_slope, certificate.gap,
+        )  # fmt: skip
+        return True
+
+    def _rigid_mode(self, state: State) -> PETSc.Vec | None:
+        """Collapse mode of rigid blocks with the friction forces of a state."""
+        strength = self.structure.all_points(self.problem.bound(state.pressure))
+        try:
+            _, motion = self.blocks.collapse(strength)
+        except SolverError as error:
+            _log.info("  no rigid mode: %s", error)
+            return None
+        return None if motion is None else self.structure.rigid_motion(motion)
+
+    @property
+    def point_bound(self) -> Array:
+        """Bound at the last state, from its pressures."""
+        return self.problem.bound(self._state.pressure)
+
+    @property
+    def _state(self) -> State:
+        if self.point is None:
+            raise SolverError("no state was found")
+        return self.point.state
+
+    @property
+    def load_factor(self) -> float:
+        return self._state.load_factor
+
+    @property
+    def converged(self) -> bool:
+        return self.history[-1].converged
+
+    @property
+    def settled(self) -> bool:
+        """Whether the mode proves the load factor to the tolerance asked for."""
+        return self.verified and self.certificate is not None and (
+            self.certificate.gap <= self.options.tolerance
+        )
+
+    @property
+    def growing(self) -> bool:
+        """Whether the load factor grows like the work."""
+        return self.relative_slope >= GROWING
+
+    @property
+    def verified(self) -> bool:
+        """Whether the last state is a collapse state."""
+        if self.certificate is None or not self.history:
+            return False
+        return self.history[-1].converged and self.certificate.passed
+
+    def extrapolated(self, work: float) -> State:
+        """The last state moved along its mode to another T."""
+        state = self._state
+        displacement = state.displacement.copy()
+        displacement.axpy(work - state.work, self.mode)
+        return replace(state, displacement=displacement, work=work)
+
+    def _onset(self) -> State:
+        """The state moved back along its mode to where the collapse began.
+
+        Every state further along the mode has the same stresses and joint forces; at the first,
+        some joint is about to close, or to stick.
+        """
+        opening, slip = joint_displacements(self.problem, self._state.displacement)
+        opening_rate, slip_rate = joint_displacements(self.problem, self.mode)
+        # The work by which a joint that moves in the mode has moved so far.
+        tiny = 1e-6 * max(self.problem.max(np.abs(opening_rate)), self.problem.max(np.abs(slip_rate)))
+        opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
+        slips &= self._state.pressure > 0.0
+        moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
+        least = min(float(np.min(m, initial=np.inf)) for m in moved)
+        least = self.problem.comm.allreduce(least, MPI.MIN)
+        if not 0.0 < least < np.inf:
+            return self._state
+        return self.extrapolated(self._state.work - least)
+
+    def result(self, status: str, ratio: float) -> Collapse:
+        """Report the last state."""
+        if self.point is None:
+            return Collapse(status, float("nan"), self.bounds, history=tuple(self.history))
+        if status == "not_converged" and self.certificate is not None:
+            _log.warning("not verified: %s", self.certificate.failures or "not converged")
+        return Collapse(
+            status,
+            np.inf if status == "unbounded" else self.load_factor,
+            self.bounds,
+            self._onset() if status == "limit" else self._state,
+            self.mode,
+            self.certificate,
+            tuple(self.history),
+            ratio,
+        )
+
+
+def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
+    """Force, displacement and load factor typical of a structure.
+
+    The load factor makes the live load's elastic energy in the bonded structure that of the dead
+    load; where there is no dead load, its joint forces equal to the given strengths.
+    """
+    live_work = problem.live.dot(bonded.live)
+    dead_work = problem.dead.dot(bonded.dead)
+    live_force = problem.max(bonded.live_pressure)
+    if dead_work > 0.0:
+        factor = float(np.sqrt(dead_work / live_work))
+        force = problem.max(bonded.dead_pressure) or factor * live_force
+    else:
+        force = problem.max(problem.strength) or live_force
+        factor = force / live_force if live_force else 1.0
+    displacement = factor * live_work / problem.live.norm(PETSc.NormType.N1)
+    return Scales(displacement, force or 1.0, factor)
+
+
+def _scaled_state(response: PETSc.Vec, pressure: Array, factor: float, work: float) -> State:
+    """A multiple of a bonded response, without shear."""
+    displacement = response.copy()
+    displacement.scale(factor)
+    return State(displacement, 0.0, pressure, np.zeros_like(pressure), work)

@@ -1,0 +1,313 @@
+"""gmsh builders: walls in courses, and blocks given by their corners."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import InputError
+from fenics_contact.mesh import gmsh_session
+
+_TRIANGLE = 2  # gmsh element types
+_QUADRILATERAL = 3
+
+#: Corners closer than this, relative to the size of the drawing, are the same point.
+COINCIDENT = 1e-9
+
+
+def model_from_arrays(
+    points: npt.ArrayLike,
+    cells: Mapping[str, npt.ArrayLike],
+    facets: Mapping[str, npt.ArrayLike],
+    name: str = "blocks",
+) -> Any:
+    """Make a gmsh model with named physical groups out of arrays.
+
+    Args:
+        points: Coordinates, shape (points, 2).
+        cells: Node indices of the cells by group name, each of shape (cells, 3) or (cells, 4).
+        facets: Node indices of facets by group name, each of shape (facets, 2).
+        name: Name of the model, which becomes gmsh's current one.
+
+    Returns:
+        `gmsh.model`.
+    """
+    coordinates = np.zeros((len(np.asarray(points)), 3))
+    coordinates[:, :2] = points
+    with gmsh_session() as gmsh:
+        model = gmsh.model
+        model.add(name)
+        nodes = np.arange(1, len(coordinates) + 1)
+        next_element = 1
+        for dim, groups in ((2, cells), (1, facets)):
+            for group, connectivity in groups.items():
+                table = np.asarray(connectivity, dtype=np.int64)
+                if table.size == 0:
+                    continue
+                entity = model.addDiscreteEntity(dim)
+                if len(nodes):  # all nodes are classified on the first surface
+                    model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
+                    nodes = nodes[:0]
+                kind = 1 if dim == 1 else {3: _TRIANGLE, 4: _QUADRILATERAL}[table.shape[1]]
+                elements = np.arange(next_element, next_element + len(table))
+                next_element += len(table)
+                model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        return model
+
+
+def wall(
+    courses: Sequence[Sequence[float]],
+    block: tuple[float, float] = (0.4, 0.175),
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a wall laid in courses, every block a body with nodes of its own.
+
+    The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (the outline),
+    "bed" and "head" (both sides of horizontal and vertical joints), "opening" (other free edges).
+
+    Args:
+        courses: Block lengths of every course in units of the block, bottom first; a negative
+            number is a void of that length.
+        block: Length and height of one block, m.
+        elements: Number of elements along half a block.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed.
+
+    Raises:
+        InputError: If a length is zero, or courses have no block.
+    """
+    length, height = block
+    if length <= 0.0 or height <= 0.0 or elements < 1:
+        raise InputError("wall: block sizes and elements must be positive")
+    corners = [np.concatenate([[0.0], np.cumsum(np.abs(row))]) for row in courses]
+    if not corners or any(np.any(np.diff(row) <= 0.0) for row in corners):
+        raise InputError("wall: every course needs lengths other than zero")
+    rectangles = [
+        (left * length, level * height, right * length, (level + 1) * height)
+        for level, (row, course) in enumerate(zip(corners, courses, strict=True))
+        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
+        if size > 0.0
+    ]
+    if not rectangles:
+        raise InputError("wall: there is no block, all lengths are negative")
+    half = np.concatenate(corners) * 2.0 * elements
+    if np.allclose(half, np.round(half), rtol=0.0, atol=1e-9):
+        steps = (0.5 * length / elements, height / max(1, round(2.0 * elements * height / length)))
+        return _grid_wall(np.asarray(rectangles), steps, quadrilaterals)
+    outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
+    return polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
+
+
+def running_bond(
+    bricks: int,
+    courses: int,
+    block: tuple[float, float] = (0.4, 0.2),
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a wall in running bond with half bricks at the ends of every second course.
+
+    Args:
+        bricks: Length of the wall in bricks.
+        courses: Number of courses.
+        block: Length and height of a brick, m.
+        elements: Number of elements along half a brick.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed, with the groups of `wall`.
+    """
+    whole = [1.0] * bricks
+    broken = [0.5] + [1.0] * (bricks - 1) + [0.5]
+    rows = [whole if level % 2 == 0 else broken for level in range(courses)]
+    return wall(rows, block, elements, quadrilaterals)
+
+
+def _grid_wall(
+    rectangles: npt.NDArray[np.float64], steps: tuple[float, float], quadrilaterals: bool
+) -> Any:
+    """Rectangles (x0, y0, x1, y1) on one grid; diagonals alternate so that no side is preferred."""
+    points, cells, edges = [], [], []
+    count = 0
+    for x0, y0, x1, y1 in rectangles:
+        nx, ny = round((x1 - x0) / steps[0]), round((y1 - y0) / steps[1])
+        x, y = np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1)
+        grid = count + np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
+        points.append(np.column_stack([np.tile(x, ny + 1), np.repeat(y, nx + 1)]))
+        count = int(grid[-1, -1]) + 1
+        cells.append(_grid_cells(grid, quadrilaterals))
+        sides = (grid[0], grid[:, -1], grid[-1, ::-1], grid[::-1, 0])
+        edges.append(np.concatenate([np.column_stack([s[:-1], s[1:]]) for s in sides]))
+    facets = np.concatenate(edges)
+    coordinates = np.concatenate(points)
+    groups = _outline_groups(coordinates, facets)
+    return model_from_arrays(coordinates, {"blocks": np.concatenate(cells)}, groups, "wall")
+
+
+def _grid_cells(grid: npt.NDArray[np.int64], quadrilaterals: bool) -> npt.NDArray[np.int64]:
+    a, b, c, d = (part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]))
+    if quadrilaterals:
+        return np.column_stack([a, b, c, d])
+    row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))
+    rising = ((row + column) % 2 == 0).ravel()[:, None]
+    lower = np.where(rising, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
+    upper = np.where(rising, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
+    return np.stack([lower, upper], axis=1).reshape(-1, 3)
+
+
+def _outline_groups(
+    points: npt.NDArray[np.float64], facets: npt.NDArray[np.int64]
+) -> dict[str, npt.NDArray[np.int64]]:
+    """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
+    from scipy.spatial import cKDTree
+
+    ends = points[facets]
+    middle = ends.mean(axis=1)
+    near = 1e-6 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()
+    joint = np.zeros(len(facets), dtype=bool)
+    joint[cKDTree(middle).query_pairs(near, output_type="ndarray").ravel()] = True
+    level = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) <= near
+    low, high = points.min(axis=0), points.max(axis=0)
+    masks = {
+        "bed": joint & level,
+        "head": joint & ~level,
+        "base": ~joint & level & (middle[:, 1] <= low[1] + near),
+        "top": ~joint & level & (middle[:, 1] >= high[1] - near),
+        "left": ~joint & ~level & (middle[:, 0] <= low[0] + near),
+        "right": ~joint & ~level & (middle[:, 0] >= high[0] - near),
+    }
+    masks["opening"] = ~np.any(list(masks.values()), axis=0)
+    return {name: facets[mask] for name, mask in masks.items()}
+
+
+def polygons(
+    outlines: Sequence[npt.ArrayLike],
+    size: float,
+    names: Sequence[str] | None = None,
+    groups: Mapping[str, Sequence[npt.ArrayLike]] | None = None,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh straight-sided blocks given by their corners, every block a body with its own nodes.
+
+    Where a corner of one block lies on the side of another (a T-joint) that side gets a node
+    there, and shared stretches are divided alike, so that facets on both sides coincide.
+
+    Args:
+        outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
+        size: Largest length of an element along the sides, m.
+        names: Two-dimensional group of every block; "blocks" for all when not given.
+        groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
+            group. When not given, "base" is what lies at the lowest level of the drawing.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed.
+
+    Raises:
+        InputError: If a block has fewer than three corners or no area, or a group no side.
+    """
+    corners = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
+    if not corners or size <= 0.0:
+        raise InputError("polygons: give at least one block, and a positive size")
+    if names is not None and len(names) != len(corners):
+        raise InputError(f"polygons: {len(names)} names for {len(corners)} blocks")
+    everything = np.concatenate(corners)
+    near = COINCIDENT * np.ptp(everything, axis=0).max()
+    if groups is None:
+        (left, low), right = everything.min(axis=0), everything[:, 0].max()
+        groups = {"base": [((left, low), (right, low))]}
+    with gmsh_session() as gmsh:
+        model = gmsh.model
+        model.add("polygons")
+        on_group: dict[str, list[int]] = {name: [] for name in groups}
+        surfaces: dict[str, list[int]] = {}
+        for number, outline in enumerate(corners):
+            lines = _add_sides(model.geo, _with_t_joints(outline, everything, near), size)
+            surface = model.geo.addPlaneSurface([model.geo.addCurveLoop([t for t, _, _ in lines])])
+            surfaces.setdefault("blocks" if names is None else names[number], []).append(surface)
+            for name, segments in groups.items():
+                on_group[name] += [
+                    tag
+                    for tag, start, end in lines
+                    if any(_on_segment(np.array([start, end]), s, near).all() for s in segments)
+                ]
+        model.geo.synchronize()
+        for dim, members in ((2, surfaces), (1, on_group)):
+            for name, tags in members.items():
+                if not tags:
+                    raise InputError(f"polygons: no side of a block lies on group '{name}'")
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
+        # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if quadrilaterals else 0)
+        gmsh.option.setNumber("Mesh.RecombineAll", 1 if quadrilaterals else 0)
+        try:
+            model.mesh.generate(2)
+        finally:
+            gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22)
+            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 0)
+            gmsh.option.setNumber("Mesh.RecombineAll", 0)
+        return model
+
+
+def _checked_outline(outline: npt.ArrayLike, number: int) -> npt.NDArray[np.float64]:
+    """The corners anticlockwise."""
+    corners = np.asarray(outline, dtype=float)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+        raise InputError(f"polygons: block {number} needs at least three corners (x, y)")
+    x, y = (corners - corners[0]).T
+    area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    if abs(area) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+        raise InputError(f"polygons: block {number} has no area; check its corners")
+    return corners if area > 0.0 else corners[::-1]
+
+
+def _on_segment(
+    points: npt.NDArray[np.float64], segment: npt.ArrayLike, near: float
+) -> npt.NDArray[np.bool_]:
+    """Which points lie on a segment, its ends included."""
+    start, end = np.asarray(segment, dtype=float)
+    length = float(np.linalg.norm(end - start))
+    along = (points - start) @ (end - start) / length
+    across = (points - start) @ np.array([start[1] - end[1], end[0] - start[0]]) / length
+    return (np.abs(across) <= near) & (along >= -near) & (along <= length + near)
+
+
+def _with_t_joints(
+    outline: npt.NDArray[np.float64], everything: npt.NDArray[np.float64], near: float
+) -> npt.NDArray[np.float64]:
+    """An outline with the corners of all blocks that lie on its sides inserted."""
+    pieces = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        low, high = np.minimum(start, end) - near, np.maximum(start, end) + near
+        close = everything[np.all((everything >= low) & (everything <= high), axis=1)]
+        close = close[_on_segment(close, (start, end), near)]
+        along = np.sort((close - start) @ (end - start) / np.linalg.norm(end - start))
+        inside = along[(along > near) & (along < np.linalg.norm(end - start) - near)]
+        inside = inside[np.diff(inside, prepend=-np.inf) > near]
+        pieces.append(start[None])
+        pieces.append(start + inside[:, None] * (end - start) / np.linalg.norm(end - start))
+    return np.concatenate(pieces)
+
+
+def _add_sides(
+    geo: Any, outline: npt.NDArray[np.float64], size: float
+) -> list[tuple[int, npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    """Add the sides of one block: (gmsh curve, start, end) in order."""
+    points = [geo.addPoint(x, y, 0.0) for x, y in outline]
+    lines = []
+    for index, start in enumerate(outline):
+        following = (index + 1) % len(outline)
+        line = geo.addLine(points[index], points[following])
+        length = float(np.linalg.norm(outline[following] - start))
+        # Both blocks of a joint must come to the same number, whatever their rounding.
+        geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
+        lines.append((line, start, outline[following]))
+    return lines

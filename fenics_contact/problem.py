@@ -1,0 +1,54 @@
+"""The discrete contact problem that the solvers see: PETSc objects and joint arrays, no mesh.
+
+    K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,
+    0 <= r_N _|_ B_N u >= 0,    |r_T| <= g,    slip against r_T where |r_T| = g.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """Stiffness, loads and joint operators on one parallel layout.
+
+    Attributes:
+        stiffness: K, N/m per metre of thickness.
+        dead: f_D, N per metre of thickness.
+        live: f_L, likewise.
+        normal: B_N, shape (points, dofs).
+        tangential: B_T, likewise.
+        friction: Coulomb's coefficient at this rank's points; 0 where the law is another.
+        strength: Given bound on the shear force at this rank's points, N/m (Tresca).
+    """
+
+    stiffness: PETSc.Mat
+    dead: PETSc.Vec
+    live: PETSc.Vec
+    normal: PETSc.Mat
+    tangential: PETSc.Mat
+    friction: npt.NDArray[np.float64]
+    strength: npt.NDArray[np.float64]
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of all objects."""
+        return self.stiffness.comm.tompi4py()
+
+    def sum(self, values: npt.NDArray[np.float64]) -> float:
+        """Sum of an array of this rank's points over all ranks."""
+        return float(self.comm.allreduce(float(np.sum(values))))
+
+    def max(self, values: npt.NDArray[np.float64], initial: float = 0.0) -> float:
+        """Maximum of an array of this rank's points over all ranks, at least `initial`."""
+        return float(self.comm.allreduce(float(np.max(values, initial=initial)), MPI.MAX))
+
+    def bound(self, pressure: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""
+        return self.friction * pressure + self.strength

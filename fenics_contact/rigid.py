@@ -1,0 +1,126 @@
+"""Rigid motions of the blocks: which of them supports leave free, and what joints and supports hold.
+
+A body's rigid motion is (a, b, c): u(x) = (a, b) + c (-(y - y0), x - x0) about its centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import InputError
+from fenics_contact.joints import GROUND, Joints
+from fenics_contact.supports import Supports
+
+Array = npt.NDArray[np.float64]
+
+#: Motions held less than this, relative to the best held one, are free.
+FREE = 1e-8
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """Bodies as the rigid-block programs see them; on all ranks.
+
+    Attributes:
+        centre: Reference point of every body, shape (bodies, 2), m.
+        size: Length by which rotations are scaled, m.
+        free: Orthonormal free motions (a, b, c size) of every body as columns, the columns of held
+            motions zero, shape (bodies, 3, 3).
+        dead: Resultants of the dead load, shape (bodies, 3): forces, and moment / size.
+        live: Likewise of the live load.
+    """
+
+    centre: Array
+    size: float
+    free: Array
+    dead: Array
+    live: Array
+
+    @property
+    def floating(self) -> npt.NDArray[np.bool_]:
+        """Bodies that supports alone do not hold, shape (bodies,)."""
+        return np.any(self.free != 0.0, axis=(1, 2))
+
+
+def rigid_bodies(
+    centre: Array, dead: Array, live: Array, supports: Supports, size: float
+) -> RigidBodies:
+    """Classify bodies as held or floating.
+
+    Args:
+        centre: Reference points, shape (bodies, 2), m.
+        dead: Force and moment of the dead load on every body, shape (bodies, 3).
+        live: Likewise of the live load.
+        supports: What is held.
+        size: Typical size of the structure, m.
+    """
+    scale = np.array([1.0, 1.0, 1.0 / size])
+    gram = np.zeros((len(centre), 3, 3))
+    motion = _motions(supports.points - centre[supports.body], size)
+    for side in (0, 1):
+        row = np.einsum("nk,nkm->nm", supports.frame[:, :, side], motion)
+        row[~supports.held[:, side]] = 0.0
+        np.add.at(gram, supports.body, row[:, :, None] * row[:, None, :])
+    return RigidBodies(centre, size, _null_space(gram), dead * scale, live * scale)
+
+
+def _motions(arm: Array, size: float) -> Array:
+    """Displacement at a point per motion (a, b, c size), shape (points, 2, 3)."""
+    motion = np.zeros((len(arm), 2, 3))
+    motion[:, 0, 0] = motion[:, 1, 1] = 1.0
+    motion[:, 0, 2], motion[:, 1, 2] = -arm[:, 1] / size, arm[:, 0] / size
+    return motion
+
+
+def _null_space(gram: Array) -> Array:
+    size, direction = np.linalg.eigh(gram)
+    held = size > FREE * np.maximum(size[:, -1:], 1e-300)
+    return np.where(held[:, None, :], 0.0, direction)
+
+
+def check_held(joints: Joints, supports: Supports, bodies: RigidBodies, source: str) -> None:
+    """Check that the structure cannot move as a whole with all its joints closed.
+
+    Raises:
+        InputError: If some blocks touch nothing that holds them, or can move all together.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(bodies.centre)
+    pairs = joints.bodies[joints.bodies[:, 0] != GROUND]
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
+    clusters, cluster = connected_components(graph, directed=False)
+    on_ground = joints.bodies[:, 0] == GROUND
+    origin = bodies.centre.mean(axis=0)
+    gram = np.zeros((clusters, 3, 3))
+    for points, body, frame, held in (
+        (supports.points, supports.body, supports.frame, supports.held),
+        (
+            joints.position[on_ground],
+            joints.bodies[on_ground, 1],
+            np.tile(np.eye(2), (int(on_ground.sum()), 1, 1)),
+            np.ones((int(on_ground.sum()), 2), dtype=bool),
+        ),
+    ):
+        motion = _motions(points - origin, bodies.size)
+        for side in (0, 1):
+            row = np.einsum("nk,nkm->nm", frame[:, :, side], motion)
+            row[~held[:, side]] = 0.0
+            np.add.at(gram, cluster[body], row[:, :, None] * row[:, None, :])
+    loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
+    if len(loose):
+        members = np.flatnonzero(cluster == loose[0])
+        x, y = bodies.centre[members[0]]
+        where = f"{len(members)} blocks, the first around ({x:g}, {y:g}),"
+        if np.any(gram[loose[0]]):
+            raise InputError(
+                f"{source}: {where} can move all together even with closed joints; add supports"
+            )
+        raise InputError(
+            f"{source}: {where} touch neither a support nor a foundation, nor blocks that do; add"
+            " [supports] or [foundations], or check that the blocks touch"
+        )

@@ -1,0 +1,251 @@
+"""A scene: a mesh of blocks with materials, joints, supports and loads; what a user describes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+from fenics_contact.errors import InputError
+from fenics_contact.mesh import BlockMesh
+
+if TYPE_CHECKING:
+    from fenics_contact.plan import Plan
+
+LAWS = ("coulomb", "tresca", "frictionless")
+SUPPORTS = ("fixed", "roller")
+PLANES = ("strain", "stress")
+METHODS = ("auto", "fixed-point")
+DIRECTIONS = ("positive", "negative", "both")
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise InputError(message)
+
+
+def _non_negative(value: float) -> bool:
+    return math.isfinite(value) and value >= 0.0
+
+
+@dataclass(frozen=True)
+class Material:
+    """Linear elasticity and weight.
+
+    Attributes:
+        young: Young's modulus, Pa, positive.
+        poisson: Poisson's ratio, above -1 and below 0.5.
+        density: kg/m3, not negative.
+    """
+
+    young: float
+    poisson: float
+    density: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(
+            math.isfinite(self.young) and self.young > 0.0,
+            f"young = {self.young} must be a positive number (Pa)",
+        )
+        _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
+        _require(_non_negative(self.density), f"density = {self.density} must not be negative")
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """What a joint carries besides pressure.
+
+    Attributes:
+        law: "coulomb" (shear up to friction times pressure), "tresca" (up to a given bound) or
+            "frictionless".
+        friction: Coefficient of friction, for "coulomb".
+        bound: Shear strength, Pa, for "tresca".
+    """
+
+    law: str = "coulomb"
+    friction: float | None = None
+    bound: float | None = None
+
+    def __post_init__(self) -> None:
+        _require(self.law in LAWS, f"law = '{self.law}' must be one of {', '.join(LAWS)}")
+        for name, value, owner in (
+            ("friction", self.friction, "coulomb"),
+            ("bound", self.bound, "tresca"),
+        ):
+            if self.law == owner:
+                _require(value is not None, f"law '{owner}' needs {name}")
+                _require(_non_negative(float(value or 0.0)), f"{name} = {value} must not be negative")
+            else:
+                _require(value is None, f"law '{self.law}' takes no {name}")
+
+
+@dataclass(frozen=True)
+class Load:
+    """A body force and tractions.
+
+    Attributes:
+        body: Acceleration, m/s2; the force is density times it.
+        traction: Force per area, Pa, by name of a one-dimensional group.
+    """
+
+    body: tuple[float, float] = (0.0, 0.0)
+    traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, value in (("body", self.body), *self.traction.items()):
+            _require(
+                len(value) == 2 and all(map(math.isfinite, value)),
+                f"{name} = {list(value)} must be two finite numbers",
+            )
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """How to look for the limit load.
+
+    Attributes:
+        method: "auto" or "fixed-point".
+        direction: Which end of the range of load factors: "positive", "negative" or "both".
+        tolerance: On the load factor, relative.
+    """
+
+    method: str = "auto"
+    direction: str = "positive"
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("method", self.method, METHODS),
+            ("direction", self.direction, DIRECTIONS),
+        ):
+            _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+        _require(
+            1e-12 <= self.tolerance <= 0.1,
+            f"tolerance = {self.tolerance} must lie between 1e-12 and 0.1",
+        )
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What to write besides result.json.
+
+    Attributes:
+        paraview: ParaView files of fields and joints.
+        pictures: collapse.png, and capacity.png where there is a curve.
+        capacity: Number of points on the capacity curve; 0 for none.
+    """
+
+    paraview: bool = True
+    pictures: bool = True
+    capacity: int = 0
+
+    def __post_init__(self) -> None:
+        _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Blocks, what joins and holds them, and what loads them.
+
+    Attributes:
+        mesh: The blocks.
+        materials: By name of a two-dimensional group; "default" for cells in no group named.
+        dead: Load that acts first and stays.
+        live: Load multiplied by the load factor.
+        joints: Law by name of a one-dimensional group, where two blocks touch; "default" for
+            facets that touch and are in no group named.
+        foundations: Law by name of a one-dimensional group that stands on rigid ground.
+        supports: "fixed" or "roller" by name of a one-dimensional group.
+        plane: "strain" or "stress".
+        degree: Degree of the displacements.
+        title: For pictures.
+        solve: How to look for the limit load.
+        output: What to write.
+
+    Raises:
+        InputError: If a name is not in the mesh, or a group has two roles.
+    """
+
+    mesh: BlockMesh
+    materials: Mapping[str, Material]
+    live: Load
+    dead: Load = field(default_factory=Load)
+    joints: Mapping[str, JointLaw] = field(default_factory=dict)
+    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
+    supports: Mapping[str, str] = field(default_factory=dict)
+    plane: str = "strain"
+    degree: int = 1
+    title: str = ""
+    solve: SolveOptions = field(default_factory=SolveOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+
+    def __post_init__(self) -> None:
+        _require(self.plane in PLANES, f"plane.state = '{self.plane}' must be strain or stress")
+        _require(self.degree == 1, f"mesh.degree = {self.degree} must be 1")
+        for name, kind in self.supports.items():
+            _require(
+                kind in SUPPORTS, f"supports.{name} = '{kind}' must be one of {', '.join(SUPPORTS)}"
+            )
+        self._check_names()
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of the mesh."""
+        return self.mesh.comm
+
+    @classmethod
+    def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> Scene:
+        """Read a scene file and its mesh; see `fenics_contact.scene_file.read_scene`."""
+        from fenics_contact.scene_file import read_scene
+
+        return read_scene(path, comm)
+
+    def plan(self) -> Plan:
+        """What this scene does not need."""
+        from fenics_contact.plan import make_plan
+
+        return make_plan(self)
+
+    def _check_names(self) -> None:
+        source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names
+        for table, names, known, what in (
+            ("materials", set(self.materials) - {"default"}, cells, "two-dimensional"),
+            ("joints", set(self.joints) - {"default"}, facets, "one-dimensional"),
+            ("foundations", self.foundations, facets, "one-dimensional"),
+            ("supports", self.supports, facets, "one-dimensional"),
+            ("loads.dead.traction", self.dead.traction, facets, "one-dimensional"),
+            ("loads.live.traction", self.live.traction, facets, "one-dimensional"),
+        ):
+            for name in sorted(set(names) - set(known)):
+                raise InputError(
+                    f"{table}.{name}: {source} has no {what} group '{name}'; it has"
+                    f" {_listed(known)}"
+                )
+        roles = [set(self.joints), set(self.foundations), set(self.supports)]
+        for first, second in ((0, 1), (0, 2), (1, 2)):
+            for name in sorted(roles[first] & roles[second] - {"default"}):
+                raise InputError(
+                    f"group '{name}' has two roles; it can be a joint, a foundation or a support"
+                )
+        for groups in self.mesh.cell_sets:
+            materials = sorted(groups & set(self.materials))
+            if not materials and "default" not in self.materials:
+                raise InputError(
+                    f"cells of {_listed(sorted(groups))} have no material; add"
+                    f" [materials.{min(groups)}] or [materials.default]"
+                )
+            if len({self.materials[name] for name in materials}) > 1:
+                raise InputError(f"the groups {_listed(materials)} share cells; give one material")
+
+    def material(self, groups: Iterable[str]) -> Material:
+        """Material of the cells in a set of groups."""
+        named = sorted(set(groups) & set(self.materials))
+        return self.materials[named[0] if named else "default"]
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names) or "none"

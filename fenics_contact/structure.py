@@ -1,0 +1,195 @@
+"""A scene discretised: everything volumetric, done once."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact.boundary import Boundary, collect_boundary
+from fenics_contact.elasticity import Elasticity, assemble, displacement_space
+from fenics_contact.errors import InputError
+from fenics_contact.joints import JointOperators, Joints, find_joints, joint_operators
+from fenics_contact.problem import ContactProblem
+from fenics_contact.rigid import RigidBodies, check_held, rigid_bodies
+from fenics_contact.scene import Scene
+from fenics_contact.springs import SpringStiffness
+from fenics_contact.supports import Supports, find_supports
+
+#: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
+BONDED_SPRING = 1e2
+
+
+@dataclass(frozen=True)
+class Bonded:
+    """Response of the structure with all joints closed.
+
+    Attributes:
+        dead: Displacements under the dead load, in the supports' coordinates.
+        live: Displacements under the live load.
+        dead_pressure: Normal forces at this rank's points under the dead load, N/m, at least 0.
+        live_pressure: Likewise under the live load.
+        seconds: Time to assemble, analyse, factor and solve: one bonded solve.
+    """
+
+    dead: PETSc.Vec
+    live: PETSc.Vec
+    dead_pressure: npt.NDArray[np.float64]
+    live_pressure: npt.NDArray[np.float64]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Elasticity, joints and supports of a scene.
+
+    Attributes:
+        scene: What was discretised.
+        boundary: Facets of the blocks.
+        supports: What is held.
+        elasticity: K, f_D, f_L.
+        joints: Joint points.
+        operators: B_N and B_T.
+        bodies: Rigid motions of the blocks.
+        problem: What the solvers see.
+        springs: K with joint springs.
+        seconds: Time spent assembling, s.
+    """
+
+    scene: Scene
+    boundary: Boundary
+    supports: Supports
+    elasticity: Elasticity
+    joints: Joints
+    operators: JointOperators
+    bodies: RigidBodies
+    problem: ContactProblem
+    springs: SpringStiffness
+    seconds: float
+
+    @classmethod
+    def build(cls, scene: Scene) -> Structure:
+        """Discretise a scene.
+
+        Raises:
+            InputError: If joints, supports or loads of the scene do not fit its mesh.
+        """
+        start = time.perf_counter()
+        space = displacement_space(scene)
+        boundary = collect_boundary(scene.mesh, space)
+        supports = find_supports(scene, boundary)
+        joints = find_joints(scene, boundary)
+        elasticity = assemble(scene, space, boundary, supports)
+        size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+        bodies = rigid_bodies(
+            elasticity.centre,
+            elasticity.dead_resultant,
+            elasticity.live_resultant,
+            supports,
+            size,
+        )
+        check_held(joints, supports, bodies, scene.mesh.source)
+        _check_live_load(elasticity, bodies, scene)
+        operators = joint_operators(joints, supports, elasticity.stiffness)
+        problem = ContactProblem(
+            elasticity.stiffness,
+            elasticity.dead,
+            elasticity.live,
+            operators.normal,
+            operators.tangential,
+            joints.friction[operators.points],
+            joints.shear_strength[operators.points],
+        )
+        springs = SpringStiffness(elasticity.stiffness, operators)
+        seconds = time.perf_counter() - start
+        return cls(
+            scene,
+            boundary,
+            supports,
+            elasticity,
+            joints,
+            operators,
+            bodies,
+            problem,
+            springs,
+            seconds,
+        )
+
+    def bonded(self) -> Bonded:
+        """Solve with all joints closed, under the dead and under the live load."""
+        start = time.perf_counter()
+        problem, springs = self.problem, self.springs
+        spring = np.full(len(problem.friction), BONDED_SPRING * springs.mean_diagonal)
+        springs.factor(spring, spring)
+        opening = problem.normal.createVecLeft()
+        responses, pressures = [], []
+        for load in (problem.dead, problem.live):
+            response = load.duplicate()
+            springs.solve(load, response)
+            problem.normal.mult(response, opening)
+            responses.append(response)
+            pressures.append(np.maximum(-spring * opening.array, 0.0))
+        opening.destroy()
+        seconds = self.seconds + time.perf_counter() - start
+        return Bonded(*responses, *pressures, seconds)
+
+    def reversed(self) -> ContactProblem:
+        """The problem with the live load reversed."""
+        live = self.problem.live.copy()
+        live.scale(-1.0)
+        return replace(self.problem, live=live)
+
+    def all_points(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Values of this rank's joint points (its rows) as those of all points, on all ranks."""
+        everything = np.zeros(len(self.joints.length))
+        everything[self.operators.points] = values
+        self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
+        return everything
+
+    def rigid_motion(self, motion: npt.NDArray[np.float64]) -> PETSc.Vec:
+        """Displacements, in the supports' coordinates, of rigid motions (a, b, c) of the bodies.
+
+        Args:
+            motion: Shape (bodies, 3), about the bodies' centres.
+        """
+        vector = self.problem.dead.duplicate()
+        nodes = vector.getLocalSize() // 2
+        body = self.elasticity.node_body[:nodes]
+        position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
+        arm = position - self.bodies.centre[body]
+        spin = motion[body, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
+        vector.array[:] = (motion[body, :2] + spin).ravel()
+        self.supports.to_supports(vector)
+        return vector
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, which would otherwise be kept for long."""
+        self.springs.destroy()
+        problem = self.problem
+        for item in (problem.stiffness, problem.normal, problem.tangential):
+            item.destroy()
+        for vector in (problem.dead, problem.live):
+            vector.destroy()
+
+
+def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) -> None:
+    """The live load must push some body that supports do not hold.
+
+    Raises:
+        InputError: If it does not.
+    """
+    force = np.abs(elasticity.live.array_r).reshape(-1, 2).max(axis=1)
+    body = elasticity.node_body[: len(force)]
+    pushed = np.zeros(len(bodies.centre))
+    np.maximum.at(pushed, body, force)
+    scene.comm.Allreduce(MPI.IN_PLACE, pushed, MPI.MAX)
+    if not np.any(pushed[bodies.floating] > 0.0):
+        raise InputError(
+            "loads.live: the live load is zero on every free body; give it a body force on blocks"
+            " with density, or a traction"
+        )
+
