@@ -41,11 +41,13 @@ class Faces:
         ends: Joint points at the two ends of every face, shape (faces, 2); equal if there is one.
         friction: Coulomb's coefficient, shape (faces,).
         strength: Given bound on the shear force of the whole face, shape (faces,), N/m.
+        of_point: Face of every joint point.
     """
 
     ends: npt.NDArray[np.int64]
     friction: Array
     strength: Array
+    of_point: npt.NDArray[np.int64]
 
 
 def straight_faces(joints: Joints, strength: Array) -> Faces:
@@ -56,7 +58,8 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
         strength: Given bound on the shear force at every point, N/m.
     """
     if len(joints.length) == 0:
-        return Faces(np.empty((0, 2), dtype=np.int64), np.empty(0), np.empty(0))
+        none = np.empty(0, dtype=np.int64)
+        return Faces(none.reshape(0, 2), np.empty(0), np.empty(0), none)
     size = np.ptp(joints.position, axis=0).max() or 1.0
     offset = np.sum(joints.normal * (joints.position - joints.position[0]), axis=1) / size
     line = np.round(np.column_stack([joints.normal, offset]) / COLLINEAR).astype(np.int64)
@@ -68,7 +71,7 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     stops = np.append(starts[1:], len(order)) - 1
     ends = np.column_stack([order[starts], order[stops]])
-    return Faces(ends, joints.friction[ends[:, 0]], np.bincount(face, strength))
+    return Faces(ends, joints.friction[ends[:, 0]], np.bincount(face, strength).astype(float), face)
 
 
 @dataclass(frozen=True)

@@ -48,17 +48,17 @@ class Certificate:
 
     Attributes:
         residuals: By name; relative, zero for an exact state.
+        load_factor: What was verified.
     """
 
     residuals: Mapping[str, float]
+    load_factor: float
 
     @property
     def failures(self) -> dict[str, float]:
         """Residuals above their tolerance, or not finite."""
         return {
-            name: value
-            for name, value in self.residuals.items()
-            if not value <= TOLERANCES[name]
+            name: value for name, value in self.residuals.items() if not value <= TOLERANCES[name]
         }
 
     @property
@@ -70,6 +70,11 @@ class Certificate:
     def mode_passed(self) -> bool:
         """Whether the mode is a collapse mode of the state."""
         return not any(name.startswith("mode_") for name in self.failures)
+
+    @property
+    def error_estimate(self) -> float:
+        """Difference of the load factor and the one its mode proves."""
+        return self.gap * abs(self.load_factor)
 
     @property
     def gap(self) -> float:
@@ -102,7 +107,7 @@ def certify(
     lower = -np.inf if bounds.lower is None else bounds.lower
     outside = max(lower - state.load_factor, state.load_factor - bounds.upper, 0.0)
     residuals["bracket"] = outside / factor
-    return Certificate(residuals)
+    return Certificate(residuals, state.load_factor)
 
 
 def _state_residuals(problem: ContactProblem, state: State, scales: Scales) -> dict[str, float]:

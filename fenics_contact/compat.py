@@ -1,4 +1,4 @@
-"""The only module that knows dolfinx versions: features are probed, the newest shape is returned."""
+"""The only module that knows dolfinx versions: it probes for features, never for numbers."""
 
 from __future__ import annotations
 

@@ -266,9 +266,7 @@ class CoulombFriction:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
         before = self.control.springs.factorizations
         try:
-            found = self.control.solve(
-                None, work, start, self.scales, centring, TOLERANCE_RANGE[0]
-            )
+            found = self.control.solve(None, work, start, self.scales, centring, TOLERANCE_RANGE[0])
         except SolverError as error:
             _log.info("  monolithic step not used: %s", error)
             return None

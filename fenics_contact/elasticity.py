@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import dolfinx.fem.petsc
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
+from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from fenics_contact import compat
@@ -39,7 +39,8 @@ class Elasticity:
         dead: f_D, N per metre of thickness.
         live: f_L, likewise.
         lame: Lame's lambda (of the plane state) and mu by cell, Pa.
-        dead_resultant: Force and moment about `centre` on every body, shape (bodies, 3); on all ranks.
+        dead_resultant: Force and moment about `centre` on every body, shape (bodies, 3), on all
+            ranks.
         live_resultant: Likewise.
         centre: Mean position of the nodes of every body, shape (bodies, 2), m; on all ranks.
         node_body: Body of every local node.
@@ -73,7 +74,9 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     young, poisson, density = _material_fields(scene)
     lame_lambda, lame_mu = _lame(scene, young, poisson)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    stiffness = fem.petsc.assemble_matrix(fem.form(ufl.inner(stress(u, lame_lambda, lame_mu), strain(v)) * ufl.dx))
+    stiffness = fem_petsc.assemble_matrix(
+        fem.form(ufl.inner(stress(u, lame_lambda, lame_mu), strain(v)) * ufl.dx)
+    )
     stiffness.assemble()
 
     node_body, centre = _bodies_of_nodes(scene, space)
@@ -83,7 +86,15 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     for load in loads:
         supports.constrain_vector(load)
     return Elasticity(
-        space, stiffness, *loads, (lame_lambda, lame_mu), *resultants, centre, node_body
+        space=space,
+        stiffness=stiffness,
+        dead=loads[0],
+        live=loads[1],
+        lame=(lame_lambda, lame_mu),
+        dead_resultant=resultants[0],
+        live_resultant=resultants[1],
+        centre=centre,
+        node_body=node_body,
     )
 
 
@@ -128,7 +139,7 @@ def _load(
     domain = scene.mesh.domain
     v = ufl.TestFunction(space)
     force = fem.Constant(domain, PETSc.ScalarType(load.body))
-    vector = fem.petsc.assemble_vector(fem.form(density * ufl.inner(force, v) * ufl.dx))
+    vector = fem_petsc.assemble_vector(fem.form(density * ufl.inner(force, v) * ufl.dx))
     for name, traction in load.traction.items():
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block
@@ -136,12 +147,14 @@ def _load(
         tags = dolfinx_mesh.meshtags(domain, 1, facets, np.ones(len(facets), dtype=np.int32))
         ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
         force = fem.Constant(domain, PETSc.ScalarType(traction))
-        fem.petsc.assemble_vector(vector, fem.form(ufl.inner(force, v) * ds(1)))
+        fem_petsc.assemble_vector(vector, fem.form(ufl.inner(force, v) * ds(1)))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return vector
 
 
-def _bodies_of_nodes(scene: Scene, space: Any) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
+def _bodies_of_nodes(
+    scene: Scene, space: Any
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
     """Body of every local node, and the mean node position of every body."""
     position = space.tabulate_dof_coordinates()[:, :2]
     node_body = np.zeros(len(position), dtype=np.int32)

@@ -227,7 +227,8 @@ class WorkControl:
         if not best_error <= max(tolerance, ACCEPTABLE):
             best.u.destroy()
             raise SolverError(
-                f"interior point: residual {best_error:.1e} after {step} steps, asked {tolerance:.1e}"
+                f"interior point: residual {best_error:.1e} after {step} steps,"
+                f" asked {tolerance:.1e}"
             )
         state = State(best.u, best.load_factor, best.pressure, best.shear, work)
         return PathPoint(state, run.bound(best), best_sizes, step)
@@ -279,7 +280,7 @@ class _InteriorPoint:
         self.count = max(problem.sum(products), 1.0)
 
     def bound(self, now: _Iterate) -> Array:
-        """g of an iterate."""
+        """Bound g of an iterate."""
         return self.problem.bound(now.pressure) if self.given is None else self.given
 
     def centred(self, start: State, centring: float) -> _Iterate:

@@ -260,7 +260,10 @@ def _points(
         axis=2,
     )
     bodies = np.concatenate(
-        [boundary.body[pairs], np.column_stack([np.full(len(ground), GROUND), boundary.body[ground]])]
+        [
+            boundary.body[pairs],
+            np.column_stack([np.full(len(ground), GROUND), boundary.body[ground]]),
+        ]
     )
     normal = np.concatenate([boundary.normal[first], -boundary.normal[ground]])
     length = np.concatenate([boundary.length[first], boundary.length[ground]])
@@ -274,10 +277,8 @@ def _points(
     _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     point, rows = _in_order_of_appearance(point.ravel(), rows)
     count = len(rows)
-    total = np.bincount(point, weight, count)
-    mean = np.column_stack(
-        [np.bincount(point, weight * normal[facet, d], count) for d in range(2)]
-    )
+    total = np.bincount(point, weight, count).astype(float)
+    mean = np.column_stack([np.bincount(point, weight * normal[facet, d], count) for d in range(2)])
     return Joints(
         nodes=nodes.reshape(-1, 2)[rows],
         bodies=bodies[facet[rows]],
@@ -319,9 +320,7 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     A point's row lives on the rank that owns its second node.
     """
     start, end = stiffness.getOwnershipRange()
-    points = np.flatnonzero(
-        (joints.nodes[:, 1] >= start // 2) & (joints.nodes[:, 1] < end // 2)
-    )
+    points = np.flatnonzero((joints.nodes[:, 1] >= start // 2) & (joints.nodes[:, 1] < end // 2))
     nodes = joints.nodes[points]
     dofs = (2 * nodes[:, :, None] + np.arange(2)).reshape(-1, 4)
     dofs[np.repeat(nodes == GROUND, 2, axis=1)] = -1
@@ -333,7 +332,14 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     ]
     layout = (len(points), PETSc.DETERMINE), stiffness.getLocalSize()[1]
     matrices = [_matrix(stiffness, layout, dofs, row) for row in rows]
-    return JointOperators(*matrices, points, dofs.astype(PETSc.IntType), *rows)
+    return JointOperators(
+        normal=matrices[0],
+        tangential=matrices[1],
+        points=points,
+        dofs=dofs.astype(PETSc.IntType),
+        normal_rows=rows[0],
+        tangential_rows=rows[1],
+    )
 
 
 def _matrix(

@@ -6,8 +6,9 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds, RigidBlocks
+from fenics_contact.capacity import CapacityPoint, capacity_curve
 from fenics_contact.certificate import Certificate, certify, joint_displacements
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
@@ -23,9 +25,6 @@ from fenics_contact.plan import Plan
 from fenics_contact.problem import ContactProblem
 from fenics_contact.scene import Scene
 from fenics_contact.structure import Bonded, Structure
-
-if TYPE_CHECKING:
-    from fenics_contact.output import CapacityPoint
 
 Array = npt.NDArray[np.float64]
 
@@ -138,14 +137,22 @@ class LimitLoad:
         write_result(self, Path(folder))
 
 
-def limit_load(
-    scene: Scene, monitor: Callable[[str, FixedPointStep], None] | None = None
-) -> LimitLoad:
+class Monitor(Protocol):
+    """Is told how a run goes, on all ranks."""
+
+    def step(self, direction: str, step: FixedPointStep) -> None:
+        """After a fixed-point iteration in direction "positive" or "negative"."""
+
+    def point(self, done: int, total: int, point: CapacityPoint) -> None:
+        """After a point of the capacity curve."""
+
+
+def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
     """Compute the limit load of a scene.
 
     Args:
         scene: What to solve.
-        monitor: Called after every fixed-point iteration with the direction and the step.
+        monitor: Told how the run goes.
 
     Returns:
         The result; look at its status.
@@ -167,12 +174,7 @@ def limit_load(
 class _Driver:
     """One run of `limit_load`."""
 
-    def __init__(
-        self,
-        structure: Structure,
-        plan: Plan,
-        monitor: Callable[[str, FixedPointStep], None] | None,
-    ) -> None:
+    def __init__(self, structure: Structure, plan: Plan, monitor: Monitor | None) -> None:
         self.structure = structure
         self.scene = structure.scene
         self.plan = plan
@@ -195,9 +197,7 @@ class _Driver:
             return self._result("unstable", None, None)
         positive = negative = None
         if options.direction in ("positive", "both"):
-            positive = self._collapse(
-                "positive", structure.problem, blocks, bounds, bonded, scales
-            )
+            positive = self._collapse("positive", structure.problem, blocks, bounds, bonded, scales)
         if options.direction in ("negative", "both"):
             bodies = replace(structure.bodies, live=-structure.bodies.live)
             blocks = RigidBlocks(structure.joints, bodies, self.scene.comm)
@@ -211,7 +211,32 @@ class _Driver:
         status = ends[0].status if len({end.status for end in ends}) == 1 else "limit"
         if any(end.status == "not_converged" for end in ends):
             status = "not_converged"
-        return self._result(status, positive, negative)
+        result = self._result(status, positive, negative)
+        if self.scene.output.capacity and status == "limit":
+            start = time.perf_counter()
+            result.capacity = self._capacity(ends[0], bonded, scales)
+            self.seconds["capacity"] = time.perf_counter() - start
+        return result
+
+    def _capacity(self, end: Collapse, bonded: Bonded, scales: Scales) -> list[CapacityPoint]:
+        """Points of the capacity curve towards one collapse."""
+        reverse = end is not None and end.load_factor < 0.0
+        problem = self.structure.reversed() if reverse else self.structure.problem
+        if end.state is None:
+            return []
+        pressure = _first_pressure(problem, bonded)
+        factor = -scales.load_factor if reverse else scales.load_factor
+        work = scales.load_factor * self.structure.problem.live.dot(bonded.live)
+        return capacity_curve(
+            problem,
+            self.structure.springs,
+            scales,
+            _scaled_state(bonded.live, pressure, factor, work),
+            end.state.work,
+            self.scene.output.capacity,
+            self.scene.solve.tolerance,
+            None if self.monitor is None else self.monitor.point,
+        )
 
     def _result(
         self, status: str, positive: Collapse | None, negative: Collapse | None
@@ -276,14 +301,11 @@ class _Driver:
         unit = problem.live.norm(PETSc.NormType.N1)
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
         sign = 1.0 if problem is self.structure.problem else -1.0
-        search = _Search(self.structure, problem, blocks, bounds, self._monitor(direction))
+        search = _Search(self.structure, problem, blocks, bounds, self._steps(direction))
         ratio = FIRST_WORK
         scale = sign * ratio * scales.load_factor
         start = _scaled_state(bonded.live, bonded.dead_pressure, scale, ratio * per_ratio)
-        pressure = bonded.dead_pressure
-        if problem.max(pressure) == 0.0:
-            pressure = bonded.live_pressure
-        bound = problem.bound(pressure)
+        bound = problem.bound(_first_pressure(problem, bonded))
         try:
             while ratio <= LAST_WORK:
                 work = ratio * per_ratio
@@ -298,11 +320,12 @@ class _Driver:
         finally:
             search.control.destroy()
 
-    def _monitor(self, direction: str) -> Callable[[FixedPointStep], None] | None:
-        if self.monitor is None:
-            return None
+    def _steps(self, direction: str) -> Callable[[FixedPointStep], None] | None:
+        """The monitor as a function of the step."""
         monitor = self.monitor
-        return lambda step: monitor(direction, step)
+        if monitor is None:
+            return None
+        return partial(monitor.step, direction)
 
 
 class _Search:
@@ -402,8 +425,10 @@ class _Search:
     @property
     def settled(self) -> bool:
         """Whether the mode proves the load factor to the tolerance asked for."""
-        return self.verified and self.certificate is not None and (
-            self.certificate.gap <= self.options.tolerance
+        return (
+            self.verified
+            and self.certificate is not None
+            and (self.certificate.gap <= self.options.tolerance)
         )
 
     @property
@@ -434,7 +459,9 @@ class _Search:
         opening, slip = joint_displacements(self.problem, self._state.displacement)
         opening_rate, slip_rate = joint_displacements(self.problem, self.mode)
         # The work by which a joint that moves in the mode has moved so far.
-        tiny = 1e-6 * max(self.problem.max(np.abs(opening_rate)), self.problem.max(np.abs(slip_rate)))
+        tiny = 1e-6 * max(
+            self.problem.max(np.abs(opening_rate)), self.problem.max(np.abs(slip_rate))
+        )
         opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
         slips &= self._state.pressure > 0.0
         moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
@@ -486,3 +513,10 @@ def _scaled_state(response: PETSc.Vec, pressure: Array, factor: float, work: flo
     displacement = response.copy()
     displacement.scale(factor)
     return State(displacement, 0.0, pressure, np.zeros_like(pressure), work)
+
+
+def _first_pressure(problem: ContactProblem, bonded: Bonded) -> Array:
+    """Normal forces for the first bound on friction: those of the dead load if there is one."""
+    if problem.max(bonded.dead_pressure) > 0.0:
+        return bonded.dead_pressure
+    return bonded.live_pressure

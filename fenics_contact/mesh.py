@@ -61,7 +61,8 @@ class BlockMesh:
         body: Body of every local cell, shape (local cells,); bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
-        facets: Input node indices of all tagged facets, smaller first, shape (facets, 2); on all ranks.
+        facets: Input node indices of all tagged facets, smaller first, shape (facets, 2), on all
+            ranks.
         facet_groups: Physical groups of those facets, as an index into `facet_sets`; on all ranks.
         cell_sets: The sets of group names that occur on cells.
         facet_sets: The sets of group names that occur on facets.
@@ -384,5 +385,7 @@ def _send_to_cells(
 ) -> npt.NDArray[np.int32]:
     """Values of the input cells (on rank 0) at the local cells that they became."""
     wanted = comm.gather(np.asarray(domain.topology.original_cell_index))
-    parts = None if values is None or wanted is None else [values[index] for index in wanted]
+    parts: list[npt.NDArray[np.int32]] = []
+    if values is not None and wanted is not None:
+        parts = [values[index] for index in wanted]
     return comm.scatter(parts)

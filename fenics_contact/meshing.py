@@ -67,7 +67,7 @@ def wall(
 ) -> Any:
     """Mesh a wall laid in courses, every block a body with nodes of its own.
 
-    The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (the outline),
+    The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (outline),
     "bed" and "head" (both sides of horizontal and vertical joints), "opening" (other free edges).
 
     Args:
@@ -152,7 +152,9 @@ def _grid_wall(
 
 
 def _grid_cells(grid: npt.NDArray[np.int64], quadrilaterals: bool) -> npt.NDArray[np.int64]:
-    a, b, c, d = (part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]))
+    a, b, c, d = (
+        part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
+    )
     if quadrilaterals:
         return np.column_stack([a, b, c, d])
     row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))

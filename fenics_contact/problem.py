@@ -1,7 +1,7 @@
 """The discrete contact problem that the solvers see: PETSc objects and joint arrays, no mesh.
 
-    K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,
-    0 <= r_N _|_ B_N u >= 0,    |r_T| <= g,    slip against r_T where |r_T| = g.
+K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,
+0 <= r_N _|_ B_N u >= 0,    |r_T| <= g,    slip against r_T where |r_T| = g.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rigid motions of the blocks: which of them supports leave free, and what joints and supports hold.
+"""Rigid motions of the blocks: which of them supports leave free, and what holds the structure.
 
 A body's rigid motion is (a, b, c): u(x) = (a, b) + c (-(y - y0), x - x0) about its centre.
 """

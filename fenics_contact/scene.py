@@ -78,7 +78,9 @@ class JointLaw:
         ):
             if self.law == owner:
                 _require(value is not None, f"law '{owner}' needs {name}")
-                _require(_non_negative(float(value or 0.0)), f"{name} = {value} must not be negative")
+                _require(
+                    _non_negative(float(value or 0.0)), f"{name} = {value} must not be negative"
+                )
             else:
                 _require(value is None, f"law '{self.law}' takes no {name}")
 

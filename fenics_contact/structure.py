@@ -135,13 +135,19 @@ class Structure:
             pressures.append(np.maximum(-spring * opening.array, 0.0))
         opening.destroy()
         seconds = self.seconds + time.perf_counter() - start
-        return Bonded(*responses, *pressures, seconds)
+        return Bonded(responses[0], responses[1], pressures[0], pressures[1], seconds)
 
     def reversed(self) -> ContactProblem:
         """The problem with the live load reversed."""
         live = self.problem.live.copy()
         live.scale(-1.0)
         return replace(self.problem, live=live)
+
+    def bodies_area(self) -> float:
+        """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
+        points = self.boundary.points[:, :2].mean(axis=1)
+        flux = np.sum((points - points[0]) * self.boundary.normal, axis=1)
+        return float(0.5 * np.sum(flux * self.boundary.length))
 
     def all_points(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Values of this rank's joint points (its rows) as those of all points, on all ranks."""
@@ -192,4 +198,3 @@ def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) 
             "loads.live: the live load is zero on every free body; give it a body force on blocks"
             " with density, or a traction"
         )
-

@@ -8,7 +8,6 @@ the node's displacements are expressed along normal and tangent: u = Q u', with 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +39,7 @@ class Supports:
     points: npt.NDArray[np.float64]
 
     def free_directions(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        """d u / d u' at given nodes, columns of held coordinates zero, shape (nodes, 2, 2)."""
+        """Derivatives du / du' at given nodes, columns of held coordinates zero, shape (nodes, 2, 2)."""
         directions = np.tile(np.eye(2), (len(nodes), 1, 1))
         if len(self.nodes):
             where = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
@@ -96,7 +95,9 @@ class Supports:
         columns = np.repeat(np.arange(start, end).reshape(-1, 2), 2, axis=0)
         indptr = np.arange(0, 2 * (end - start) + 1, 2)
         csr = [a.astype(PETSc.IntType) for a in (indptr, columns.ravel())]
-        turn = PETSc.Mat().createAIJ(stiffness.getSizes(), csr=(*csr, blocks.ravel()), comm=stiffness.comm)
+        turn = PETSc.Mat().createAIJ(
+            stiffness.getSizes(), csr=(*csr, blocks.ravel()), comm=stiffness.comm
+        )
         turn.assemble()
         return turn
 
@@ -115,9 +116,7 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
     gram *= boundary.length[rows, None, None]
     per_facet = boundary.nodes.shape[1]
-    nodes, first, index = np.unique(
-        boundary.nodes[rows], return_index=True, return_inverse=True
-    )
+    nodes, first, index = np.unique(boundary.nodes[rows], return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
     np.add.at(total, index.ravel(), np.repeat(gram, per_facet, axis=0))
     frame, held = _principal_directions(total)

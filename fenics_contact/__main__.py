@@ -1,0 +1,8 @@
+"""`python3 -m fenics_contact`."""
+
+import sys
+
+from fenics_contact.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,225 @@
+"""Files of a result: result.json, ParaView files, the capacity curve as a table."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact import compat
+from fenics_contact.fields import stress_fields
+from fenics_contact.joint_fields import STATES, JointFields, joint_fields
+from fenics_contact.joints import Joints
+from fenics_contact.limit_load import Collapse, LimitLoad
+
+
+def write_result(result: LimitLoad, folder: Path) -> None:
+    """Write everything the scene's output options ask for.
+
+    Collective. result.json is written last, so that its presence says that all is there.
+
+    Args:
+        result: What to write.
+        folder: Where to; made if need be.
+    """
+    start = time.perf_counter()
+    comm, options = result.scene.comm, result.scene.output
+    if comm.rank == 0:
+        folder.mkdir(parents=True, exist_ok=True)
+    comm.barrier()
+    collapse = result.collapse
+    if collapse is not None and collapse.state is not None and collapse.mode is not None:
+        fields = joint_fields(result.structure, collapse.state, collapse.mode)
+        if options.paraview:
+            write_paraview(result, fields, folder)
+        if options.pictures:
+            from fenics_contact.plotting import draw_collapse
+
+            draw_collapse(result, fields, folder / "collapse.png")
+    if result.capacity and comm.rank == 0:
+        _write_capacity(result, folder)
+        if options.pictures:
+            from fenics_contact.plotting import draw_capacity
+
+            draw_capacity(result, folder / "capacity.png")
+    comm.barrier()
+    result.seconds["write"] = time.perf_counter() - start
+    record = result_record(result)
+    if comm.rank == 0:
+        (folder / "result.json").write_text(json.dumps(record, indent=2) + "\n")
+    comm.barrier()
+
+
+def result_record(result: LimitLoad) -> dict[str, Any]:
+    """The content of result.json; numbers that are not finite are None.
+
+    Collective, because some counts are sums over ranks.
+    """
+    from fenics_contact import __version__
+
+    structure, collapse = result.structure, result.collapse
+    bounds = None if collapse is None else collapse.bounds
+    record: dict[str, Any] = {
+        "status": result.status,
+        "title": result.scene.title,
+        "load_factor": _number(result.load_factor),
+        "load_factor_negative": _number(result.load_factor_negative),
+        "bounds": {
+            "lower": None if bounds is None else _number(bounds.lower),
+            "upper": None if bounds is None else _number(bounds.upper),
+        },
+        "method": None,
+        "error_estimate": None,
+        "residuals": None,
+        "iterations": {"fixed_point": 0, "factorizations": result.factorizations},
+    }
+    if collapse is not None and collapse.history:
+        record |= _iteration_record(collapse)
+        record["iterations"] |= {"factorizations": result.factorizations}
+    if result.positive is not None and result.negative is not None:
+        negative = result.negative
+        record["negative"] = {
+            "status": negative.status,
+            "bounds": {
+                "lower": _number(negative.bounds.lower),
+                "upper": _number(negative.bounds.upper),
+            },
+            **(_iteration_record(negative) if negative.history else {}),
+        }
+    return record | {
+        "mesh": {
+            "bodies": structure.scene.mesh.body_count,
+            "floating_bodies": int(structure.bodies.floating.sum()),
+            "cells": int(structure.scene.mesh.domain.topology.index_map(2).size_global),
+            "dofs": int(structure.problem.dead.getSize()),
+            "joint_points": len(structure.joints.length),
+        },
+        "skipped": list(result.plan.skipped),
+        "slip_reference": "stress-free state",
+        "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
+        "ranks": result.scene.comm.size,
+        "version": __version__,
+    }
+
+
+def _iteration_record(collapse: Collapse) -> dict[str, Any]:
+    certificate, steps = collapse.certificate, [s for h in collapse.history for s in h.steps]
+    return {
+        "method": collapse.history[-1].method,
+        "error_estimate": None if certificate is None else _number(certificate.error_estimate),
+        "residuals": None
+        if certificate is None
+        else {name: _number(value) for name, value in certificate.residuals.items()},
+        "failures": [] if certificate is None else sorted(certificate.failures),
+        "iterations": {
+            "fixed_point": len(steps),
+            "contraction": _number(collapse.history[0].contraction),
+            "cycles": sum(history.cycles for history in collapse.history),
+            "work_ratio": collapse.work_ratio,
+            "history": [
+                {
+                    "load_factor": _number(step.load_factor),
+                    "bound_change": _number(step.change),
+                    "relaxation": _number(step.relaxation),
+                    "factorizations": step.steps,
+                }
+                for step in steps
+            ],
+        },
+    }
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value) + 0.0
+
+
+def write_paraview(result: LimitLoad, fields: JointFields, folder: Path) -> None:
+    """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
+
+    Args:
+        result: A result with a state.
+        fields: Its joints.
+        folder: An existing folder.
+    """
+    displacement, mode = result.displacement, result.mode
+    compat.write_vtk(
+        folder / "blocks.pvd",
+        [displacement, mode, *stress_fields(result.structure, displacement)],
+    )
+    if result.scene.comm.rank == 0:
+        write_joints(folder / "joints.vtu", result.structure.joints, fields)
+
+
+def write_joints(path: Path, joints: Joints, fields: JointFields) -> None:
+    """Write the joints as lines with values at their points, an XML file of VTK.
+
+    Every joint point is a point of the file: "pressure" and "shear" in Pa, "gap" and "slip" in m,
+    "state" 0 open, 1 slip, 2 stick, and the normal from the first side to the second.
+    """
+    columns = {
+        "pressure": fields.pressure,
+        "shear": fields.shear,
+        "gap": fields.gap,
+        "slip": fields.slip,
+        "opening_rate": fields.opening_rate,
+        "slip_rate": fields.slip_rate,
+        "state": fields.state,
+        "normal": _in_3d(joints.normal),
+        "force": _in_3d(
+            fields.normal_force[:, None] * joints.normal
+            + fields.shear_force[:, None] * joints.tangent
+        ),
+    }
+    cells = len(joints.segments)
+    data = "\n".join(_vtk_array(name, values) for name, values in columns.items())
+    path.write_text(
+        f"""<?xml version="1.0"?>
+<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">
+<!-- state: {", ".join(f"{number} {name}" for number, name in enumerate(STATES))} -->
+<UnstructuredGrid><Piece NumberOfPoints="{len(joints.length)}" NumberOfCells="{cells}">
+<Points>
+{_vtk_array("points", _in_3d(joints.position))}
+</Points>
+<Cells>
+{_vtk_array("connectivity", joints.segments)}
+{_vtk_array("offsets", 2 * np.arange(1, cells + 1))}
+{_vtk_array("types", np.full(cells, 3), kind="UInt8")}
+</Cells>
+<PointData>
+{data}
+</PointData>
+</Piece></UnstructuredGrid>
+</VTKFile>
+"""
+    )
+
+
+def _in_3d(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.column_stack([values, np.zeros(len(values))])
+
+
+def _vtk_array(name: str, values: npt.NDArray[Any], kind: str | None = None) -> str:
+    if kind is None:
+        kind = "Int64" if values.dtype.kind == "i" else "Float64"
+    width = values.shape[1] if values.ndim > 1 and name != "connectivity" else 1
+    text = " ".join(f"{value:.12g}" for value in values.ravel())
+    return (
+        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
+        f"{text}</DataArray>"
+    )
+
+
+def _write_capacity(result: LimitLoad, folder: Path) -> None:
+    with (folder / "capacity.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["displacement_m", "load_factor", "work", "converged"])
+        for point in result.capacity:
+            table.writerow(
+                [point.displacement, point.load_factor, point.work, int(point.converged)]
+            )
