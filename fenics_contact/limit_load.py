@@ -36,8 +36,8 @@ FIRST_WORK, WORK_GROWTH = 300.0, 4.0
 #: Largest work, in the same units.
 LAST_WORK = 3e5
 
-#: Slope above which the load factor grows like the work: nothing limits it.
-GROWING = 0.9
+#: A load factor that grows at least like this power of the work, this often, is not limited.
+GROWING, GROWN = 0.9, 2
 
 
 @dataclass(frozen=True)
@@ -309,10 +309,12 @@ class _Driver:
         try:
             while ratio <= LAST_WORK:
                 work = ratio * per_ratio
-                sizes = replace(scales, displacement=work / unit)
+                # Forces are judged by what the joints carry, which a locked structure lets grow.
+                growth = max(1.0, search.largest_factor / scales.load_factor)
+                sizes = replace(scales, displacement=work / unit, force=growth * scales.force)
                 if not search.at(work, sizes, start, bound) or search.settled:
                     break
-                if search.growing and np.isinf(bounds.upper) and ratio > FIRST_WORK:
+                if search.growing and np.isinf(bounds.upper):
                     return search.result("unbounded", ratio)
                 ratio *= WORK_GROWTH
                 start, bound = search.extrapolated(ratio * per_ratio), search.point_bound
@@ -349,11 +351,11 @@ class _Search:
         self.history: list[FixedPointHistory] = []
         self.point: PathPoint | None = None
         self.mode: PETSc.Vec | None = None
-        self.relative_slope = np.inf
+        self.path: list[tuple[float, float]] = []
         self.certificate: Certificate | None = None
 
     def at(self, work: float, scales: Scales, start: State, bound: Array) -> bool:
-        """Find, differentiate and verify the state at one T.
+        """Find and verify the state at one T.
 
         Returns:
             Whether there is a new state; if not, the last one is kept.
@@ -374,7 +376,7 @@ class _Search:
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return False
-        mode, slope = self.control.rate(point.state, point.bound, scales)
+        mode, _ = self.control.rate(point.state, point.bound, scales)
         certificate = certify(self.problem, point.state, mode, scales, self.bounds)
         if history.converged and not certificate.mode_passed:
             rigid = self._rigid_mode(point.state)
@@ -386,11 +388,10 @@ class _Search:
             return False
         self.history.append(history)
         self.point, self.mode, self.certificate = point, mode, certificate
-        self.relative_slope = slope * work / abs(self.load_factor or 1.0)
+        self.path.append((work, self.load_factor))
         _log.info(
-            "  T = %.3g: load factor %.8g, slope %.1e, gap %.1e",
-            work, self.load_factor, self.relative_slope, certificate.gap,
-        )  # fmt: skip
+            "  T = %.3g: load factor %.8g, gap %.1e", work, self.load_factor, certificate.gap
+        )
         return True
 
     def _rigid_mode(self, state: State) -> PETSc.Vec | None:
@@ -432,9 +433,17 @@ class _Search:
         )
 
     @property
+    def largest_factor(self) -> float:
+        """Largest load factor so far."""
+        return max((abs(factor) for _, factor in self.path), default=0.0)
+
+    @property
     def growing(self) -> bool:
-        """Whether the load factor grows like the work."""
-        return self.relative_slope >= GROWING
+        """Whether the load factor keeps growing like the work."""
+        if len(self.path) <= GROWN or min(factor for _, factor in self.path) <= 0.0:
+            return False
+        work, factor = np.log(self.path[-GROWN - 1 :]).T
+        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
 
     @property
     def verified(self) -> bool:
