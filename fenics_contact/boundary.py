@@ -145,9 +145,9 @@ def _exterior_facets(
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
     facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
-    to_cell, to_facet = topology.connectivity(1, 2), topology.connectivity(2, 1)
+    to_cell = topology.connectivity(1, 2)
     cell = to_cell.array[to_cell.offsets[facets]]
-    sides = to_facet.array.reshape(to_facet.num_nodes, -1)[cell]
+    sides = compat.facets_of_cells(topology)[cell]
     return facets, cell, np.argmax(sides == facets[:, None], axis=1)
 
 

@@ -154,7 +154,7 @@ class RigidBlocks:
         upper = self.limit() if stands else None
         lower = self.limit(friction=False) if bare else None
         return LimitBounds(
-            lower=None if lower is None else max(lower, 0.0),
+            lower=None if lower is None else max(lower, 0.0) + 0.0,
             upper=np.inf if upper is None else upper,
             stands=stands,
             stands_frictionless=bare,

@@ -89,18 +89,26 @@ def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int
 
 def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
     """Local (block) dofs of every local cell, shape (cells, dofs of a cell)."""
-    dofs = space.dofmap.list
-    if not isinstance(dofs, np.ndarray):
-        dofs = dofs.array.reshape(dofs.num_nodes, -1)
-    return dofs
+    return _rows(space.dofmap.list, space.dofmap.dof_layout.num_dofs)
 
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    dofs = domain.geometry.dofmap
-    if not isinstance(dofs, np.ndarray):
-        dofs = dofs.array.reshape(dofs.num_nodes, -1)
-    return dofs
+    return _rows(domain.geometry.dofmap, _vertices_of_cell(domain.topology))
+
+
+def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
+    """An adjacency list with rows of one width as an array, also where there is no row."""
+    return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
+
+
+def _vertices_of_cell(topology: Any) -> int:
+    return {name: width for name, width in CELL_TYPES.values()}[topology.cell_type.name]
+
+
+def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
+    """Facets of every local cell, shape (cells, facets of a cell)."""
+    return topology.connectivity(2, 1).array.reshape(-1, _vertices_of_cell(topology))
 
 
 def petsc_vector(function: fem.Function) -> PETSc.Vec:

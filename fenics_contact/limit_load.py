@@ -216,6 +216,7 @@ class _Driver:
             start = time.perf_counter()
             result.capacity = self._capacity(ends[0], bonded, scales)
             self.seconds["capacity"] = time.perf_counter() - start
+            result.factorizations = self.structure.springs.factorizations
         return result
 
     def _capacity(self, end: Collapse, bonded: Bonded, scales: Scales) -> list[CapacityPoint]:
@@ -389,9 +390,7 @@ class _Search:
         self.history.append(history)
         self.point, self.mode, self.certificate = point, mode, certificate
         self.path.append((work, self.load_factor))
-        _log.info(
-            "  T = %.3g: load factor %.8g, gap %.1e", work, self.load_factor, certificate.gap
-        )
+        _log.info("  T = %.3g: load factor %.8g, gap %.1e", work, self.load_factor, certificate.gap)
         return True
 
     def _rigid_mode(self, state: State) -> PETSc.Vec | None:

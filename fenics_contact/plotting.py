@@ -11,7 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.bounds import straight_faces
-from fenics_contact.joint_fields import OPEN, SLIP, STICK, JointFields
+from fenics_contact.joint_fields import OPEN, SLIP, SLIPPING, STICK, JointFields
 from fenics_contact.structure import Structure
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ Array = npt.NDArray[np.float64]
 AMPLITUDE = 0.08
 
 COLOURS = {OPEN: "#d62728", SLIP: "#ff7f0e", STICK: "#1f77b4"}
-LABELS = {OPEN: "opens", SLIP: "slips", STICK: "sticks"}
 
 
 def draw_collapse(result: LimitLoad, fields: JointFields, path: Path) -> None:
@@ -44,7 +43,7 @@ def draw_collapse(result: LimitLoad, fields: JointFields, path: Path) -> None:
     if structure.scene.comm.rank != 0:
         return
     figure, (left, right) = _axes(structure, 2)
-    _draw_mode(left, structure, fields, motion)
+    _draw_mode(left, structure, fields, motion, result.positive is None)
     _draw_forces(right, structure, fields)
     sign = "" if result.positive is not None else " (live load reversed)"
     head = f"{result.scene.title}: " if result.scene.title else ""
@@ -172,7 +171,11 @@ def _outlines(structure: Structure, ends: Array) -> list[tuple[int, Any]]:
 
 
 def _draw_mode(
-    axes: Any, structure: Structure, fields: JointFields, motion: dict[str, Array]
+    axes: Any,
+    structure: Structure,
+    fields: JointFields,
+    motion: dict[str, Array],
+    reverse: bool,
 ) -> None:
     from matplotlib.collections import LineCollection, PathCollection
     from matplotlib.lines import Line2D
@@ -207,13 +210,40 @@ def _draw_mode(
     kind = np.where(
         np.any(state == OPEN, axis=1), OPEN, np.where(np.any(state == SLIP, axis=1), SLIP, STICK)
     )
-    for number in (STICK, SLIP, OPEN):
-        segments = position[joints.segments[kind == number]]
-        width = 1.0 if number == STICK else 2.2
-        axes.add_collection(LineCollection(segments, colors=COLOURS[number], linewidths=width))
-    handles = [Line2D([], [], color=COLOURS[k], lw=2, label=LABELS[k]) for k in (OPEN, SLIP, STICK)]
-    axes.legend(handles=handles, loc="upper right", fontsize=9, framealpha=0.9)
+    fastest = max(np.abs(fields.opening_rate).max(), np.abs(fields.slip_rate).max())
+    opening = np.any(fields.opening_rate[joints.segments] > SLIPPING * fastest, axis=1)
+    handles = []
+    for label, colour, width, chosen in (
+        ("closed", COLOURS[STICK], 0.8, kind == STICK),
+        ("open, at rest", COLOURS[OPEN], 0.8, (kind == OPEN) & ~opening),
+        ("slips", COLOURS[SLIP], 2.2, kind == SLIP),
+        ("opens", COLOURS[OPEN], 2.2, (kind == OPEN) & opening),
+    ):
+        segments = position[joints.segments[chosen]]
+        axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
+        handles.append(Line2D([], [], color=colour, lw=width, label=label))
+    axes.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, fontsize=9,
+        frameon=False,
+    )  # fmt: skip
+    _draw_live_load(axes, structure, reverse)
     axes.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
+
+
+def _draw_live_load(axes: Any, structure: Structure, reverse: bool) -> None:
+    """An arrow along the resultant of the live load, through the corner it comes from."""
+    resultant = structure.bodies.live[:, :2].sum(axis=0) * (-1.0 if reverse else 1.0)
+    size = np.linalg.norm(resultant)
+    if size <= 1e-9 * np.abs(structure.bodies.live).max():
+        return
+    along = resultant / size
+    start = np.where(along > 0.3, 0.02, np.where(along < -0.3, 0.98, 0.06))
+    if abs(along[0]) > 0.3:
+        start[1] = 0.97
+    end = start + 0.12 * along
+    style = {"arrowstyle": "-|>", "color": "0.2", "lw": 1.6}
+    axes.annotate("", end, start, xycoords="axes fraction", arrowprops=style)
+    axes.text(end[0] + 0.02, end[1] - 0.01, "live load", transform=axes.transAxes, fontsize=9)
 
 
 def _draw_forces(axes: Any, structure: Structure, fields: JointFields) -> None:

@@ -112,7 +112,8 @@ class SpringStiffness:
         blocks = self._normal * normal[:, None, None] + self._tangential * tangential[:, None, None]
         if coupling is not None:
             blocks += self._coupling * coupling[:, None, None]
-        matrix.setValuesRCV(self._dofs, self._dofs, blocks, addv=PETSc.InsertMode.ADD_VALUES)
+        if len(blocks):  # petsc4py divides by the number of blocks
+            matrix.setValuesRCV(self._dofs, self._dofs, blocks, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
 
     def _with_spring_pattern(self, stiffness: PETSc.Mat) -> PETSc.Mat:

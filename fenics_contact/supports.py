@@ -39,7 +39,7 @@ class Supports:
     points: npt.NDArray[np.float64]
 
     def free_directions(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        """Derivatives du / du' at given nodes, columns of held coordinates zero, shape (nodes, 2, 2)."""
+        """Derivatives du / du' at given nodes, zero for what is held, shape (nodes, 2, 2)."""
         directions = np.tile(np.eye(2), (len(nodes), 1, 1))
         if len(self.nodes):
             where = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)

@@ -1,0 +1,49 @@
+# Everything runs in a virtual environment that sees the distribution's packages.
+PYTHON := .venv/bin/python
+PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3-scipy \
+            python3-matplotlib python3-tqdm python3-pytest python3-mypy python3-venv python3-pip \
+            python3-dev gcc openmpi-bin
+INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
+RUFF := ruff==0.15.0
+
+export OMP_NUM_THREADS := 1
+
+.PHONY: help setup packages demo test lint meshes bench clean
+help:  ## say what there is
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+setup: packages .venv/installed  ## install what is missing: Debian packages, virtual environment
+
+packages:
+	@missing=""; for p in $(PACKAGES); do \
+	  dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q "ok installed" || missing="$$missing $$p"; \
+	done; \
+	if [ -n "$$missing" ]; then echo "installing:$$missing"; \
+	  $(INSTALL)apt-get update -qq && \
+	  DEBIAN_FRONTEND=noninteractive $(INSTALL)apt-get install -y -qq --no-install-recommends $$missing; fi
+
+.venv/installed: pyproject.toml
+	/usr/bin/python3 -m venv --system-site-packages .venv
+	$(PYTHON) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+.venv/bin/ruff: | .venv/installed
+	$(PYTHON) -m pip install --quiet $(RUFF)
+
+demo: setup  ## the limit load of a wall with an opening, with files and pictures
+	$(PYTHON) demos/03_wall_w3.py
+	@echo "pictures: demos/output/w3/collapse.png demos/output/w3/capacity.png"
+
+test: setup  ## run the tests
+	$(PYTHON) -m pytest
+
+lint: setup .venv/bin/ruff  ## ruff and mypy
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	$(PYTHON) -m mypy
+
+meshes: setup  ## make the meshes of meshes/ again
+	$(PYTHON) meshes/make_meshes.py
+
+clean:  ## remove what was made
+	rm -rf .venv build *.egg-info demos/output .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,12 @@
+"""The wall of demo 03 in six lines of Python."""
+
+from pathlib import Path
+
+from fenics_contact import Scene, limit_load
+
+scene = Scene.from_file(Path(__file__).parent / "03_wall_w3.toml")
+result = limit_load(scene)
+print(result.status, result.load_factor, result.bounds)
+
+if abs(result.load_factor - 0.35582) > 1e-4:
+    raise SystemExit(f"load factor {result.load_factor}, should be 0.35582")
