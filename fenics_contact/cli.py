@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import logging
+import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,10 +22,11 @@ SOLVED, BAD_INPUT, UNSTABLE, NOT_CONVERGED = 0, 2, 3, 4
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
-    options = _parser().parse_args(arguments)
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
+    with _only_on_root(comm):
+        options = _parser().parse_args(arguments)
     _set_up_logging(options, comm)
     from fenics_contact.errors import InputError
 
@@ -43,6 +46,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.flush()
         comm.Abort(1)
         raise
+
+
+@contextlib.contextmanager
+def _only_on_root(comm: MPI.Comm) -> Iterator[None]:
+    """Let rank 0 alone print what argparse has to say."""
+    with open(os.devnull, "w") as nothing, contextlib.ExitStack() as stack:
+        if comm.rank != 0:
+            stack.enter_context(contextlib.redirect_stdout(nothing))
+            stack.enter_context(contextlib.redirect_stderr(nothing))
+        yield
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -91,24 +104,48 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from fenics_contact.progress import Progress
     from fenics_contact.scene_file import read_scene
 
+    folder = _output_folder(options, comm)
     scene = read_scene(options.scene, comm, options.overrides)
     read = time.perf_counter() - start
     if loud:
-        mesh = scene.mesh
-        print(f"{mesh.body_count} blocks on {comm.size} rank{'s' * (comm.size > 1)}", flush=True)
+        print(
+            f"{_count(scene.mesh.body_count, 'block')} on {_count(comm.size, 'rank')}", flush=True
+        )
     # mpirun passes a terminal on even where its own output goes to a file.
     bar = comm.size == 1 and sys.stdout.isatty()
     with Progress(loud, bar, scene.solve.tolerance) as progress:
         result = limit_load(scene, progress)
     result.seconds["read"] = read
     result.seconds["total"] += read
-    folder = options.output or options.scene.with_suffix("")
     if loud:
         print(_summary(result), flush=True)
     result.write(folder)
     if loud:
         print(f"written to {folder}", flush=True)
     return {"unstable": UNSTABLE, "not_converged": NOT_CONVERGED}.get(result.status, SOLVED)
+
+
+def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
+    """Where to write; checked before the work is done.
+
+    Raises:
+        InputError: On all ranks, if a file is in the way or the folder cannot be made.
+    """
+    from fenics_contact.errors import InputError, raised_together
+
+    folder: Path = options.output or options.scene.with_suffix("")
+    with raised_together(comm):
+        if comm.rank == 0:
+            there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+            if not there.is_dir():
+                raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
+            if not os.access(there, os.W_OK):
+                raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
+    return folder
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _summary(result: LimitLoad) -> str:
@@ -121,6 +158,9 @@ def _summary(result: LimitLoad) -> str:
             continue
         if end.status == "unbounded":
             lines.append(f"load factor{name}: unbounded, nothing limits the live load")
+            continue
+        if end.state is None:
+            lines.append(f"load factor{name}: NOT CONVERGED, no state was found")
             continue
         lower = "none" if end.bounds.lower is None else f"{end.bounds.lower + 0.0:.6g}"
         lines.append(

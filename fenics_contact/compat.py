@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -127,6 +128,27 @@ def write_vtk(path: Path, functions: list[fem.Function]) -> None:
     domain = functions[0].function_space.mesh
     with io.VTKFile(domain.comm, str(path), "w") as file:
         file.write_function([getattr(f, "_cpp_object", f) for f in functions], 0.0)
+    domain.comm.barrier()
+    if domain.comm.rank == 0:
+        for parallel in path.parent.glob(f"{path.stem}*.pvtu"):
+            _tidy_pvtu(parallel)
+    domain.comm.barrier()
+
+
+def _tidy_pvtu(path: Path) -> None:
+    """List every piece once: dolfinx 0.5 repeats the list for every function written."""
+    tree = ElementTree.parse(path)
+    for grid in tree.getroot():
+        seen: set[str] = set()
+        for piece in grid.findall("Piece"):
+            source = piece.get("Source", "")
+            if source in seen:
+                grid.remove(piece)
+            seen.add(source)
+        for array in grid.iter("PDataArray"):
+            if array.get("NumberOfComponents") == "0":
+                array.set("NumberOfComponents", "1")
+    tree.write(path, encoding="utf-8", xml_declaration=True)
 
 
 def facet_vertices(topology: Any) -> npt.NDArray[np.int32]:

@@ -297,7 +297,9 @@ class _Driver:
         scales: Scales,
     ) -> Collapse:
         """Follow one direction of the live load to its plateau."""
-        if np.isinf(bounds.upper) and self.plan.exact_program:
+        # Without Coulomb friction the upper bound is exact; the lower one is a bound in any case.
+        exact = not np.any(self.structure.joints.friction)
+        if bounds.lower == np.inf or (exact and bounds.upper == np.inf):
             return Collapse("unbounded", np.inf, bounds)
         unit = problem.live.norm(PETSc.NormType.N1)
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)

@@ -182,6 +182,7 @@ def _read(path: Path) -> GmshMesh:
         try:
             gmsh.open(str(path))
         except Exception as error:
+            gmsh.finalize()  # or every later file would be found empty
             raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
         try:
             return extract(gmsh.model, f"'{path}'")

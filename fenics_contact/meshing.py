@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -313,3 +314,148 @@ def _add_sides(
         geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
         lines.append((line, start, outline[following]))
     return lines
+
+
+def arch(
+    voussoirs: int,
+    thickness: float,
+    radius: float = 1.0,
+    embrace: float = 180.0,
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh an arch of equal voussoirs with straight sides and radial joints.
+
+    The corners lie at radius -+ thickness / 2. The groups are "blocks", and of facets "springings"
+    (both ends, to stand on rigid ground), "extrados" and "intrados".
+
+    Args:
+        voussoirs: Number of blocks.
+        thickness: Of the ring, m.
+        radius: Of the middle of the ring, m.
+        embrace: Angle between the springings, degrees, at most 360.
+        elements: Number of elements through the thickness.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed.
+
+    Raises:
+        InputError: If sizes are not positive, or the thickness reaches the centre.
+    """
+    if voussoirs < 1 or elements < 1 or not 0.0 < embrace <= 360.0:
+        raise InputError("arch: voussoirs, elements and embrace must be positive")
+    if not 0.0 < thickness < 2.0 * radius:
+        raise InputError("arch: the thickness must lie between 0 and twice the radius")
+    half = 0.5 * np.radians(embrace)
+    angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
+    ray = np.column_stack([np.cos(angles), np.sin(angles)])
+    inner, outer = (radius - 0.5 * thickness) * ray, (radius + 0.5 * thickness) * ray
+    corners = [[inner[k], inner[k + 1], outer[k + 1], outer[k]] for k in range(voussoirs)]
+    groups = {
+        "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
+        "intrados": list(itertools.pairwise(inner)),
+        "extrados": list(itertools.pairwise(outer)),
+    }
+    size = thickness / elements
+    return polygons(corners, size, groups=groups, quadrilaterals=quadrilaterals)
+
+
+def wedge(
+    half_angle: float,
+    height: float = 0.5,
+    length: float = 3.0,
+    size: float = 0.25,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a symmetric wedge, tip down, between two blocks that stand on the ground.
+
+    The groups are "blocks" and "wedge", and of facets "base" (under the blocks), "top" (of the
+    wedge) and "flanks" (both sides of the joints).
+
+    Args:
+        half_angle: Half the angle at the tip, degrees.
+        height: Of wedge and blocks, m.
+        length: Of a block along the ground, m.
+        size: Largest length of an element along the sides, m.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed.
+
+    Raises:
+        InputError: If sizes are not positive or the wedge is wider than the blocks.
+    """
+    half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
+    if height <= 0.0 or not 0.0 < half < length:
+        raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
+    flanks = [((0.0, 0.0), (side * half, height)) for side in (-1.0, 1.0)]
+    return polygons(
+        [
+            [(-length, 0.0), (0.0, 0.0), (-half, height), (-length, height)],
+            [(0.0, 0.0), (length, 0.0), (length, height), (half, height)],
+            [(0.0, 0.0), (half, height), (-half, height)],
+        ],
+        size,
+        names=["blocks", "blocks", "wedge"],
+        groups={
+            "base": [((-length, 0.0), (length, 0.0))],
+            "top": [((-half, height), (half, height))],
+            "flanks": flanks,
+        },
+        quadrilaterals=quadrilaterals,
+    )
+
+
+def buttress(
+    courses: int,
+    wall_width: float = 1.0,
+    foot: float = 1.0,
+    height: float = 0.5,
+    size: float = 0.25,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a wall in courses with a buttress of raking courses that leans on it.
+
+    The buttress is a triangle on the right of the wall, cut by level joints. The groups are "wall"
+    and "buttress", and of facets "base", "left" (the wall's free face) and "back" (both sides of
+    the joint between wall and buttress).
+
+    Args:
+        courses: Number of courses of either.
+        wall_width: Width of the wall, m.
+        foot: Width of the buttress at the ground, m.
+        height: Of a course, m.
+        size: Largest length of an element along the sides, m.
+        quadrilaterals: Quadrilateral cells in place of triangles.
+
+    Returns:
+        `gmsh.model`, meshed.
+
+    Raises:
+        InputError: If a size is not positive.
+    """
+    if courses < 1 or min(wall_width, foot, height) <= 0.0:
+        raise InputError("buttress: courses and sizes must be positive")
+    total = courses * height
+    blocks: list[list[tuple[float, float]]] = []
+    names = []
+    for course in range(courses):
+        low, high = course * height, (course + 1) * height
+        blocks.append([(0.0, low), (wall_width, low), (wall_width, high), (0.0, high)])
+        left, right = wall_width, wall_width + foot * (1.0 - low / total)
+        above = wall_width + foot * (1.0 - high / total)
+        corners = [(left, low), (right, low), (above, high), (left, high)]
+        blocks.append(corners[:3] if course == courses - 1 else corners)
+        names += ["wall", "buttress"]
+    return polygons(
+        blocks,
+        size,
+        names=names,
+        groups={
+            "base": [((0.0, 0.0), (wall_width + foot, 0.0))],
+            "left": [((0.0, 0.0), (0.0, total))],
+            "back": [((wall_width, 0.0), (wall_width, total))],
+        },
+        quadrilaterals=quadrilaterals,
+    )

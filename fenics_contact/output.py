@@ -32,6 +32,7 @@ def write_result(result: LimitLoad, folder: Path) -> None:
     comm, options = result.scene.comm, result.scene.output
     if comm.rank == 0:
         folder.mkdir(parents=True, exist_ok=True)
+        (folder / "result.json").unlink(missing_ok=True)
     comm.barrier()
     collapse = result.collapse
     if collapse is not None and collapse.state is not None and collapse.mode is not None:
@@ -109,14 +110,16 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
 
 
 def _iteration_record(collapse: Collapse) -> dict[str, Any]:
-    certificate, steps = collapse.certificate, [s for h in collapse.history for s in h.steps]
+    steps = [step for history in collapse.history for step in history.steps]
+    # Nothing is proved by the last state of a load that is not limited.
+    certificate = None if collapse.status == "unbounded" else collapse.certificate
     return {
         "method": collapse.history[-1].method,
-        "error_estimate": None if certificate is None else _number(certificate.error_estimate),
-        "residuals": None
-        if certificate is None
-        else {name: _number(value) for name, value in certificate.residuals.items()},
-        "failures": [] if certificate is None else sorted(certificate.failures),
+        "error_estimate": _number(certificate.error_estimate) if certificate else None,
+        "residuals": {name: _number(value) for name, value in certificate.residuals.items()}
+        if certificate
+        else None,
+        "failures": sorted(certificate.failures) if certificate else [],
         "iterations": {
             "fixed_point": len(steps),
             "contraction": _number(collapse.history[0].contraction),

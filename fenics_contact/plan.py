@@ -15,12 +15,10 @@ class Plan:
 
     Attributes:
         coulomb: Whether the bound on friction depends on the pressure; if not, one solve is enough.
-        exact_program: Whether the rigid-block program is exact, not only a bound.
         skipped: What is skipped and why, for people.
     """
 
     coulomb: bool
-    exact_program: bool
     skipped: tuple[str, ...]
 
 
@@ -47,4 +45,4 @@ def make_plan(scene: Scene) -> Plan:
         skipped.append("stress recovery and ParaView files: output.paraview = false")
     if not scene.output.pictures:
         skipped.append("pictures: output.pictures = false")
-    return Plan(coulomb, not coulomb, tuple(skipped))
+    return Plan(coulomb, tuple(skipped))

@@ -52,7 +52,7 @@ class Material:
             f"young = {self.young} must be a positive number (Pa)",
         )
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
-        _require(_non_negative(self.density), f"density = {self.density} must not be negative")
+        _require(_non_negative(self.density), f"density = {self.density} must be finite and >= 0")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class JointLaw:
             if self.law == owner:
                 _require(value is not None, f"law '{owner}' needs {name}")
                 _require(
-                    _non_negative(float(value or 0.0)), f"{name} = {value} must not be negative"
+                    _non_negative(float(value or 0.0)), f"{name} = {value} must be finite and >= 0"
                 )
             else:
                 _require(value is None, f"law '{self.law}' takes no {name}")
@@ -98,7 +98,8 @@ class Load:
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, value in (("body", self.body), *self.traction.items()):
+        tractions = {f"traction.{name}": value for name, value in self.traction.items()}
+        for name, value in {"body": self.body, **tractions}.items():
             _require(
                 len(value) == 2 and all(map(math.isfinite, value)),
                 f"{name} = {list(value)} must be two finite numbers",
@@ -163,7 +164,7 @@ class Scene:
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
         plane: "strain" or "stress".
-        degree: Degree of the displacements.
+        degree: Degree of the displacements, 1 or 2.
         title: For pictures.
         solve: How to look for the limit load.
         output: What to write.
@@ -187,7 +188,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         _require(self.plane in PLANES, f"plane.state = '{self.plane}' must be strain or stress")
-        _require(self.degree == 1, f"mesh.degree = {self.degree} must be 1")
+        _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         for name, kind in self.supports.items():
             _require(
                 kind in SUPPORTS, f"supports.{name} = '{kind}' must be one of {', '.join(SUPPORTS)}"

@@ -90,6 +90,8 @@ def _parts(table: Table) -> dict[str, Any]:
     _known("loads", loads, {"dead", "live"})
     if "file" not in mesh:
         raise InputError('mesh.file is missing; name the gmsh file, [mesh] file = "wall.msh"')
+    if not mesh["file"]:
+        raise InputError("mesh.file is empty; name the gmsh file")
     if "live" not in loads:
         raise InputError("loads.live is missing; give the load to be multiplied, [loads.live]")
     if not _table(table, "materials"):
@@ -196,7 +198,10 @@ def _each(table: Table, name: str, read: Callable[[str, Any], Any]) -> dict[str,
 def _number(key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(f"{key} = {value!r} must be a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise InputError(f"{key} is too large a number") from None
 
 
 def _whole(key: str, value: Any) -> int:

@@ -70,10 +70,11 @@ class SpringStiffness:
         self._elastic.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._add(matrix, normal, tangential, coupling)
         matrix.setOption(PETSc.Mat.Option.SPD, coupling is None)
-        solver.setUp()
+        preconditioner = solver.getPC()
+        preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
         self.factorizations += 1
         self.seconds += time.perf_counter() - start
-        error = solver.getPC().getFactorMatrix().getMumpsInfog(1)
+        error = preconditioner.getFactorMatrix().getMumpsInfog(1)
         if error < 0:
             raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -15,22 +17,12 @@ from fenics_contact.meshing import model_from_arrays, running_bond, wall
 GRAVITY = 9.81
 DENSITY = 1.0e4 / GRAVITY  # unit weight 10 kN/m3
 
-_E = [0.5, 1, 1, 1, 1, 0.5]
-_U = [1, 1, 1, 1, 1]
-_W3 = {
-    "E": [1, 1, 1, 1],
-    "U": [0.5, 1, 1, 1, 0.5],
-    "e": [1, 0.5, -1, 0.5, 1],
-    "u": [0.5, 1, -1, 1, 0.5],
-}
-_W4 = {"E": _E, "U": _U, "u": [1, -1, 1, -1, 1], "e": [0.5, 0.5, -1, 0.5, 0.5, -1, 0.5, 0.5]}
-
-#: The walls of M.C. Ferris, F. Tin-Loi, Int. J. Mech. Sci. 43 (2001) 209-224, courses bottom first.
+#: Courses of the walls W1 ... W4, from the script that makes the meshes.
 WALLS: dict[str, list[list[float]]] = {
-    "W1": [_E, _U] * 3,
-    "W2": [_E, _U] * 5,
-    "W3": [_W3[course] for course in "EUEueueuEUE"],
-    "W4": [_W4[course] for course in "EUEueueuEUE"],
+    name.upper(): courses
+    for name, courses in runpy.run_path(
+        str(Path(__file__).parents[2] / "meshes" / "make_meshes.py")
+    )["WALLS"].items()
 }
 
 
@@ -53,12 +45,12 @@ class Variant:
     mirrored: bool = False
 
 
-def wall_model(name: str, elements: int = 2):
+def wall_model(name: str, elements: int = 2, quadrilaterals: bool = False):
     """gmsh model of "W1" ... "W4", or of "10x10" for a running bond of that size."""
     if name in WALLS:
-        return wall(WALLS[name], elements=elements)
+        return wall(WALLS[name], elements=elements, quadrilaterals=quadrilaterals)
     bricks, courses = map(int, name.split("x"))
-    return running_bond(bricks, courses, elements=elements)
+    return running_bond(bricks, courses, elements=elements, quadrilaterals=quadrilaterals)
 
 
 def wall_scene(
@@ -67,11 +59,13 @@ def wall_scene(
     elements: int = 2,
     variant: Variant | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
+    degree: int = 1,
+    quadrilaterals: bool = False,
     **options,
 ) -> Scene:
     """A wall on rigid ground, its weight times the load factor pushing to the right."""
     variant = variant or Variant()
-    model = wall_model(name, elements)
+    model = wall_model(name, elements, quadrilaterals)
     mesh = BlockMesh.from_model(changed(model, variant), comm)
     # New units: a length of 1 m is 1 / length of them, a force of 1 N is 1 / force.
     weight = DENSITY * GRAVITY / variant.force * variant.length**3
@@ -86,6 +80,7 @@ def wall_scene(
         dead=Load((0.0, -1.0)),
         joints={"default": law},
         foundations={"base": law},
+        degree=degree,
         solve=SolveOptions(**options),
     )
 

@@ -7,7 +7,7 @@ import math
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, JointLaw, Load, LimitLoad, Material, Scene, limit_load
+from fenics_contact import BlockMesh, JointLaw, LimitLoad, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons, wall
 from tests.regression.scenes import rectangle
 

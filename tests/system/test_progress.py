@@ -1,0 +1,111 @@
+"""Progress: lines where output goes to a file, a bar on a terminal."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.system.program import TIMEOUT, command, environment, run, stop, write_scene
+
+ITERATION = re.compile(r"^(positive|negative): iteration +(\d+)  load factor \S+  change of", re.M)
+PERCENTAGE = re.compile(r"positive: +(\d+)%\|")
+
+
+def run_on_terminal(arguments: list[str], folder: Path, ranks: int = 1) -> tuple[int, str]:
+    """Run the program on a pseudo-terminal; returns exit code and everything printed."""
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 160, 0, 0))
+    with subprocess.Popen(
+        command(arguments, ranks),
+        cwd=folder,
+        env=environment() | {"TERM": "xterm"},
+        stdin=subprocess.DEVNULL,
+        stdout=theirs,
+        stderr=theirs,
+    ) as process:
+        os.close(theirs)
+        try:
+            printed = _read_all(ours)
+            code = process.wait(TIMEOUT)
+        except BaseException:
+            stop(process)
+            raise
+        finally:
+            os.close(ours)
+    return code, printed
+
+
+def _read_all(terminal: int) -> str:
+    """What is printed until the last program on the terminal ends."""
+    end, printed = time.monotonic() + TIMEOUT, b""
+    while select.select([terminal], [], [], max(0.0, end - time.monotonic()))[0]:
+        try:
+            part = os.read(terminal, 65536)
+        except OSError:  # Linux's way to say that nobody holds the other end any more
+            part = b""
+        if not part:
+            return printed.decode()
+        printed += part
+    raise TimeoutError(printed.decode())
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_piped_output_is_lines_printed_once(ranks, tmp_path):
+    write_scene(tmp_path, {"solve.direction": "both"})
+    found = run(["solve", "scene.toml"], tmp_path, ranks)
+    assert found.code == 0
+    assert "\r" not in found.out + found.err
+    assert "%|" not in found.out + found.err
+    steps = [(name, int(number)) for name, number in ITERATION.findall(found.out)]
+    for direction in ("positive", "negative"):
+        numbers = [number for name, number in steps if name == direction]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert len(numbers) >= 2
+    for once in ("reading scene.toml", f"1 block on {ranks} rank", "verified", "written to"):
+        lines = [line for line in found.out.splitlines() if line.startswith(once)]
+        assert len(lines) == (2 if once == "verified" else 1)  # a verdict for each direction
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_piped_capacity_curve_is_a_line_per_point(ranks, tmp_path):
+    write_scene(tmp_path, {"output.capacity": 3})
+    found = run(["solve", "scene.toml"], tmp_path, ranks)
+    points = re.findall(r"^capacity: (\d) of 3  ", found.out, re.M)
+    assert points == ["1", "2", "3"]
+
+
+def test_bar_on_a_terminal(tmp_path):
+    write_scene(tmp_path, mesh="wall")
+    code, printed = run_on_terminal(["solve", "scene.toml"], tmp_path)
+    percentages = [int(number) for number in PERCENTAGE.findall(printed)]
+    assert code == 0
+    assert len(percentages) >= 2
+    assert percentages == sorted(percentages)
+    assert percentages[-1] == 100
+    assert not ITERATION.search(printed)
+    # The bar is drawn over itself, and the answer starts on a line of its own.
+    assert re.search(r"\r(?!\n)", printed)
+    assert re.search(r"\nload factor = 0\.3 ", printed)
+
+
+def test_no_bar_where_mpirun_gathers_the_output(tmp_path):
+    write_scene(tmp_path)
+    code, printed = run_on_terminal(["solve", "scene.toml"], tmp_path, ranks=2)
+    assert code == 0
+    assert "%|" not in printed
+    assert printed.count("iteration   1") == 1
+
+
+def test_quiet_on_a_terminal(tmp_path):
+    write_scene(tmp_path)
+    assert run_on_terminal(["solve", "scene.toml", "-q"], tmp_path) == (0, "")
