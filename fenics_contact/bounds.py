@@ -217,13 +217,14 @@ class RigidBlocks:
         cost = np.zeros(a_eq.shape[1])
         cost[0] = -1.0
         options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        for presolve in (True, False):
-            answer = linprog(
-                cost, a_ub, b_ub, a_eq, b_eq, limits, method="highs",
-                options=options | {"presolve": presolve},
-            )  # fmt: skip
+        # The interior point method is ten times as fast on large walls; the simplex method tells
+        # infeasible from unbounded more surely.
+        for method in ("highs-ipm", "highs-ds"):
+            answer = linprog(cost, a_ub, b_ub, a_eq, b_eq, limits, method, options=options)
             if answer.status == 0:
                 return answer
+            if method == "highs-ipm":
+                continue
             if answer.status == 2:
                 return None
             if answer.status == 3:
