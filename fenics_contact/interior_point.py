@@ -47,6 +47,10 @@ LARGEST_SPRING = 1e10
 #: in a mechanism, so that a moderate cap lets nothing penetrate and keeps its digits.
 MODE_CENTRING, MODE_SPRING = 1e-12, 1e3
 
+#: Springs that resist the steps, not the slip, of points that transmit no shear, in units of the
+#: mean diagonal of K: without them blocks on frictionless joints would have no stiffness.
+PROXIMAL_SPRING = 1e-8
+
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
 
@@ -341,7 +345,8 @@ class _InteriorPoint:
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
         k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
         q = self.friction * k_t * (lower - upper)
-        self.springs.factor(k_n, k_t, q * k_n if self.given is None else None)
+        resisted = np.where(self.sticky, k_t, PROXIMAL_SPRING * self.springs.mean_diagonal)
+        self.springs.factor(k_n, resisted, q * k_n if self.given is None else None)
         return k_n, k_t, q
 
     def step(self, now: _Iterate, residual: _Residual) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import gmsh_session
+from fenics_contact.mesh import extract, gmsh_session
 
 _TRIANGLE = 2  # gmsh element types
 _QUADRILATERAL = 3
@@ -103,7 +103,11 @@ def wall(
         steps = (0.5 * length / elements, height / max(1, round(2.0 * elements * height / length)))
         return _grid_wall(np.asarray(rectangles), steps, quadrilaterals)
     outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
-    return polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
+    free = polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
+    mesh = extract(free, "the wall")
+    free.remove()
+    groups = _outline_groups(mesh.points, _boundary_facets(mesh.cells))
+    return model_from_arrays(mesh.points, {"blocks": mesh.cells}, groups, "wall")
 
 
 def running_bond(
@@ -124,7 +128,12 @@ def running_bond(
 
     Returns:
         `gmsh.model`, meshed, with the groups of `wall`.
+
+    Raises:
+        InputError: If there is no brick or no course.
     """
+    if bricks < 1 or courses < 1:
+        raise InputError("running_bond: give at least one brick and one course")
     whole = [1.0] * bricks
     broken = [0.5] + [1.0] * (bricks - 1) + [0.5]
     rows = [whole if level % 2 == 0 else broken for level in range(courses)]
@@ -163,6 +172,15 @@ def _grid_cells(grid: npt.NDArray[np.int64], quadrilaterals: bool) -> npt.NDArra
     lower = np.where(rising, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
     upper = np.where(rising, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
+
+
+def _boundary_facets(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Facets of one cell only, in arrays of cells that share no nodes between blocks."""
+    facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, first, count = np.unique(
+        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return facets[first[count == 1]]
 
 
 def _outline_groups(

@@ -76,6 +76,7 @@ class SpringStiffness:
         self.seconds += time.perf_counter() - start
         error = preconditioner.getFactorMatrix().getMumpsInfog(1)
         if error < 0:
+            self._drop(self._current)
             raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
@@ -84,11 +85,15 @@ class SpringStiffness:
 
     def destroy(self) -> None:
         """Free the matrices and factors, which PETSc would otherwise keep for long."""
-        for matrix, solver in self._factors.values():
-            solver.destroy()
-            matrix.destroy()
-        self._factors.clear()
+        for kind in list(self._factors):
+            self._drop(kind)
         self._elastic.destroy()
+
+    def _drop(self, kind: str) -> None:
+        """Forget a factor; MUMPS does not recover from a failure."""
+        matrix, solver = self._factors.pop(kind)
+        solver.destroy()
+        matrix.destroy()
 
     def _new_factor(self, kind: str) -> tuple[PETSc.Mat, PETSc.KSP]:
         matrix = self._elastic.duplicate()

@@ -114,7 +114,6 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     normal = boundary.normal[rows]
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
-    gram *= boundary.length[rows, None, None]
     per_facet = boundary.nodes.shape[1]
     nodes, first, index = np.unique(boundary.nodes[rows], return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
@@ -133,7 +132,8 @@ def _principal_directions(
     gram: npt.NDArray[np.float64],
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     size, direction = np.linalg.eigh(gram)  # ascending; columns are directions
-    both = size[:, 0] > np.sin(SMOOTH_ANGLE) ** 2 * size[:, 1]
+    # Two normals at an angle give the sizes 1 -+ cos(angle).
+    both = size[:, 0] > np.tan(0.5 * SMOOTH_ANGLE) ** 2 * size[:, 1]
     normal = direction[:, :, 1]
     frame = np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=2)
     held = np.tile([True, False], (len(gram), 1))
