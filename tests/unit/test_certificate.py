@@ -1,0 +1,280 @@
+"""The verification of a collapse state: what is right passes, every tampering is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from fenics_contact.bounds import LimitBounds, RigidBlocks
+from fenics_contact.certificate import TOLERANCES, Certificate, certify
+from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.interior_point import Scales, State, WorkControl
+from fenics_contact.limit_load import FIRST_WORK
+from fenics_contact.meshing import running_bond, wall
+from tests.helpers import (
+    Array,
+    Loaded,
+    coulomb,
+    joint_rows,
+    node_bodies,
+    on_ground,
+    vector_like,
+    whole,
+)
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """A collapse state of a structure and its mode."""
+
+    loaded: Loaded
+    state: State
+    mode: PETSc.Vec
+    scales: Scales
+    bounds: LimitBounds
+
+    @classmethod
+    def of(cls, loaded: Loaded) -> Collapse:
+        structure = loaded.structure
+        start, scales = loaded.start(FIRST_WORK)
+        control = WorkControl(structure.problem, structure.springs)
+        friction = CoulombFriction(control, scales, 1e-9, monolithic=True)
+        bound = structure.problem.bound(loaded.bonded.dead_pressure)
+        point, history = friction.solve(start, bound, start.work)
+        assert history.converged
+        blocks = RigidBlocks(structure.joints, structure.bodies, structure.scene.comm)
+        _, motion = blocks.collapse(structure.all_points(point.bound))
+        mode = structure.rigid_motion(motion)
+        return cls(loaded, point.state, mode, scales, blocks.bounds())
+
+    def certificate(self, **changes) -> Certificate:
+        changed = replace(self, **changes)
+        return certify(
+            self.loaded.structure.problem,
+            changed.state,
+            changed.mode,
+            changed.scales,
+            changed.bounds,
+        )
+
+    def at_point(self, name: str, point: int, change) -> State:
+        """The state with one entry of its pressure or shear changed."""
+        values = getattr(self.state, name).copy()
+        row = np.flatnonzero(self.loaded.structure.operators.points == point)
+        values[row] = change(values[row])
+        return replace(self.state, **{name: values})
+
+    def displaced(self, body: int, motion: Array) -> State:
+        """The state with one body displaced by a rigid motion (a, b, c)."""
+        motions = np.zeros((len(self.loaded.structure.bodies.centre), 3))
+        motions[body] = motion
+        displacement = self.state.displacement.copy()
+        displacement.axpy(1.0, self.loaded.structure.rigid_motion(motions))
+        return replace(self.state, displacement=displacement)
+
+    def all_points(self, values: Array) -> Array:
+        return self.loaded.structure.all_points(values)
+
+    def most_loaded(self) -> int:
+        return int(np.argmax(self.all_points(self.state.pressure)))
+
+
+@pytest.fixture(scope="module", params=["block", "wall"])
+def collapse(request) -> Collapse:
+    if request.param == "block":
+        scene = on_ground(wall([[1]], (0.4, 0.3), 1), coulomb(0.4))
+    else:
+        scene = on_ground(running_bond(2, 2, elements=1), coulomb(0.45))
+    return Collapse.of(Loaded.of(scene))
+
+
+def test_correct_collapse_passes(collapse):
+    certificate = collapse.certificate()
+    assert set(certificate.residuals) >= set(TOLERANCES)
+    assert certificate.failures == {}
+    assert certificate.passed and certificate.mode_passed
+    assert certificate.gap == certificate.residuals["mode_power"] < 1e-6
+    assert certificate.error_estimate < 1e-6 * collapse.state.load_factor
+
+
+@pytest.mark.parametrize("factor", [1.001, 0.999])
+def test_changed_load_factor(collapse, factor):
+    state = replace(collapse.state, load_factor=factor * collapse.state.load_factor)
+    certificate = collapse.certificate(state=state)
+    assert {"equilibrium", "mode_power"} <= set(certificate.failures)
+    # The power balance misses just what the load factor was changed by.
+    assert certificate.gap == pytest.approx(1e-3, rel=0.05)
+    assert not certificate.mode_passed
+
+
+def test_negative_pressure(collapse):
+    point, force = collapse.most_loaded(), collapse.scales.force
+    state = collapse.at_point("pressure", point, lambda r: -1e-3 * force)
+    certificate = collapse.certificate(state=state)
+    assert {"tension", "equilibrium"} <= set(certificate.failures)
+    assert certificate.residuals["tension"] == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_shear_above_the_cone(collapse, sign):
+    point = collapse.most_loaded()
+    problem, force = collapse.loaded.structure.problem, collapse.scales.force
+    bound = collapse.all_points(problem.bound(collapse.state.pressure))[point]
+    excess = 1e-3 * force
+    state = collapse.at_point("shear", point, lambda r: sign * (bound + excess))
+    certificate = collapse.certificate(state=state)
+    assert "friction" in certificate.failures
+    assert certificate.residuals["friction"] == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_body_pushed_into_the_ground(collapse):
+    depth = 1e-3 * collapse.scales.displacement
+    clean = collapse.certificate().residuals
+    state = collapse.displaced(0, [0.0, -depth, 0.0])
+    certificate = collapse.certificate(state=state)
+    assert {"penetration", "complementarity"} <= set(certificate.failures)
+    assert certificate.residuals["penetration"] == pytest.approx(1e-3, rel=1e-3)
+    # A rigid motion changes no stress and no force.
+    assert "equilibrium" not in certificate.failures
+    for name in ("tension", "friction"):
+        assert certificate.residuals[name] == clean[name]
+
+
+def test_body_lifted_off_though_it_is_pressed(collapse):
+    state = collapse.displaced(0, [0.0, 1e-3 * collapse.scales.displacement, 0.0])
+    assert "complementarity" in collapse.certificate(state=state).failures
+
+
+def test_body_slid_against_its_shear(collapse):
+    # Far to the left of where it was at rest, while friction still resists a slip to the right.
+    state = collapse.displaced(0, [-10.0 * collapse.scales.displacement, 0.0, 0.0])
+    assert {"slip_direction", "work"} <= set(collapse.certificate(state=state).failures)
+
+
+def test_changed_work(collapse):
+    state = replace(collapse.state, work=1.001 * collapse.state.work)
+    certificate = collapse.certificate(state=state)
+    assert set(certificate.failures) == {"work"}
+    assert certificate.residuals["work"] == pytest.approx(1e-3 / 1.001, rel=1e-6)
+
+
+def test_changed_displacement_is_not_in_equilibrium(collapse):
+    u = whole(collapse.state.displacement)
+    noise = np.random.default_rng(0).standard_normal(len(u)) * 1e-6 * np.abs(u).max()
+    displacement = vector_like(collapse.state.displacement, u + noise)
+    state = replace(collapse.state, displacement=displacement)
+    assert "equilibrium" in collapse.certificate(state=state).failures
+
+
+def scaled(vector: PETSc.Vec, factor: float) -> PETSc.Vec:
+    result = vector.copy()
+    result.scale(factor)
+    return result
+
+
+def test_mode_backwards(collapse):
+    certificate = collapse.certificate(mode=scaled(collapse.mode, -1.0))
+    assert "mode_power" in certificate.failures
+    assert not certificate.mode_passed
+
+
+def test_mode_into_the_ground(collapse):
+    structure = collapse.loaded.structure
+    motion = np.zeros((len(structure.bodies.centre), 3))
+    motion[:, 1] = -1.0 / collapse.scales.force
+    mode = collapse.mode.copy()
+    mode.axpy(1.0, structure.rigid_motion(motion))
+    assert "mode_penetration" in collapse.certificate(mode=mode).failures
+
+
+def test_mode_that_lifts_what_need_not_be(collapse):
+    # Admissible, but it costs the work of lifting: it proves a higher load factor only.
+    structure = collapse.loaded.structure
+    upward = np.zeros((len(structure.bodies.centre), 3))
+    upward[:, 1] = 0.1 / collapse.scales.force
+    mode = collapse.mode.copy()
+    mode.axpy(1.0, structure.rigid_motion(upward))
+    assert set(collapse.certificate(mode=mode).failures) == {"mode_power"}
+
+
+def test_elastic_mode(collapse):
+    # The bonded response to the live load: no mechanism at all.
+    live = collapse.loaded.structure.problem.live
+    mode = scaled(collapse.loaded.bonded.live, 1.0 / live.dot(collapse.loaded.bonded.live))
+    failures = collapse.certificate(mode=mode).failures
+    assert {"mode_elastic", "mode_power"} <= set(failures)
+
+
+def test_mode_that_is_strained_a_little(collapse):
+    u = whole(collapse.mode)
+    noise = np.random.default_rng(1).standard_normal(len(u)) * 1e-3 * np.abs(u).max()
+    failures = collapse.certificate(mode=vector_like(collapse.mode, u + noise)).failures
+    assert "mode_elastic" in failures
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-6, 0.5, 2.0])
+def test_mode_whose_live_load_does_not_do_unit_work(collapse, factor):
+    # By definition f_L.v = 1; no motion at all balances its power as well.
+    certificate = collapse.certificate(mode=scaled(collapse.mode, factor))
+    assert not certificate.mode_passed
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(2.0, 3.0), (0.0, 0.9)])
+def test_load_factor_outside_its_bracket(collapse, lower, upper):
+    factor = collapse.state.load_factor
+    bounds = replace(collapse.bounds, lower=lower * factor, upper=upper * factor)
+    certificate = collapse.certificate(bounds=bounds)
+    assert set(certificate.failures) == {"bracket"}
+    outside = max(lower - 1.0, 1.0 - upper)
+    assert certificate.residuals["bracket"] == pytest.approx(outside, rel=1e-9)
+
+
+def test_no_lower_bound(collapse):
+    bounds = LimitBounds(lower=None, upper=np.inf, stands=True, stands_frictionless=False)
+    assert collapse.certificate(bounds=bounds).passed
+
+
+def test_not_a_number_is_a_failure(collapse):
+    point = collapse.most_loaded()
+    state = collapse.at_point("shear", point, lambda r: np.nan)
+    certificate = collapse.certificate(state=state)
+    assert {"equilibrium", "friction"} <= set(certificate.failures)
+    assert not certificate.passed
+
+
+def test_residual_at_its_tolerance_passes_and_above_fails():
+    exact = dict(TOLERANCES)
+    assert Certificate(exact, 1.0).passed
+    for name in exact:
+        above = exact | {name: 1.001 * exact[name]}
+        certificate = Certificate(above, 1.0)
+        assert certificate.failures == {name: above[name]}
+        assert not certificate.passed
+        assert certificate.mode_passed == (not name.startswith("mode_"))
+
+
+def test_residuals_do_not_depend_on_the_order_of_joint_points(collapse):
+    # The largest residuals, recomputed by dense algebra.
+    structure = collapse.loaded.structure
+    b_n, b_t = joint_rows(structure)
+    u, v = whole(collapse.state.displacement), whole(collapse.mode)
+    certificate = collapse.certificate()
+    d = collapse.scales.displacement
+    assert certificate.residuals["penetration"] == pytest.approx(
+        max(0.0, -(b_n @ u).min()) / d, abs=1e-12
+    )
+    unit = d / collapse.state.work
+    assert certificate.residuals["mode_penetration"] == pytest.approx(
+        max(0.0, -(b_n @ v).min()) / unit, abs=1e-10
+    )
+    assert len(node_bodies(structure)) * 2 == len(u)
+    bound = collapse.all_points(structure.problem.bound(collapse.state.pressure))
+    power = collapse.state.load_factor * (whole(structure.problem.live) @ v)
+    power += whole(structure.problem.dead) @ v
+    dissipation = bound @ np.abs(b_t @ v)
+    assert certificate.gap == pytest.approx(
+        abs(dissipation - power) / max(dissipation, power, collapse.state.load_factor), abs=1e-10
+    )

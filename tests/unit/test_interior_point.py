@@ -1,0 +1,301 @@
+"""States under work control: elastic branch, plateau, rates, starts from far away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import JointLaw, Load, Scene, SolverError
+from fenics_contact.bounds import RigidBlocks
+from fenics_contact.interior_point import State, WorkControl
+from fenics_contact.limit_load import FIRST_WORK
+from fenics_contact.meshing import polygons, running_bond, wall
+from tests.helpers import (
+    GRAVITY,
+    PUSH,
+    STONE,
+    Loaded,
+    coulomb,
+    dense,
+    joint_rows,
+    on_ground,
+    vector_like,
+    whole,
+)
+
+LIFT = Load((0.0, GRAVITY))  # the weight upwards
+
+
+@pytest.fixture(scope="module")
+def bond() -> Loaded:
+    """A small wall in running bond on rigid ground."""
+    return Loaded.of(on_ground(running_bond(2, 2, elements=1), coulomb(0.5)))
+
+
+@pytest.fixture(scope="module")
+def block() -> Loaded:
+    """A block as wide as high, of several elements."""
+    return Loaded.of(on_ground(wall([[1]], (0.4, 0.4), 2), coulomb(0.5)))
+
+
+def program(loaded: Loaded, bound: np.ndarray) -> tuple[float, np.ndarray]:
+    """Limit load and collapse motions of rigid blocks with given friction."""
+    structure = loaded.structure
+    blocks = RigidBlocks(structure.joints, structure.bodies, structure.scene.comm)
+    factor, motion = blocks.collapse(structure.all_points(bound))
+    assert factor is not None and motion is not None
+    return factor, motion
+
+
+def control_of(loaded: Loaded) -> WorkControl:
+    return WorkControl(loaded.structure.problem, loaded.structure.springs)
+
+
+def leftovers(loaded: Loaded, state: State, bound: np.ndarray) -> dict[str, float]:
+    """All optimality conditions, recomputed by dense algebra."""
+    problem, all_points = loaded.structure.problem, loaded.structure.all_points
+    b_n, b_t = joint_rows(loaded.structure)
+    u = whole(state.displacement)
+    pressure, shear, g = map(all_points, (state.pressure, state.shear, bound))
+    forces = whole(problem.dead) + state.load_factor * whole(problem.live)
+    rest = dense(problem.stiffness) @ u - forces - b_n.T @ pressure - b_t.T @ shear
+    opening, slip = b_n @ u, b_t @ u
+    force = np.abs(forces).max()
+    return {
+        "equilibrium": np.abs(rest).max() / force,
+        "penetration": max(0.0, -opening.min()) / np.abs(u).max(),
+        "tension": max(0.0, -pressure.min()) / force,
+        "complementarity": np.abs(opening * pressure).max() / (force * np.abs(u).max()),
+        "friction": max(0.0, (np.abs(shear) - g).max()) / force,
+        "slip": np.abs(g * np.abs(slip) + shear * slip).max() / (force * np.abs(u).max()),
+        "work": abs(whole(problem.live) @ u / state.work - 1.0),
+    }
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.1, 0.5, 2.0])
+def test_plateau_is_the_rigid_limit_load(bond, friction):
+    bound = friction * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    point = control_of(bond).solve(bound, start.work, start, scales)
+    expected, _ = program(bond, bound)
+    assert point.state.load_factor == pytest.approx(expected, rel=1e-8)
+    assert np.array_equal(point.bound, bound)
+    assert point.steps <= 40
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_plateau_of_a_wall_with_a_lintel(degree):
+    model = wall([[1, 1, 1], [1, -1, 1], [0.5, 2, 0.5]], elements=1)
+    loaded = Loaded.of(on_ground(model, coulomb(0.6), degree=degree))
+    bound = 0.6 * loaded.bonded.dead_pressure
+    start, scales = loaded.start(FIRST_WORK)
+    point = control_of(loaded).solve(bound, start.work, start, scales)
+    expected, _ = program(loaded, bound)
+    assert point.state.load_factor == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0, FIRST_WORK])
+def test_state_meets_all_conditions(bond, ratio):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(ratio)
+    point = control_of(bond).solve(bound, start.work, start, scales)
+    assert max(point.residuals.values()) <= 1e-12
+    assert set(point.residuals) == {"equilibrium", "opening", "slip", "work", "complementarity"}
+    left = leftovers(bond, point.state, bound)
+    assert left.pop("equilibrium") < 1e-8
+    assert max(left.values()) < 1e-10, left
+
+
+def test_elastic_branch_is_the_response_with_closed_joints(block):
+    # Small load, high friction: nothing opens or slips. The load factor follows from K alone.
+    problem = block.structure.problem
+    b_n, b_t = joint_rows(block.structure)
+    stiffness, rows = dense(problem.stiffness), np.vstack([b_n, b_t])
+    count = len(stiffness)
+    system = np.block([[stiffness, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    dead, live = whole(problem.dead), whole(problem.live)
+    loads = np.zeros((len(system), 2))
+    loads[:count] = np.column_stack([dead, live])
+    # Columns: response to the dead and to the live load; below, minus the joint forces.
+    response = np.linalg.solve(system, loads)
+    factor = 0.05
+    together = response @ [1.0, factor]
+    assert np.all(together[count : count + len(b_n)] < 0.0)  # pressed everywhere
+    work = float(live @ together[:count])
+
+    start, scales = block.start(1.0)
+    bound = np.full(len(problem.friction), 1e2 * scales.force)
+    start = replace(start, work=work)
+    point = control_of(block).solve(bound, work, start, scales)
+    assert point.state.load_factor == pytest.approx(factor, rel=1e-7)
+    found = whole(point.state.displacement)
+    assert found == pytest.approx(together[:count], abs=1e-7 * np.abs(found).max())
+    pressure = block.structure.all_points(point.state.pressure)
+    expected = -together[count : count + len(b_n)]
+    assert pressure == pytest.approx(expected, abs=1e-6 * expected.max())
+
+
+def test_load_factor_rises_to_the_plateau_and_stays(block):
+    bound = 0.3 * block.bonded.dead_pressure
+    control = control_of(block)
+    factors = []
+    for ratio in (0.05, 0.2, 1.0, 5.0, 50.0, 500.0):
+        start, scales = block.start(ratio)
+        factors.append(control.solve(bound, start.work, start, scales).state.load_factor)
+    assert np.all(np.diff(factors) > -1e-9)
+    assert factors[1] > 1.05 * factors[0]
+    expected = block.structure.problem.sum(bound) / (STONE.density * GRAVITY * 0.4 * 0.4)
+    assert factors[-2:] == pytest.approx([expected] * 2, rel=1e-8)
+
+
+def test_coulomb_bound_follows_the_pressure(block):
+    start, scales = block.start(FIRST_WORK)
+    point = control_of(block).solve(None, start.work, start, scales)
+    # Half of the weight: sliding, whatever the distribution of pressure.
+    assert point.state.load_factor == pytest.approx(0.5, rel=1e-8)
+    assert point.bound == pytest.approx(0.5 * point.state.pressure, rel=1e-12)
+    left = leftovers(block, point.state, point.bound)
+    assert left.pop("equilibrium") < 1e-8
+    assert max(left.values()) < 1e-10, left
+
+
+def test_frictionless_joints_have_no_shear():
+    # A wedge in a notch, lifted by its weight.
+    notch = [(0, 0), (4, 0), (4, 2), (2, 1), (0, 2)]
+    model = polygons([notch, [(2, 1), (4, 2), (0, 2)]], 0.8)
+    smooth, rough = JointLaw("frictionless"), {"base": coulomb(1.0)}
+    loaded = Loaded.of(on_ground(model, smooth, live=LIFT, foundations=rough))
+    start, scales = loaded.start(FIRST_WORK)
+    point = control_of(loaded).solve(None, start.work, start, scales)
+    assert point.state.load_factor == pytest.approx(1.0, rel=1e-8)
+    shear = loaded.structure.all_points(point.state.shear)
+    assert np.all(shear[loaded.structure.joints.law == 0] == 0.0)
+
+
+@pytest.mark.parametrize(("live", "expected"), [(PUSH, 0.0), (LIFT, 1.0)])
+def test_frictionless_blocks_on_level_ground(live, expected):
+    # Nothing holds them sideways, but the states under work control are well defined.
+    law = JointLaw("frictionless")
+    loaded = Loaded.of(on_ground(wall([[1], [1]], (0.4, 0.2), 1), law, live=live))
+    start, scales = loaded.start(FIRST_WORK)
+    bound = np.zeros_like(loaded.bonded.dead_pressure)
+    point = control_of(loaded).solve(bound, start.work, start, scales)
+    assert point.state.load_factor == pytest.approx(expected, abs=1e-8)
+
+
+def test_rate_at_the_limit_load_is_the_collapse_mode(bond):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    control = control_of(bond)
+    point = control.solve(bound, start.work, start, scales)
+    mode, slope = control.rate(point.state, point.bound, scales)
+    live, dead = whole(bond.structure.problem.live), whole(bond.structure.problem.dead)
+    v = whole(mode)
+    assert live @ v == pytest.approx(1.0, rel=1e-10)
+    assert abs(slope) * start.work < 1e-5 * point.state.load_factor
+    b_n, b_t = joint_rows(bond.structure)
+    assert (b_n @ v).min() > -1e-6 * np.abs(v).max()
+    power = bond.structure.all_points(bound) @ np.abs(b_t @ v)
+    assert power == pytest.approx(point.state.load_factor + dead @ v, rel=1e-6)
+
+
+def test_rate_at_the_limit_load_is_the_rigid_mode(block):
+    bound = 0.3 * block.bonded.dead_pressure
+    start, scales = block.start(FIRST_WORK)
+    control = control_of(block)
+    point = control.solve(bound, start.work, start, scales)
+    mode, _ = control.rate(point.state, point.bound, scales)
+    _, motion = program(block, bound)
+    rigid = whole(block.structure.rigid_motion(motion))
+    assert whole(mode) == pytest.approx(rigid, abs=1e-6 * np.abs(rigid).max())
+
+
+def test_rate_on_the_elastic_branch_is_the_slope_of_the_path(block):
+    bound = np.full(len(block.structure.problem.friction), 1e2 * block.scales.force)
+    control = control_of(block)
+    points = []
+    for ratio in (0.02, 0.03):
+        start, scales = block.start(ratio)
+        points.append(control.solve(bound, start.work, start, scales))
+    mode, slope = control.rate(points[0].state, bound, scales)
+    rise = points[1].state.load_factor - points[0].state.load_factor
+    run = points[1].state.work - points[0].state.work
+    # The springs of closed joints are large, not rigid.
+    assert slope == pytest.approx(rise / run, rel=5e-3)
+    change = whole(points[1].state.displacement) - whole(points[0].state.displacement)
+    assert whole(mode) == pytest.approx(change / run, abs=5e-3 * np.abs(change / run).max())
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_start_from_far_away(bond, seed):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    expected, _ = program(bond, bound)
+    random = np.random.default_rng(seed)
+    size = bond.structure.problem.dead.getSize()
+    noise = random.standard_normal(size) * 10.0 * scales.displacement
+    points = bond.structure.operators.points
+    count = len(bond.structure.joints.length)
+    pressure, shear = 20.0 * scales.force * random.standard_normal((2, count))
+    far = State(
+        vector_like(bond.structure.problem.dead, noise),
+        -3.0,
+        pressure[points],
+        shear[points],
+        start.work,
+    )
+    point = control_of(bond).solve(bound, start.work, far, scales)
+    assert point.state.load_factor == pytest.approx(expected, rel=1e-8)
+    # The start itself is left as it was.
+    assert np.array_equal(whole(far.displacement), noise)
+
+
+def test_warm_start_takes_fewer_steps(bond):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    control = control_of(bond)
+    cold = control.solve(bound, start.work, start, scales)
+    warm = control.solve(1.001 * bound, start.work, cold.state, scales, centring=1e-6)
+    expected, _ = program(bond, 1.001 * bound)
+    assert warm.state.load_factor == pytest.approx(expected, rel=1e-8)
+    assert warm.steps < cold.steps
+
+
+def test_every_step_is_one_factorisation(bond):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    before = bond.structure.springs.factorizations
+    point = control_of(bond).solve(bound, start.work, start, scales)
+    assert bond.structure.springs.factorizations - before == point.steps
+
+
+def test_what_cannot_be_reached_is_a_solver_error(bond):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(FIRST_WORK)
+    nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
+    with pytest.raises(SolverError, match="interior point: residual"):
+        control_of(bond).solve(bound, start.work, nothing, scales)
+
+
+def test_mixed_laws():
+    # A head joint with shear strength between two blocks that slide by Coulomb's law.
+    model = wall([[1, 1]], (0.4, 0.4), 1)
+    usual = on_ground(model, coulomb(0.3))
+    scene = Scene(
+        usual.mesh,
+        usual.materials,
+        dead=usual.dead,
+        live=usual.live,
+        joints={"head": JointLaw("tresca", bound=1e3)},
+        foundations={"base": coulomb(0.3)},
+    )
+    loaded = Loaded.of(scene)
+    start, scales = loaded.start(FIRST_WORK)
+    point = control_of(loaded).solve(None, start.work, start, scales)
+    assert point.state.load_factor == pytest.approx(0.3, rel=1e-8)
+    bound = loaded.structure.all_points(point.bound)
+    on_base = loaded.structure.joints.law == 1
+    head_strength = 1e3 * loaded.structure.joints.length
+    assert bound[~on_base] == pytest.approx(head_strength[~on_base], rel=1e-12)

@@ -1,0 +1,275 @@
+"""Meshes of blocks: bodies, groups, and what is refused with a message that says why."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import BlockMesh, InputError
+from fenics_contact.mesh import BODY_IMBALANCE, _bodies, _ranks_of_bodies, extract, gmsh_session
+from fenics_contact.meshing import model_from_arrays, polygons, wall
+from tests.helpers import Drawing, mesh_of, rectangle
+
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """One temporary folder for all ranks: that of rank 0."""
+    return MPI.COMM_WORLD.bcast(tmp_path)
+
+
+def save(model, path: Path) -> Path:
+    """Save the current model, on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        with gmsh_session() as gmsh:
+            gmsh.write(str(path))
+    MPI.COMM_WORLD.barrier()
+    return path
+
+
+def write(text: str, path: Path) -> Path:
+    """Write a text file, on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        path.write_text(text)
+    MPI.COMM_WORLD.barrier()
+    return path
+
+
+def body_of_input_cells(mesh: BlockMesh) -> np.ndarray:
+    """Body of every cell in the order of the input, on all ranks."""
+    original = np.asarray(mesh.domain.topology.original_cell_index)
+    parts = mesh.comm.allgather((original, mesh.body))
+    body = np.empty(sum(len(cells) for cells, _ in parts), dtype=int)
+    for cells, bodies in parts:
+        body[cells] = bodies
+    return body
+
+
+def bodies_by_place(mesh: BlockMesh) -> set[frozenset[tuple[float, float]]]:
+    """The bodies as sets of their cells' centres, whatever the numbers."""
+    geometry = mesh.domain.geometry
+    dofs = geometry.dofmap.array.reshape(len(mesh.body), -1)
+    centre = np.round(geometry.x[dofs][:, :, :2].mean(axis=1), 9)
+    bodies: dict[int, set[tuple[float, float]]] = {}
+    for centres, numbers in mesh.comm.allgather((centre, mesh.body)):
+        for (x, y), number in zip(centres, numbers, strict=True):
+            bodies.setdefault(int(number), set()).add((float(x), float(y)))
+    return {frozenset(cells) for cells in bodies.values()}
+
+
+def test_bodies_are_connected_cells_numbered_by_first_cell():
+    # Cells of two squares, each of two triangles, given in turns, the right square's first.
+    points = SQUARE + [(x + 3.0, y) for x, y in SQUARE]
+    cells = [[4, 5, 6], [0, 1, 2], [4, 6, 7], [0, 2, 3]]
+    mesh = mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
+    assert mesh.body_count == 2
+    assert body_of_input_cells(mesh).tolist() == [0, 1, 0, 1]
+
+
+def test_touching_blocks_with_nodes_of_their_own_are_two_bodies():
+    points = SQUARE + [(x + 1.0, y) for x, y in SQUARE]
+    mesh = mesh_of(model_from_arrays(points, {"blocks": [[0, 1, 2, 3], [4, 5, 6, 7]]}, {}))
+    assert mesh.body_count == 2
+
+
+def test_cells_that_share_a_facet_are_one_body_across_groups():
+    points = [*SQUARE, (2.0, 0.0), (2.0, 1.0)]
+    mesh = mesh_of(model_from_arrays(points, {"soft": [[0, 1, 2, 3]], "hard": [[1, 4, 5, 2]]}, {}))
+    assert mesh.body_count == 1
+    assert set(mesh.cell_names) == {"soft", "hard"}
+    groups = [g for part in mesh.comm.allgather(mesh.cell_groups) for g in part]
+    assert sorted(sorted(mesh.cell_sets[g]) for g in groups) == [["hard"], ["soft"]]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+def test_bodies_do_not_depend_on_numbers(seed, quadrilaterals):
+    drawing = Drawing.of(wall([[1, 1], [0.5, 1, 0.5], [1, -1]], quadrilaterals=quadrilaterals))
+    usual = mesh_of(drawing.model())
+    other = mesh_of(drawing.renumbered(seed).model())
+    assert usual.body_count == other.body_count == 6
+    assert bodies_by_place(usual) == bodies_by_place(other)
+    assert sorted(usual.facet_names) == sorted(other.facet_names)
+
+
+def test_facet_in_two_groups_has_both():
+    facets = {"a": [[0, 1]], "b": [[1, 0], [1, 2]], "c": [[2, 3]]}
+    drawn = extract(model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
+    found = {
+        tuple(facet): drawn.facet_sets[group]
+        for facet, group in zip(drawn.facets.tolist(), drawn.facet_groups, strict=True)
+    }
+    assert found == {(0, 1): {"a", "b"}, (1, 2): {"b"}, (2, 3): {"c"}}
+    assert drawn.facet_names == ("a", "b", "c")
+
+
+def test_facet_in_three_groups_has_all():
+    facets = {"a": [[0, 1]], "b": [[0, 1]], "c": [[1, 0]]}
+    drawn = extract(model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
+    assert drawn.facets.tolist() == [[0, 1]]
+    assert drawn.facet_sets[drawn.facet_groups[0]] == {"a", "b", "c"}
+
+
+def test_group_without_name_goes_by_its_number():
+    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {"base": [[0, 1]]})
+    (dim, entity), *_ = model.getEntities(2)
+    model.addPhysicalGroup(dim, [entity], 77)
+    drawn = extract(model, "square")
+    assert set(drawn.cell_names) == {"blocks", "77"}
+    assert drawn.cell_sets == ({"blocks", "77"},)
+
+
+def test_lines_apart_from_the_cells_are_left_out():
+    points = [*SQUARE, (5.0, 0.0), (6.0, 0.0)]
+    facets = {"base": [[0, 1]], "axis": [[4, 5]]}
+    drawn = extract(model_from_arrays(points, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
+    assert drawn.facets.tolist() == [[0, 1]]
+    assert len(drawn.points) == 4
+
+
+def test_file_gives_the_same_mesh_as_its_model(folder):
+    model = wall([[1, 1], [0.5, 1, 0.5]])
+    usual = mesh_of(model)
+    mesh = BlockMesh.from_file(save(model, folder / "wall.msh"), MPI.COMM_WORLD)
+    assert bodies_by_place(mesh) == bodies_by_place(usual)
+    assert len(mesh.facets) == len(usual.facets)
+    assert set(mesh.facet_names) == set(usual.facet_names)
+    assert "wall.msh" in mesh.source
+
+
+def current_model() -> str:
+    with gmsh_session() as gmsh:
+        return gmsh.model.getCurrent()
+
+
+def test_reading_a_file_leaves_the_callers_model_current(folder):
+    path = save(wall([[1, 1]]), folder / "file.msh")
+    model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {}, "the caller's")
+    BlockMesh.from_file(path, MPI.COMM_WORLD)
+    assert current_model() == "the caller's"
+
+
+@pytest.fixture
+def gmsh_restarted():
+    """Whatever state a test leaves gmsh in, the next one gets a fresh one."""
+    yield
+    with gmsh_session() as gmsh:
+        gmsh.finalize()
+
+
+@pytest.mark.usefixtures("gmsh_restarted")
+def test_broken_file(folder):
+    text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 garbage\n"
+    path = write(text, folder / "broken.msh")
+    with pytest.raises(InputError, match=r"cannot read .*broken\.msh"):
+        BlockMesh.from_file(path, MPI.COMM_WORLD)
+    # gmsh must still be of use after a file it could not read.
+    assert mesh_of(polygons([rectangle(0, 0, 1, 1)], 1.0)).body_count == 1
+
+
+def test_gmsh_keeps_its_hands_off_ctrl_c():
+    before = signal.getsignal(signal.SIGINT)
+    with gmsh_session():
+        pass
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_missing_file(folder):
+    with pytest.raises(InputError, match=r"nowhere\.msh' does not exist"):
+        BlockMesh.from_file(folder / "nowhere.msh", MPI.COMM_WORLD)
+
+
+@pytest.mark.parametrize("text", ["", "ply\nformat ascii 1.0\n", "<mesh/>"])
+def test_file_of_another_kind(folder, text):
+    path = write(text, folder / "mesh.txt")
+    with pytest.raises(InputError, match=r"mesh\.txt' is not a gmsh mesh file"):
+        BlockMesh.from_file(path, MPI.COMM_WORLD)
+
+
+def test_no_two_dimensional_group():
+    with pytest.raises(InputError, match="two-dimensional"):
+        mesh_of(model_from_arrays(SQUARE, {}, {"base": [[0, 1]]}))
+
+
+def test_two_dimensional_group_without_cells():
+    with gmsh_session() as gmsh:
+        model = gmsh.model
+        model.add("geometry only")
+        corners = [model.geo.addPoint(x, y, 0.0) for x, y in SQUARE]
+        sides = [
+            model.geo.addLine(a, b) for a, b in zip(corners, np.roll(corners, -1), strict=True)
+        ]
+        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(sides)])
+        model.geo.synchronize()
+        model.addPhysicalGroup(2, [surface])
+    with pytest.raises(InputError, match=r"no cells .* mesh it first"):
+        mesh_of(model)
+
+
+def test_second_order_cells():
+    model = polygons([rectangle(0, 0, 1, 1)], 1.0)
+    model.mesh.setOrder(2)
+    with pytest.raises(InputError, match="Triangle 6"):
+        mesh_of(model)
+
+
+def test_triangles_mixed_with_quadrilaterals():
+    points = [*SQUARE, (2.0, 0.5)]
+    cells = {"square": [[0, 1, 2, 3]], "gable": [[1, 4, 2]]}
+    with pytest.raises(InputError, match="Triangle 3, Quadrilateral 4"):
+        mesh_of(model_from_arrays(points, cells, {}))
+
+
+def test_mesh_out_of_the_plane():
+    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {})
+    model.mesh.setNode(3, [1.0, 1.0, 0.25], [])
+    with pytest.raises(InputError, match=r"not planar: z varies by 0\.25"):
+        mesh_of(model)
+
+
+def test_plane_parallel_to_x_and_y_is_fine():
+    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {})
+    for node, (x, y) in enumerate(SQUARE, start=1):
+        model.mesh.setNode(node, [x, y, 7.0], [])
+    assert mesh_of(model).body_count == 1
+
+
+@pytest.mark.parametrize("far", [0.0, 1e5])
+def test_cell_without_area(far):
+    points = np.array([*SQUARE, (0.5, 3.0), (1.5, 3.0), (2.5, 3.0)]) + far
+    cells = [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
+    with pytest.raises(InputError, match="1 cells have no area"):
+        mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
+
+
+def test_small_cells_far_from_the_origin_have_area():
+    points = 1e-3 * np.array(SQUARE) + 1e3
+    assert mesh_of(model_from_arrays(points, {"blocks": [[0, 1, 2, 3]]}, {})).body_count == 1
+
+
+def test_blocks_that_share_a_single_node():
+    points = [*SQUARE, (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
+    cells = [[0, 1, 2, 3], [2, 4, 5, 6]]
+    with pytest.raises(InputError, match="share single nodes"):
+        mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+def test_bodies_stay_whole_on_ranks_and_balance(ranks):
+    drawn = extract(wall([[1] * 6] * 6, elements=1), "wall")
+    body = _bodies(drawn, "wall")
+    rank = _ranks_of_bodies(drawn, body, ranks)
+    assert rank is not None
+    assert len(np.unique(np.column_stack([body, rank]), axis=0)) == 36
+    load = np.bincount(rank, minlength=ranks)
+    assert load.max() <= BODY_IMBALANCE * load.mean()
+
+
+def test_one_large_body_is_not_kept_whole():
+    drawn = extract(wall([[8], [1]], elements=1), "wall")
+    assert _ranks_of_bodies(drawn, _bodies(drawn, "wall"), 2) is None

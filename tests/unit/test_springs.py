@@ -1,0 +1,199 @@
+"""Blocks with joint springs: the factored matrix is the one of the formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from fenics_contact import Scene, SolverError
+from fenics_contact.joints import JointOperators
+from fenics_contact.meshing import wall
+from fenics_contact.springs import SpringStiffness
+from fenics_contact.structure import Structure
+from tests.helpers import (
+    PUSH,
+    STONE,
+    Drawing,
+    coulomb,
+    dense,
+    joint_rows,
+    mesh_of,
+    on_ground,
+    vector_like,
+    whole,
+)
+
+
+@pytest.fixture(scope="module", params=["ground", "inclined roller"])
+def structure(request) -> Structure:
+    """Three blocks on rigid ground, or on a roller under 30 degrees and a fixed side."""
+    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=1))
+    if request.param == "ground":
+        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
+    scene = Scene(
+        mesh_of(drawing.turned(np.radians(30.0)).model()),
+        {"default": STONE},
+        live=PUSH,
+        joints={"default": coulomb(0.5)},
+        supports={"base": "roller", "left": "roller"},
+    )
+    return Structure.build(scene)
+
+
+def random_springs(structure: Structure, seed: int) -> list[np.ndarray]:
+    """Normal, tangential and coupling springs of all points, over six decades."""
+    random = np.random.default_rng(seed)
+    count = len(structure.joints.length)
+    mean = structure.springs.mean_diagonal
+    normal, tangential = mean * 10.0 ** random.uniform(-3, 3, (2, count))
+    coupling = random.uniform(-0.8, 0.8, count) * np.minimum(normal, tangential)
+    return [normal, tangential, coupling]
+
+
+def formula(structure: Structure, normal, tangential, coupling=None) -> np.ndarray:
+    b_n, b_t = joint_rows(structure)
+    matrix = dense(structure.problem.stiffness)
+    matrix = matrix + b_n.T @ np.diag(normal) @ b_n + b_t.T @ np.diag(tangential) @ b_t
+    if coupling is not None:
+        matrix = matrix + b_t.T @ np.diag(coupling) @ b_n
+    return matrix
+
+
+def solved(structure: Structure, springs: SpringStiffness, right: np.ndarray) -> np.ndarray:
+    load = vector_like(structure.problem.dead, right)
+    solution = load.duplicate()
+    springs.solve(load, solution)
+    return whole(solution)
+
+
+def factor(structure: Structure, springs: SpringStiffness, *values: np.ndarray) -> None:
+    points = structure.operators.points
+    springs.factor(*(value[points] for value in values))
+
+
+@pytest.fixture
+def springs(structure):
+    """A fresh factorisation, with its counter at zero."""
+    made = SpringStiffness(structure.problem.stiffness, structure.operators)
+    yield made
+    made.destroy()
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_solution_is_that_of_the_dense_system(structure, springs, coupled):
+    values = random_springs(structure, 1)[: 3 if coupled else 2]
+    matrix = formula(structure, *values)
+    exact = np.random.default_rng(2).standard_normal(len(matrix))
+    factor(structure, springs, *values)
+    found = solved(structure, springs, matrix @ exact)
+    assert found == pytest.approx(exact, abs=1e-16 * np.linalg.cond(matrix) + 1e-12)
+
+
+def test_coupling_makes_a_difference(structure, springs):
+    values = random_springs(structure, 1)
+    right = np.random.default_rng(3).standard_normal(structure.problem.dead.getSize())
+    factor(structure, springs, *values)
+    with_coupling = solved(structure, springs, right)
+    factor(structure, springs, *values[:2])
+    without = solved(structure, springs, right)
+    difference = np.linalg.norm(with_coupling - without) / np.linalg.norm(without)
+    assert difference > 1e-3
+
+
+def test_factoring_again_replaces_the_springs(structure, springs):
+    right = np.random.default_rng(4).standard_normal(structure.problem.dead.getSize())
+    for seed, coupled in ((5, False), (6, False), (7, True), (8, True), (5, False)):
+        values = random_springs(structure, seed)[: 3 if coupled else 2]
+        factor(structure, springs, *values)
+        exact = np.linalg.solve(formula(structure, *values), right)
+        found = solved(structure, springs, right)
+        assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
+
+
+def test_factorisations_are_counted(structure, springs):
+    assert springs.factorizations == 0
+    assert springs.seconds == 0.0
+    for count, coupled in enumerate((False, True, False), start=1):
+        factor(structure, springs, *random_springs(structure, count)[: 3 if coupled else 2])
+        assert springs.factorizations == count
+    solved(structure, springs, np.ones(structure.problem.dead.getSize()))
+    assert springs.factorizations == 3
+
+
+def test_mean_diagonal_is_that_of_the_stiffness(structure, springs):
+    diagonal = np.diag(dense(structure.problem.stiffness))
+    assert springs.mean_diagonal == pytest.approx(diagonal.mean(), rel=1e-14)
+
+
+def test_stiffness_itself_is_left_alone(structure, springs):
+    before = dense(structure.problem.stiffness)
+    factor(structure, springs, *random_springs(structure, 1))
+    assert np.array_equal(dense(structure.problem.stiffness), before)
+
+
+def loose_node() -> tuple[SpringStiffness, PETSc.Vec]:
+    """Two nodes with one joint point; nothing but its normal spring holds the second upright."""
+    stiffness = PETSc.Mat().createAIJ((4, 4), nnz=1, comm=PETSc.COMM_SELF)
+    for dof, value in enumerate((3.0, 3.0, 3.0, 0.0)):
+        stiffness.setValue(dof, dof, value)
+    stiffness.assemble()
+    point = JointOperators(
+        normal=None,
+        tangential=None,
+        points=np.array([0]),
+        dofs=np.array([[0, 1, 2, 3]], dtype=PETSc.IntType),
+        normal_rows=np.array([[0.0, -1.0, 0.0, 1.0]]),
+        tangential_rows=np.array([[-1.0, 0.0, 1.0, 0.0]]),
+    )
+    load = stiffness.createVecLeft()
+    load.array[:] = [0.0, 0.0, 0.0, 6.0]
+    return SpringStiffness(stiffness, point), load
+
+
+NONE, SOME = np.array([0.0]), np.array([2.0])
+LOOSE_NODE_MOVES = [0.0, 2.0, 0.0, 5.0]  # 6 / 3 below, and 6 / 2 more in the spring
+
+
+@pytest.mark.parametrize("coupling", [(), (NONE,)])
+def test_node_that_no_spring_holds_cannot_be_factored(coupling):
+    springs, _ = loose_node()
+    with pytest.raises(SolverError, match="MUMPS cannot factor"):
+        springs.factor(NONE, SOME, *coupling)
+
+
+@pytest.mark.parametrize("coupling", [(), (NONE,)])
+def test_failure_is_that_of_these_springs_and_not_of_the_last(coupling):
+    springs, load = loose_node()
+    springs.factor(SOME, SOME, *coupling)
+    moved = load.duplicate()
+    springs.solve(load, moved)
+    assert moved.array == pytest.approx(LOOSE_NODE_MOVES, rel=1e-14)
+    with pytest.raises(SolverError, match="MUMPS cannot factor"):
+        springs.factor(NONE, SOME, *coupling)
+
+
+@pytest.mark.parametrize("coupling", [(), (NONE,)])
+def test_after_a_failure_the_next_springs_are_factored(coupling):
+    springs, load = loose_node()
+    with pytest.raises(SolverError):
+        springs.factor(NONE, SOME, *coupling)
+    springs.factor(SOME, SOME, *coupling)
+    moved = load.duplicate()
+    springs.solve(load, moved)
+    assert moved.array == pytest.approx(LOOSE_NODE_MOVES, rel=1e-14)
+
+
+def test_bonded_structure_hardly_opens(structure):
+    bonded = structure.bonded()
+    b_n, b_t = joint_rows(structure)
+    response = whole(bonded.live)
+    jump = max(np.abs(b_n @ response).max(), np.abs(b_t @ response).max())
+    assert 0.0 < jump < 1e-2 * np.abs(response).max()
+    stiff = np.full(len(structure.joints.length), 1e2 * structure.springs.mean_diagonal)
+    matrix = formula(structure, stiff, stiff)
+    exact = np.linalg.solve(matrix, whole(structure.problem.live))
+    assert response == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
+    pressure = structure.all_points(bonded.live_pressure)
+    expected = np.maximum(-stiff * (b_n @ response), 0.0)
+    assert pressure == pytest.approx(expected, abs=1e-8 * expected.max())
