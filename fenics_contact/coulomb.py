@@ -33,6 +33,9 @@ MAX_ITERATIONS = 150
 #: Relaxation is kept within these limits; the upper one falls where the iteration cycles.
 RELAXATION = (0.05, 2.0)
 
+#: Cosine of the angle between changes of one direction, and the largest relaxation there.
+ALIGNED, FAST_RELAXATION = 0.9, 50.0
+
 #: Iterations without a change of the bound smaller than before that make a cycle.
 CYCLE = 6
 
@@ -290,7 +293,10 @@ class CoulombFriction:
 
 
 class _Relaxation:
-    """Irons and Tuck's omega, capped where the iteration cycles."""
+    """Irons and Tuck's omega, capped where the iteration cycles.
+
+    Changes that keep their direction are slow growth, not a cycle, whatever their size.
+    """
 
     def __init__(self, total: Callable[[Array], float]) -> None:
         self._total = total
@@ -302,21 +308,31 @@ class _Relaxation:
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for the next step, from F r_N - g of this one."""
+        last = self._omega
         if self._last is not None:
             step = difference - self._last
             square = self._total(step * step)
             if square > 0.0:
                 self._omega *= -self._total(self._last * step) / square
-        if self._omega <= 0.0:  # the change points the same way and grew: not contracting
-            self._omega = 0.5
-        if change < 0.9 * self._best:
-            self._best, self._since = change, 0
+        if self._omega <= 0.0:  # the change points the same way and grew: go on faster
+            self._omega = 2.0 * last
+        aligned = self._aligned(difference)
+        if change < 0.9 * self._best or aligned:
+            self._best, self._since = min(change, self._best), 0
         else:
             self._since += 1
         if self._since >= CYCLE:
             self._cap = max(0.5 * min(self._cap, 1.0), RELAXATION[0])
             self._since = 0
             self.cycles += 1
-        self._omega = float(np.clip(self._omega, RELAXATION[0], self._cap))
+        cap = FAST_RELAXATION if aligned and self.cycles == 0 else self._cap
+        self._omega = float(np.clip(self._omega, RELAXATION[0], cap))
         self._last = difference.copy()
         return self._omega
+
+    def _aligned(self, difference: Array) -> bool:
+        """Whether the change points where the last one did."""
+        if self._last is None:
+            return False
+        sizes = self._total(difference**2) * self._total(self._last**2)
+        return self._total(difference * self._last) > ALIGNED * np.sqrt(sizes)

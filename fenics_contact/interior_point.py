@@ -47,9 +47,9 @@ LARGEST_SPRING = 1e10
 #: in a mechanism, so that a moderate cap lets nothing penetrate and keeps its digits.
 MODE_CENTRING, MODE_SPRING = 1e-12, 1e3
 
-#: Springs that resist the steps, not the slip, of points that transmit no shear, in units of the
-#: mean diagonal of K: without them blocks on frictionless joints would have no stiffness.
-PROXIMAL_SPRING = 1e-8
+#: Springs that resist the steps, not the slip, of points that transmit no shear, in units of force
+#: over displacement: without them blocks on frictionless joints would have no stiffness.
+PROXIMAL_SPRING = 1e-6
 
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
@@ -59,8 +59,9 @@ STEP_FRACTION = 0.995
 
 MAX_STEPS = 80
 
-#: Steps without progress after which the best iterate so far is judged.
-PATIENCE = 6
+#: Steps without progress after which the best iterate so far is judged: after a warm start, and
+#: after a cold one, where the products may grow while the residuals fall.
+PATIENCE, COLD_PATIENCE = 6, 25
 
 #: The best iterate of a stalled solve is accepted up to this error where less was asked for.
 ACCEPTABLE = 1e-9
@@ -212,6 +213,7 @@ class WorkControl:
         run = _InteriorPoint(self, bound, work, scales)
         now = run.centred(start, centring)
         best, best_sizes, best_error, best_step = now.copy(), {}, np.inf, 0
+        patience = PATIENCE if centring < 1.0 else COLD_PATIENCE
         for step in range(MAX_STEPS + 1):
             residual = run.residual(now)
             sizes = run.sizes(now, residual)
@@ -220,7 +222,7 @@ class WorkControl:
             if error < best_error:
                 best.u.destroy()
                 best, best_sizes, best_error, best_step = now.copy(), sizes, error, step
-            stalled = not np.isfinite(error) or step - best_step >= PATIENCE
+            stalled = not np.isfinite(error) or step - best_step >= patience
             if error <= tolerance or stalled or step == MAX_STEPS:
                 break
             try:
@@ -251,7 +253,7 @@ class WorkControl:
         """
         run = _InteriorPoint(self, bound, state.work, scales)
         now = run.centred(state, MODE_CENTRING)
-        run.factor(now, MODE_SPRING * self.springs.mean_diagonal)
+        run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
         now.u.destroy()
         live = self.problem.live
         self.springs.solve(live, self._border)
@@ -330,7 +332,7 @@ class _InteriorPoint:
         """Relative sizes of residuals and mean product."""
         d, f = self.scales.displacement, self.scales.force
         problem, sticky = self.problem, self.sticky
-        equilibrium = residual.equilibrium.norm(PETSc.NormType.INFINITY) / f
+        equilibrium = problem.max(np.abs(residual.equilibrium.array_r)) / f
         return {
             "equilibrium": EQUILIBRIUM_WEIGHT * equilibrium,
             "opening": problem.max(np.abs(residual.opening)) / d,
@@ -339,19 +341,25 @@ class _InteriorPoint:
             "complementarity": self._products(now) / (self.count * f * d),
         }
 
-    def factor(self, now: _Iterate, largest: float) -> tuple[Array, Array, Array]:
-        """Factor A with the springs of an iterate; returns k_N, k_T and q."""
+    def factor(self, now: _Iterate, largest: float, free: float) -> tuple[Array, Array, Array]:
+        """Factor A with the springs of an iterate, and springs `free` where there is no friction.
+
+        Returns:
+            k_N, k_T (zero where there is no friction) and q.
+        """
         k_n = np.minimum(now.pressure / now.y, largest)
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
         k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
         q = self.friction * k_t * (lower - upper)
-        resisted = np.where(self.sticky, k_t, PROXIMAL_SPRING * self.springs.mean_diagonal)
-        self.springs.factor(k_n, resisted, q * k_n if self.given is None else None)
+        unit = self.scales.force / self.scales.displacement
+        self.springs.factor(
+            k_n, np.where(self.sticky, k_t, free * unit), q * k_n if self.given is None else None
+        )
         return k_n, k_t, q
 
     def step(self, now: _Iterate, residual: _Residual) -> None:
         """One predictor-corrector step on one factor."""
-        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal)
+        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         self.springs.solve(self.problem.live, self.workspace._border)
         here = self._products(now)
         y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2

@@ -30,11 +30,14 @@ Array = npt.NDArray[np.float64]
 
 _log = logging.getLogger("fenics_contact")
 
-#: First work of the live load in units of its work on the bonded structure, and growth.
-FIRST_WORK, WORK_GROWTH = 300.0, 4.0
+#: First work of the live load in units of its work on the bonded structure, growth, and largest.
+FIRST_WORK, WORK_GROWTH, LAST_WORK = 300.0, 4.0, 1e10
 
-#: Largest work, in the same units.
-LAST_WORK = 3e5
+#: Where more work does not help, because digits are lost, less is tried: factor, and how often.
+WORK_DECREASE, DECREASES = 0.1, 3
+
+#: The gap between load factor and rigid-block program must fall by this factor to go on.
+GAP_FALLS = 0.7
 
 #: A load factor that grows at least like this power of the work, this often, is not limited.
 GROWING, GROWN = 0.9, 2
@@ -270,7 +273,7 @@ class _Driver:
         for ratio in (3.0, 30.0, 300.0):
             sizes = Scales(ratio * work / problem.dead.norm(PETSc.NormType.N1), scales.force, 1.0)
             control = WorkControl(alone, self.structure.springs)
-            friction = CoulombFriction(control, sizes, 1e-3, monolithic=False)
+            friction = CoulombFriction(control, sizes, self.scene.solve.tolerance, monolithic=True)
             start = _scaled_state(bonded.dead, bonded.dead_pressure, ratio, ratio * work)
             try:
                 point, _ = friction.solve(start, problem.bound(bonded.dead_pressure), ratio * work)
@@ -305,23 +308,40 @@ class _Driver:
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
         sign = 1.0 if problem is self.structure.problem else -1.0
         search = _Search(self.structure, problem, blocks, bounds, self._steps(direction))
-        ratio = FIRST_WORK
-        scale = sign * ratio * scales.load_factor
-        start = _scaled_state(bonded.live, bonded.dead_pressure, scale, ratio * per_ratio)
+        scale = sign * FIRST_WORK * scales.load_factor
+        start = _scaled_state(bonded.live, bonded.dead_pressure, scale, FIRST_WORK * per_ratio)
         bound = problem.bound(_first_pressure(problem, bonded))
+
+        def at(ratio: float, start: State, bound: Array) -> _Found | None:
+            # Forces are judged by what the joints carry, which a locked structure lets grow.
+            growth = max(1.0, search.largest_factor / scales.load_factor)
+            work = ratio * per_ratio
+            sizes = replace(scales, displacement=work / unit, force=growth * scales.force)
+            return search.at(ratio, work, sizes, start, bound)
+
         try:
-            while ratio <= LAST_WORK:
-                work = ratio * per_ratio
-                # Forces are judged by what the joints carry, which a locked structure lets grow.
-                growth = max(1.0, search.largest_factor / scales.load_factor)
-                sizes = replace(scales, displacement=work / unit, force=growth * scales.force)
-                if not search.at(work, sizes, start, bound) or search.settled:
-                    break
-                if search.growing and np.isinf(bounds.upper):
-                    return search.result("unbounded", ratio)
+            first = at(FIRST_WORK, start, bound)
+            if first is None:
+                return search.result("not_converged")
+            last, ratio = first, FIRST_WORK
+            while not search.settled and ratio * WORK_GROWTH <= LAST_WORK:
                 ratio *= WORK_GROWTH
-                start, bound = search.extrapolated(ratio * per_ratio), search.point_bound
-            return search.result("limit" if search.verified else "not_converged", ratio)
+                found = at(ratio, last.moved(ratio * per_ratio), last.bound)
+                if search.growing and bounds.upper == np.inf:
+                    return search.result("unbounded")
+                if found is None or not (search.rising or found.gap <= GAP_FALLS * last.gap):
+                    break
+                last = found
+            last, ratio = first, FIRST_WORK
+            for _ in range(DECREASES if search.best is first else 0):
+                if search.settled:
+                    break
+                ratio *= WORK_DECREASE
+                found = at(ratio, last.moved(ratio * per_ratio), last.bound)
+                if found is None or found.gap > GAP_FALLS * last.gap:
+                    break
+                last = found
+            return search.result("limit" if search.verified else "not_converged")
         finally:
             search.control.destroy()
 
@@ -333,8 +353,40 @@ class _Driver:
         return partial(monitor.step, direction)
 
 
+@dataclass(frozen=True)
+class _Found:
+    """A state at one T, its mode and its verification."""
+
+    ratio: float
+    point: PathPoint
+    mode: PETSc.Vec
+    certificate: Certificate
+    history: FixedPointHistory
+    bound: Array
+
+    @property
+    def state(self) -> State:
+        return self.point.state
+
+    @property
+    def gap(self) -> float:
+        """Gap of the certificate; infinite where the fixed point did not converge."""
+        gap = self.certificate.gap if self.history.converged else np.inf
+        return gap if np.isfinite(gap) else np.inf
+
+    @property
+    def verified(self) -> bool:
+        return self.history.converged and self.certificate.passed
+
+    def moved(self, work: float) -> State:
+        """The state moved along its mode to another T."""
+        displacement = self.state.displacement.copy()
+        displacement.axpy(work - self.state.work, self.mode)
+        return replace(self.state, displacement=displacement, work=work)
+
+
 class _Search:
-    """States of one direction at growing T."""
+    """States of one direction at different T, and the best of them."""
 
     def __init__(
         self,
@@ -351,17 +403,16 @@ class _Search:
         self.options = structure.scene.solve
         self.monitor = monitor
         self.control = WorkControl(problem, structure.springs)
+        self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
-        self.point: PathPoint | None = None
-        self.mode: PETSc.Vec | None = None
         self.path: list[tuple[float, float]] = []
-        self.certificate: Certificate | None = None
 
-    def at(self, work: float, scales: Scales, start: State, bound: Array) -> bool:
-        """Find and verify the state at one T.
+    def at(
+        self, ratio: float, work: float, scales: Scales, start: State, bound: Array
+    ) -> _Found | None:
+        """Find and verify the state at one T; None if there is none.
 
-        Returns:
-            Whether there is a new state; if not, the last one is kept.
+        Once there is a verified state, others are only followed from it, not iterated for afresh.
         """
         friction = CoulombFriction(
             self.control,
@@ -370,67 +421,71 @@ class _Search:
             self.options.method != "fixed-point",
             self.monitor,
         )
-        good_enough = self.verified
         try:
-            if good_enough:
+            if self.verified:
                 point, history = friction.go_on(start, work)
             else:
                 point, history = friction.solve(start, bound, work, warm=bool(self.history))
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
-            return False
-        mode, _ = self.control.rate(point.state, point.bound, scales)
-        certificate = certify(self.problem, point.state, mode, scales, self.bounds)
-        if history.converged and not certificate.mode_passed:
-            rigid = self._rigid_mode(point.state)
-            if rigid is not None:
-                mode.destroy()
-                mode = rigid
-                certificate = certify(self.problem, point.state, mode, scales, self.bounds)
-        if good_enough and not (history.converged and certificate.passed):
-            return False
+            return None
+        mode, certificate = self._verify(point, scales)
+        new_bound = self.problem.bound(point.state.pressure)
+        found = _Found(ratio, point, mode, certificate, history, new_bound)
         self.history.append(history)
-        self.point, self.mode, self.certificate = point, mode, certificate
-        self.path.append((work, self.load_factor))
-        _log.info("  T = %.3g: load factor %.8g, gap %.1e", work, self.load_factor, certificate.gap)
-        return True
+        self.path.append((work, point.state.load_factor))
+        _log.info(
+            "  T = %.3g: load factor %.8g, gap %.1e",
+            work,
+            point.state.load_factor,
+            certificate.gap,
+        )
+        if self.best is None or found.gap < self.best.gap or not self.best.history.converged:
+            self.best = found
+        return found
 
-    def _rigid_mode(self, state: State) -> PETSc.Vec | None:
-        """Collapse mode of rigid blocks with the friction forces of a state."""
-        strength = self.structure.all_points(self.problem.bound(state.pressure))
+    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, Certificate]:
+        """The collapse mode of a state and its certificate.
+
+        The mode is that of the elastic structure if it passes; else, with slow elastic motions
+        mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
+        """
+        strength = self.structure.all_points(self.problem.bound(point.state.pressure))
         try:
-            _, motion = self.blocks.collapse(strength)
+            limit, motion = self.blocks.collapse(strength)
         except SolverError as error:
             _log.info("  no rigid mode: %s", error)
-            return None
-        return None if motion is None else self.structure.rigid_motion(motion)
+            limit, motion = None, None
+        rigid_limit = np.nan if limit is None else limit
+
+        def certified(mode: PETSc.Vec) -> Certificate:
+            return certify(self.problem, point.state, mode, scales, self.bounds, rigid_limit)
+
+        mode: PETSc.Vec | None = None
+        try:
+            mode, _ = self.control.rate(point.state, point.bound, scales)
+            certificate = certified(mode)
+            if certificate.mode_passed or motion is None:
+                return mode, certificate
+        except SolverError as error:
+            _log.info("  no elastic mode: %s", error)
+        if mode is not None:
+            mode.destroy()
+        if motion is None:
+            motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
+        mode = self.structure.rigid_motion(motion)
+        return mode, certified(mode)
 
     @property
-    def point_bound(self) -> Array:
-        """Bound at the last state, from its pressures."""
-        return self.problem.bound(self._state.pressure)
-
-    @property
-    def _state(self) -> State:
-        if self.point is None:
-            raise SolverError("no state was found")
-        return self.point.state
-
-    @property
-    def load_factor(self) -> float:
-        return self._state.load_factor
-
-    @property
-    def converged(self) -> bool:
-        return self.history[-1].converged
+    def verified(self) -> bool:
+        """Whether the best state is a collapse state."""
+        return self.best is not None and self.best.verified
 
     @property
     def settled(self) -> bool:
-        """Whether the mode proves the load factor to the tolerance asked for."""
+        """Whether it is one to the tolerance asked for."""
         return (
-            self.verified
-            and self.certificate is not None
-            and (self.certificate.gap <= self.options.tolerance)
+            self.best is not None and self.best.verified and self.best.gap <= self.options.tolerance
         )
 
     @property
@@ -438,64 +493,59 @@ class _Search:
         """Largest load factor so far."""
         return max((abs(factor) for _, factor in self.path), default=0.0)
 
-    @property
-    def growing(self) -> bool:
-        """Whether the load factor keeps growing like the work."""
-        if len(self.path) <= GROWN or min(factor for _, factor in self.path) <= 0.0:
+    def _grew(self, times: int) -> bool:
+        """Whether the load factor grew like the work in the last steps."""
+        if len(self.path) <= times or min(factor for _, factor in self.path) <= 0.0:
             return False
-        work, factor = np.log(self.path[-GROWN - 1 :]).T
+        work, factor = np.log(self.path[-times - 1 :]).T
         return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
 
     @property
-    def verified(self) -> bool:
-        """Whether the last state is a collapse state."""
-        if self.certificate is None or not self.history:
-            return False
-        return self.history[-1].converged and self.certificate.passed
+    def rising(self) -> bool:
+        """Whether the load factor grew like the work in the last step."""
+        return self._grew(1)
 
-    def extrapolated(self, work: float) -> State:
-        """The last state moved along its mode to another T."""
-        state = self._state
-        displacement = state.displacement.copy()
-        displacement.axpy(work - state.work, self.mode)
-        return replace(state, displacement=displacement, work=work)
+    @property
+    def growing(self) -> bool:
+        """Whether it did so often enough to be called unlimited."""
+        return self._grew(GROWN)
 
-    def _onset(self) -> State:
-        """The state moved back along its mode to where the collapse began.
+    def _onset(self, found: _Found) -> State:
+        """A state moved back along its mode to where the collapse began.
 
         Every state further along the mode has the same stresses and joint forces; at the first,
         some joint is about to close, or to stick.
         """
-        opening, slip = joint_displacements(self.problem, self._state.displacement)
-        opening_rate, slip_rate = joint_displacements(self.problem, self.mode)
+        opening, slip = joint_displacements(self.problem, found.state.displacement)
+        opening_rate, slip_rate = joint_displacements(self.problem, found.mode)
         # The work by which a joint that moves in the mode has moved so far.
-        tiny = 1e-6 * max(
-            self.problem.max(np.abs(opening_rate)), self.problem.max(np.abs(slip_rate))
-        )
+        rates = np.maximum(np.abs(opening_rate), np.abs(slip_rate))
+        tiny = 1e-6 * self.problem.max(rates)
         opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
-        slips &= self._state.pressure > 0.0
+        slips &= found.state.pressure > 0.0
         moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
         least = min(float(np.min(m, initial=np.inf)) for m in moved)
         least = self.problem.comm.allreduce(least, MPI.MIN)
         if not 0.0 < least < np.inf:
-            return self._state
-        return self.extrapolated(self._state.work - least)
+            return found.state
+        return found.moved(found.state.work - least)
 
-    def result(self, status: str, ratio: float) -> Collapse:
-        """Report the last state."""
-        if self.point is None:
-            return Collapse(status, float("nan"), self.bounds, history=tuple(self.history))
-        if status == "not_converged" and self.certificate is not None:
-            _log.warning("not verified: %s", self.certificate.failures or "not converged")
+    def result(self, status: str) -> Collapse:
+        """Report the best state."""
+        found, history = self.best, tuple(self.history)
+        if found is None:
+            return Collapse(status, float("nan"), self.bounds, history=history)
+        if status == "not_converged":
+            _log.warning("not verified: %s", found.certificate.failures or "not converged")
         return Collapse(
             status,
-            np.inf if status == "unbounded" else self.load_factor,
+            np.inf if status == "unbounded" else found.state.load_factor,
             self.bounds,
-            self._onset() if status == "limit" else self._state,
-            self.mode,
-            self.certificate,
-            tuple(self.history),
-            ratio,
+            self._onset(found) if status == "limit" else found.state,
+            found.mode,
+            found.certificate,
+            history,
+            found.ratio,
         )
 
 

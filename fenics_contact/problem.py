@@ -46,8 +46,9 @@ class ContactProblem:
         return float(self.comm.allreduce(float(np.sum(values))))
 
     def max(self, values: npt.NDArray[np.float64], initial: float = 0.0) -> float:
-        """Maximum of an array of this rank's points over all ranks, at least `initial`."""
-        return float(self.comm.allreduce(float(np.max(values, initial=initial)), MPI.MAX))
+        """Maximum of this rank's values and `initial` over all ranks; nan where any is nan."""
+        # MPI.MAX may drop a nan that one rank holds.
+        return float(np.max(self.comm.allgather(float(np.max(values, initial=initial)))))
 
     def bound(self, pressure: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""

@@ -16,8 +16,8 @@ from fenics_contact.supports import Supports
 
 Array = npt.NDArray[np.float64]
 
-#: Motions held less than this, relative to the best held one, are free.
-FREE = 1e-8
+#: Motions held less than the square root of this, relative to the best held one, are free.
+FREE = 1e-13
 
 
 @dataclass(frozen=True)
