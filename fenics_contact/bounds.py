@@ -80,15 +80,32 @@ class LimitBounds:
 
     Attributes:
         lower: Frictionless, not below 0; None if the dead load needs friction to stand.
-        upper: Associative; infinite if nothing limits the load.
+        upper: Associative; infinite if nothing limits the load. (With the live load reversed, the
+            two change places and signs.)
         stands: Whether the dead load alone has an equilibrium with associative friction.
         stands_frictionless: Whether it has one without friction.
     """
 
     lower: float | None
-    upper: float
+    upper: float | None
     stands: bool
     stands_frictionless: bool
+
+    def reversed(self) -> LimitBounds:
+        """The bounds in the opposite sign of the live load."""
+        return LimitBounds(
+            lower=None if self.upper is None else -self.upper + 0.0,
+            upper=None if self.lower is None else -self.lower + 0.0,
+            stands=self.stands,
+            stands_frictionless=self.stands_frictionless,
+        )
+
+    def __str__(self) -> str:
+        if self.lower is None:
+            return f"at most {self.upper:.6g}"
+        if self.upper is None:
+            return f"at least {self.lower:.6g}"
+        return f"between {self.lower:.6g} and {self.upper:.6g}"
 
 
 class RigidBlocks:

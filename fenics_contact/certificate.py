@@ -109,7 +109,8 @@ def certify(
     residuals |= _mode_residuals(problem, state, mode, scales)
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
     lower = -np.inf if bounds.lower is None else bounds.lower
-    outside = max(lower - state.load_factor, state.load_factor - bounds.upper, 0.0)
+    upper = np.inf if bounds.upper is None else bounds.upper
+    outside = max(lower - state.load_factor, state.load_factor - upper, 0.0)
     missed = abs(rigid_limit - state.load_factor)
     residuals["limit"] = missed / factor
     # Outside by more than the load factor may be wrong.

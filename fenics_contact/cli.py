@@ -162,10 +162,9 @@ def _summary(result: LimitLoad) -> str:
         if end.state is None:
             lines.append(f"load factor{name}: NOT CONVERGED, no state was found")
             continue
-        lower = "none" if end.bounds.lower is None else f"{end.bounds.lower + 0.0:.6g}"
         lines.append(
-            f"load factor{name} = {end.load_factor:.8g}   between {lower} (without friction) and"
-            f" {end.bounds.upper:.6g} (associative friction)"
+            f"load factor{name} = {end.load_factor:.8g}   {end.bounds} (rigid blocks without"
+            " friction, and with associative friction)"
         )
         if end.status != "limit":
             failures = {} if end.certificate is None else end.certificate.failures

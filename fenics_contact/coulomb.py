@@ -317,9 +317,9 @@ class _Relaxation:
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
             self._omega = 2.0 * last
         aligned = self._aligned(difference)
-        if change < 0.9 * self._best or aligned:
-            self._best, self._since = min(change, self._best), 0
-        else:
+        if change < 0.9 * self._best:
+            self._best, self._since = change, 0
+        elif not aligned:
             self._since += 1
         if self._since >= CYCLE:
             self._cap = max(0.5 * min(self._cap, 1.0), RELAXATION[0])

@@ -49,7 +49,7 @@ MODE_CENTRING, MODE_SPRING = 1e-12, 1e3
 
 #: Springs that resist the steps, not the slip, of points that transmit no shear, in units of force
 #: over displacement: without them blocks on frictionless joints would have no stiffness.
-PROXIMAL_SPRING = 1e-6
+PROXIMAL_SPRING = 1e-8
 
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -111,7 +111,7 @@ class LimitLoad:
 
     @property
     def bounds(self) -> LimitBounds | None:
-        """Bracket of the rigid-block programs for the collapse shown."""
+        """Bracket of the rigid-block programs for the collapse shown, in the sign of its factor."""
         return None if self.collapse is None else self.collapse.bounds
 
     @property
@@ -196,25 +196,35 @@ class _Driver:
         self.seconds["bonded"] = bonded.seconds
         start = time.perf_counter()
         scales = typical_sizes(structure.problem, bonded)
-        if not bounds.stands_frictionless and not self._dead_load_stands(bonded, scales):
-            return self._result("unstable", None, None)
-        positive = negative = None
-        if options.direction in ("positive", "both"):
-            positive = self._collapse("positive", structure.problem, blocks, bounds, bonded, scales)
-        if options.direction in ("negative", "both"):
+        asked = {"both": ("positive", "negative")}.get(options.direction, (options.direction,))
+        # Where the dead load needs friction to stand, the range of load factors must reach to
+        # either side of zero, whichever end of it was asked for.
+        needed = asked if bounds.stands_frictionless else ("positive", "negative")
+        found: dict[str, Collapse] = {}
+        if "positive" in needed:
+            found["positive"] = self._collapse(
+                "positive", structure.problem, blocks, bounds, bonded, scales
+            )
+        if "negative" in needed:
             bodies = replace(structure.bodies, live=-structure.bodies.live)
             blocks = RigidBlocks(structure.joints, bodies, self.scene.comm)
-            reverse = blocks.bounds()
             mirrored = self._collapse(
-                "negative", structure.reversed(), blocks, reverse, bonded, scales
+                "negative", structure.reversed(), blocks, blocks.bounds(), bonded, scales
             )
-            negative = replace(mirrored, load_factor=-mirrored.load_factor)
+            found["negative"] = replace(
+                mirrored,
+                load_factor=-mirrored.load_factor,
+                bounds=mirrored.bounds.reversed(),
+            )
         self.seconds["solve"] = time.perf_counter() - start
-        ends = [end for end in (positive, negative) if end is not None]
+        if _excludes_zero(found, options.tolerance * scales.load_factor):
+            return self._result("unstable", None, None)
+        ends = [found[direction] for direction in asked]
         status = ends[0].status if len({end.status for end in ends}) == 1 else "limit"
         if any(end.status == "not_converged" for end in ends):
             status = "not_converged"
-        result = self._result(status, positive, negative)
+        reported = {direction: found[direction] for direction in asked}
+        result = self._result(status, reported.get("positive"), reported.get("negative"))
         if self.scene.output.capacity and status == "limit":
             start = time.perf_counter()
             result.capacity = self._capacity(ends[0], bonded, scales)
@@ -255,40 +265,6 @@ class _Driver:
             self.seconds,
             self.structure.springs.factorizations,
         )
-
-    def _dead_load_stands(self, bonded: Bonded, scales: Scales) -> bool:
-        """Whether the elastic structure finds an equilibrium under its dead load.
-
-        The dead load takes the place of the live one and grows from nothing: it stands if its
-        factor reaches 1.
-        """
-        problem = self.structure.problem
-        nothing = problem.dead.duplicate()
-        nothing.set(0.0)
-        alone = replace(problem, dead=nothing, live=problem.dead)
-        work = problem.dead.dot(bonded.dead)
-        if work <= 0.0:
-            return True
-        reached = 0.0
-        for ratio in (3.0, 30.0, 300.0):
-            sizes = Scales(ratio * work / problem.dead.norm(PETSc.NormType.N1), scales.force, 1.0)
-            control = WorkControl(alone, self.structure.springs)
-            friction = CoulombFriction(control, sizes, self.scene.solve.tolerance, monolithic=True)
-            start = _scaled_state(bonded.dead, bonded.dead_pressure, ratio, ratio * work)
-            try:
-                point, _ = friction.solve(start, problem.bound(bonded.dead_pressure), ratio * work)
-            except SolverError as error:
-                _log.info("dead load alone: %s", error)
-                continue
-            finally:
-                control.destroy()
-            reached = point.state.load_factor
-            point.state.displacement.destroy()
-            if reached >= 1.0:
-                break
-        nothing.destroy()
-        _log.info("dead load alone: factor %.4g reached", reached)
-        return reached >= 1.0 - self.scene.solve.tolerance
 
     def _collapse(
         self,
@@ -566,6 +542,15 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
         factor = force / live_force if live_force else 1.0
     displacement = factor * live_work / problem.live.norm(PETSc.NormType.N1)
     return Scales(displacement, force or 1.0, factor)
+
+
+def _excludes_zero(found: Mapping[str, Collapse], margin: float) -> bool:
+    """Whether the load factors found leave out zero, the dead load alone."""
+    for direction, sign in (("positive", 1.0), ("negative", -1.0)):
+        end = found.get(direction)
+        if end is not None and end.status == "limit" and sign * end.load_factor < -margin:
+            return True
+    return False
 
 
 def _scaled_state(response: PETSc.Vec, pressure: Array, factor: float, work: float) -> State:

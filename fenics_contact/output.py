@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact import compat
-from fenics_contact.fields import stress_fields
+from fenics_contact.fields import displacement_function, stress_fields
 from fenics_contact.joint_fields import STATES, JointFields, joint_fields
 from fenics_contact.joints import Joints
 from fenics_contact.limit_load import Collapse, LimitLoad
@@ -34,15 +34,19 @@ def write_result(result: LimitLoad, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "result.json").unlink(missing_ok=True)
     comm.barrier()
-    collapse = result.collapse
-    if collapse is not None and collapse.state is not None and collapse.mode is not None:
-        fields = joint_fields(result.structure, collapse.state, collapse.mode)
+    both = result.positive is not None and result.negative is not None
+    for end, reverse in ((result.positive, False), (result.negative, True)):
+        # An unlimited load has a last state, but no collapse to be shown.
+        if end is None or end.state is None or end.mode is None or end.status == "unbounded":
+            continue
+        fields = joint_fields(result.structure, end.state, end.mode)
+        suffix = "_negative" if reverse and both else ""
         if options.paraview:
-            write_paraview(result, fields, folder)
+            write_paraview(result, end, fields, folder, suffix)
         if options.pictures:
             from fenics_contact.plotting import draw_collapse
 
-            draw_collapse(result, fields, folder / "collapse.png")
+            draw_collapse(result, end, fields, folder / f"collapse{suffix}.png", reverse)
     if result.capacity and comm.rank == 0:
         _write_capacity(result, folder)
         if options.pictures:
@@ -142,21 +146,29 @@ def _number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value) + 0.0
 
 
-def write_paraview(result: LimitLoad, fields: JointFields, folder: Path) -> None:
+def write_paraview(
+    result: LimitLoad, end: Collapse, fields: JointFields, folder: Path, suffix: str = ""
+) -> None:
     """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
 
     Args:
-        result: A result with a state.
+        result: Whose structure it is.
+        end: A collapse with a state and a mode.
         fields: Its joints.
         folder: An existing folder.
+        suffix: Added to the names of the files.
     """
-    displacement, mode = result.displacement, result.mode
+    structure = result.structure
+    if end.state is None or end.mode is None:
+        return
+    displacement = displacement_function(structure, end.state.displacement, "displacement")
+    mode = displacement_function(structure, end.mode, "collapse_mode")
     compat.write_vtk(
-        folder / "blocks.pvd",
-        [displacement, mode, *stress_fields(result.structure, displacement)],
+        folder / f"blocks{suffix}.pvd",
+        [displacement, mode, *stress_fields(structure, displacement)],
     )
     if result.scene.comm.rank == 0:
-        write_joints(folder / "joints.vtu", result.structure.joints, fields)
+        write_joints(folder / f"joints{suffix}.vtu", structure.joints, fields)
 
 
 def write_joints(path: Path, joints: Joints, fields: JointFields) -> None:

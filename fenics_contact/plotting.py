@@ -15,7 +15,7 @@ from fenics_contact.joint_fields import OPEN, SLIP, SLIPPING, STICK, JointFields
 from fenics_contact.structure import Structure
 
 if TYPE_CHECKING:
-    from fenics_contact.limit_load import LimitLoad
+    from fenics_contact.limit_load import Collapse, LimitLoad
 
 Array = npt.NDArray[np.float64]
 
@@ -25,34 +25,35 @@ AMPLITUDE = 0.08
 COLOURS = {OPEN: "#d62728", SLIP: "#ff7f0e", STICK: "#1f77b4"}
 
 
-def draw_collapse(result: LimitLoad, fields: JointFields, path: Path) -> None:
+def draw_collapse(
+    result: LimitLoad, collapse: Collapse, fields: JointFields, path: Path, reverse: bool
+) -> None:
     """Draw the collapse mode, and the joint forces at collapse.
 
     Collective; drawn on rank 0.
 
     Args:
-        result: A result with a mode.
+        result: Whose structure it is.
+        collapse: A collapse with a mode.
         fields: Its joints.
         path: A file name ending in .png.
+        reverse: Whether it is that of the live load reversed.
     """
-    collapse = result.collapse
-    if collapse is None or collapse.mode is None:
+    if collapse.mode is None:
         return
     structure = result.structure
     motion = _at_boundary(structure, collapse.mode)
     if structure.scene.comm.rank != 0:
         return
     figure, (left, right) = _axes(structure, 2)
-    _draw_mode(left, structure, fields, motion, result.positive is None)
+    _draw_mode(left, structure, fields, motion, reverse)
     _draw_forces(right, structure, fields)
-    sign = "" if result.positive is not None else " (live load reversed)"
+    sign = " (live load reversed)" if reverse else ""
     head = f"{result.scene.title}: " if result.scene.title else ""
     value = f"load factor {collapse.load_factor:.5g}{sign}"
-    if result.status != "limit":
-        value = f"{result.status.replace('_', ' ')}, {value}"
-    bounds = collapse.bounds
-    lower = "none" if bounds.lower is None else f"{bounds.lower + 0.0:.5g}"
-    figure.suptitle(f"{head}{value}   (between {lower} and {bounds.upper:.5g})", fontsize=13)
+    if collapse.status != "limit":
+        value = f"{collapse.status.replace('_', ' ')}, {value}"
+    figure.suptitle(f"{head}{value}   ({collapse.bounds})", fontsize=13)
     figure.savefig(path, dpi=150)
     _close(figure)
 
@@ -243,7 +244,15 @@ def _draw_live_load(axes: Any, structure: Structure, reverse: bool) -> None:
     end = start + 0.12 * along
     style = {"arrowstyle": "-|>", "color": "0.2", "lw": 1.6}
     axes.annotate("", end, start, xycoords="axes fraction", arrowprops=style)
-    axes.text(end[0] + 0.02, end[1] - 0.01, "live load", transform=axes.transAxes, fontsize=9)
+    left = along[0] < -0.3
+    axes.text(
+        end[0] - 0.02 if left else end[0] + 0.02,
+        end[1] - 0.01,
+        "live load",
+        ha="right" if left else "left",
+        transform=axes.transAxes,
+        fontsize=9,
+    )
 
 
 def _draw_forces(axes: Any, structure: Structure, fields: JointFields) -> None:
