@@ -305,7 +305,7 @@ class _Driver:
                 found = at(ratio, last.moved(ratio * per_ratio), last.bound)
                 if search.growing and bounds.upper == np.inf:
                     return search.result("unbounded")
-                if found is None or not (search.rising or found.gap <= GAP_FALLS * last.gap):
+                if found is None or not (search.rising or found.gap < GAP_FALLS * last.gap):
                     break
                 last = found
             last, ratio = first, FIRST_WORK
