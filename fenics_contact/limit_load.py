@@ -280,44 +280,19 @@ class _Driver:
         exact = not np.any(self.structure.joints.friction)
         if bounds.lower == np.inf or (exact and bounds.upper == np.inf):
             return Collapse("unbounded", np.inf, bounds)
-        unit = problem.live.norm(PETSc.NormType.N1)
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
+        search = _Search(
+            self.structure, problem, blocks, bounds, scales, per_ratio, self._steps(direction)
+        )
         sign = 1.0 if problem is self.structure.problem else -1.0
-        search = _Search(self.structure, problem, blocks, bounds, self._steps(direction))
-        scale = sign * FIRST_WORK * scales.load_factor
-        start = _scaled_state(bonded.live, bonded.dead_pressure, scale, FIRST_WORK * per_ratio)
-        bound = problem.bound(_first_pressure(problem, bonded))
-
-        def at(ratio: float, start: State, bound: Array) -> _Found | None:
-            # Forces are judged by what the joints carry, which a locked structure lets grow.
-            growth = max(1.0, search.largest_factor / scales.load_factor)
-            work = ratio * per_ratio
-            sizes = replace(scales, displacement=work / unit, force=growth * scales.force)
-            return search.at(ratio, work, sizes, start, bound)
-
+        start = _scaled_state(
+            bonded.live,
+            bonded.dead_pressure,
+            sign * FIRST_WORK * scales.load_factor,
+            FIRST_WORK * per_ratio,
+        )
         try:
-            first = at(FIRST_WORK, start, bound)
-            if first is None:
-                return search.result("not_converged")
-            last, ratio = first, FIRST_WORK
-            while not search.settled and ratio * WORK_GROWTH <= LAST_WORK:
-                ratio *= WORK_GROWTH
-                found = at(ratio, last.moved(ratio * per_ratio), last.bound)
-                if search.growing and bounds.upper == np.inf:
-                    return search.result("unbounded")
-                if found is None or not (search.rising or found.gap < GAP_FALLS * last.gap):
-                    break
-                last = found
-            last, ratio = first, FIRST_WORK
-            for _ in range(DECREASES if search.best is first else 0):
-                if search.settled:
-                    break
-                ratio *= WORK_DECREASE
-                found = at(ratio, last.moved(ratio * per_ratio), last.bound)
-                if found is None or found.gap > GAP_FALLS * last.gap:
-                    break
-                last = found
-            return search.result("limit" if search.verified else "not_converged")
+            return search.run(start, problem.bound(_first_pressure(problem, bonded)))
         finally:
             search.control.destroy()
 
@@ -370,12 +345,28 @@ class _Search:
         problem: ContactProblem,
         blocks: RigidBlocks,
         bounds: LimitBounds,
+        scales: Scales,
+        per_ratio: float,
         monitor: Callable[[FixedPointStep], None] | None,
     ) -> None:
+        """Prepare to solve.
+
+        Args:
+            structure: What is loaded.
+            problem: With the live load in the direction looked at.
+            blocks: Rigid-block programs of that direction.
+            bounds: Their bounds.
+            scales: Typical sizes on the elastic part of the path.
+            per_ratio: Work of the live load on the bonded structure, the unit of T.
+            monitor: Called after every fixed-point iteration.
+        """
         self.structure = structure
         self.problem = problem
         self.blocks = blocks
         self.bounds = bounds
+        self.scales = scales
+        self.per_ratio = per_ratio
+        self.live_size = problem.live.norm(PETSc.NormType.N1)
         self.options = structure.scene.solve
         self.monitor = monitor
         self.control = WorkControl(problem, structure.springs)
@@ -383,13 +374,42 @@ class _Search:
         self.history: list[FixedPointHistory] = []
         self.path: list[tuple[float, float]] = []
 
-    def at(
-        self, ratio: float, work: float, scales: Scales, start: State, bound: Array
-    ) -> _Found | None:
+    def run(self, start: State, bound: Array) -> Collapse:
+        """Look for a verified collapse state at more work, then at less."""
+        first = self.at(FIRST_WORK, start, bound)
+        if first is None:
+            return self.result("not_converged")
+        last, ratio = first, FIRST_WORK
+        while not self.settled and ratio * WORK_GROWTH <= LAST_WORK:
+            ratio *= WORK_GROWTH
+            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
+            if self.growing and self.bounds.upper == np.inf:
+                return self.result("unbounded")
+            if found is None or not (self.rising or found.gap < GAP_FALLS * last.gap):
+                break
+            last = found
+        last, ratio = first, FIRST_WORK
+        for _ in range(DECREASES if self.best is first else 0):
+            if self.settled:
+                break
+            ratio *= WORK_DECREASE
+            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
+            if found is None or found.gap > GAP_FALLS * last.gap:
+                break
+            last = found
+        return self.result("limit" if self.verified else "not_converged")
+
+    def at(self, ratio: float, start: State, bound: Array) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
         Once there is a verified state, others are only followed from it, not iterated for afresh.
         """
+        work = ratio * self.per_ratio
+        # Forces are judged by what the joints carry, which a locked structure lets grow.
+        growth = max(1.0, self.largest_factor / self.scales.load_factor)
+        scales = replace(
+            self.scales, displacement=work / self.live_size, force=growth * self.scales.force
+        )
         friction = CoulombFriction(
             self.control,
             scales,
