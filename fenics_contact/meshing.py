@@ -210,7 +210,7 @@ def _outline_groups(
 
 def polygons(
     outlines: Sequence[npt.ArrayLike],
-    size: float,
+    size: float | None = None,
     names: Sequence[str] | None = None,
     groups: Mapping[str, Sequence[npt.ArrayLike]] | None = None,
     quadrilaterals: bool = False,
@@ -222,7 +222,8 @@ def polygons(
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: Largest length of an element along the sides, m.
+        size: Largest length of an element along the sides, m; when not given a quarter of the side
+            of a square of the blocks' mean area.
         names: Two-dimensional group of every block; "blocks" for all when not given.
         groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
             group. When not given, "base" is what lies at the lowest level of the drawing.
@@ -235,8 +236,10 @@ def polygons(
         InputError: If a block has fewer than three corners or no area, or a group no side.
     """
     corners = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
-    if not corners or size <= 0.0:
+    if not corners or (size is not None and size <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
+    if size is None:
+        size = 0.25 * float(np.sqrt(np.mean([_area(outline) for outline in corners])))
     if names is not None and len(names) != len(corners):
         raise InputError(f"polygons: {len(names)} names for {len(corners)} blocks")
     everything = np.concatenate(corners)
@@ -283,11 +286,16 @@ def _checked_outline(outline: npt.ArrayLike, number: int) -> npt.NDArray[np.floa
     corners = np.asarray(outline, dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
         raise InputError(f"polygons: block {number} needs at least three corners (x, y)")
-    x, y = (corners - corners[0]).T
-    area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    area = _area(corners)
     if abs(area) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
         raise InputError(f"polygons: block {number} has no area; check its corners")
     return corners if area > 0.0 else corners[::-1]
+
+
+def _area(corners: npt.NDArray[np.float64]) -> float:
+    """Area of a polygon, negative if its corners run clockwise."""
+    x, y = (corners - corners[0]).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def _on_segment(

@@ -369,3 +369,10 @@ def test_buttress_leans_on_a_wall(courses):
 def test_builders_refuse(builder, arguments):
     with pytest.raises(InputError):
         builder(*arguments)
+
+
+def test_polygons_choose_a_size_of_element():
+    square = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
+    drawn = extract(polygons([square, square + [2.0, 0.0]]), "two squares")
+    sides = drawn.points[drawn.facets]
+    assert np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1) == pytest.approx(0.5, rel=1e-12)
