@@ -372,7 +372,8 @@ def test_builders_refuse(builder, arguments):
 
 
 def test_polygons_choose_a_size_of_element():
-    square = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
-    drawn = extract(polygons([square, square + [2.0, 0.0]]), "two squares")
+    blocks = [[(x, 0.0), (x + 2.0, 0.0), (x + 2.0, 2.0), (x, 2.0)] for x in (0.0, 2.0)]
+    drawn = extract(polygons(blocks), "two squares")
     sides = drawn.points[drawn.facets]
-    assert np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1) == pytest.approx(0.5, rel=1e-12)
+    length = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
+    assert length == pytest.approx(np.full(8, 0.5), rel=1e-9)
