@@ -172,7 +172,7 @@ class RigidBlocks:
         lower = self.limit(friction=False) if bare else None
         return LimitBounds(
             lower=None if lower is None else max(lower, 0.0) + 0.0,
-            upper=np.inf if upper is None else upper,
+            upper=np.inf if upper is None else upper + 0.0,
             stands=stands,
             stands_frictionless=bare,
         )
