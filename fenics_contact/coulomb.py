@@ -182,7 +182,6 @@ class CoulombFriction:
             if not coulomb or (
                 change <= self.tolerance
                 and history.error <= self.tolerance * abs(point.state.load_factor)
-                and point.steps > 0
             ):
                 history.converged = True
                 break

@@ -124,7 +124,7 @@ class PathPoint:
 
 @dataclass
 class _Iterate:
-    """Variables of the interior point method; also a direction, and a residual's joint part."""
+    """Variables of the interior point method, or a direction in their space."""
 
     u: PETSc.Vec
     load_factor: float

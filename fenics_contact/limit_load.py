@@ -227,17 +227,19 @@ class _Driver:
         result = self._result(status, reported.get("positive"), reported.get("negative"))
         if self.scene.output.capacity and status == "limit":
             start = time.perf_counter()
-            result.capacity = self._capacity(ends[0], bonded, scales)
+            reverse = asked[0] == "negative"
+            result.capacity = self._capacity(ends[0], reverse, bonded, scales)
             self.seconds["capacity"] = time.perf_counter() - start
             result.factorizations = self.structure.springs.factorizations
         return result
 
-    def _capacity(self, end: Collapse, bonded: Bonded, scales: Scales) -> list[CapacityPoint]:
+    def _capacity(
+        self, end: Collapse, reverse: bool, bonded: Bonded, scales: Scales
+    ) -> list[CapacityPoint]:
         """Points of the capacity curve towards one collapse."""
-        reverse = end is not None and end.load_factor < 0.0
-        problem = self.structure.reversed() if reverse else self.structure.problem
         if end.state is None:
             return []
+        problem = self.structure.reversed() if reverse else self.structure.problem
         pressure = _first_pressure(problem, bonded)
         factor = -scales.load_factor if reverse else scales.load_factor
         work = scales.load_factor * self.structure.problem.live.dot(bonded.live)
