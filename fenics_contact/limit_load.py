@@ -387,7 +387,8 @@ class _Search:
             found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
             if self.growing and self.bounds.upper == np.inf:
                 return self.result("unbounded")
-            if found is None or not (self.rising or found.gap < GAP_FALLS * last.gap):
+            # Gaps are infinite, and no reason to stop, until a state converges.
+            if found is None or not (self.rising or found.gap <= GAP_FALLS * last.gap):
                 break
             last = found
         last, ratio = first, FIRST_WORK
