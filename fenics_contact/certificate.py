@@ -105,7 +105,7 @@ def certify(
     Returns:
         Residuals relative to `scales`.
     """
-    residuals = _state_residuals(problem, state, scales)
+    residuals = state_residuals(problem, state, scales)
     residuals |= _mode_residuals(problem, state, mode, scales)
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
     lower = -np.inf if bounds.lower is None else bounds.lower
@@ -118,7 +118,20 @@ def certify(
     return Certificate(residuals, missed)
 
 
-def _state_residuals(problem: ContactProblem, state: State, scales: Scales) -> dict[str, float]:
+def state_residuals(
+    problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
+) -> dict[str, float]:
+    """What a state misses of equilibrium and joint laws.
+
+    Args:
+        problem: Stiffness, loads and joints.
+        state: The state.
+        scales: Typical sizes.
+        bound: Given bound on friction; the problem's own when not given.
+
+    Returns:
+        Residuals relative to `scales`.
+    """
     d, f = scales.displacement, scales.force
     rest = problem.dead.duplicate()
     problem.stiffness.mult(state.displacement, rest)
@@ -132,7 +145,8 @@ def _state_residuals(problem: ContactProblem, state: State, scales: Scales) -> d
     equilibrium = problem.max(np.abs(rest.array_r)) / f
     rest.destroy()
     opening, slip = joint_displacements(problem, state.displacement)
-    bound = problem.bound(np.maximum(state.pressure, 0.0))
+    if bound is None:
+        bound = problem.bound(np.maximum(state.pressure, 0.0))
     live = problem.live.dot(state.displacement)
     return {
         "equilibrium": equilibrium,

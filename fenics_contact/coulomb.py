@@ -17,12 +17,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+from fenics_contact.interior_point import PathPoint, Scales, State
+from fenics_contact.problem import ContactProblem
+from fenics_contact.springs import SpringStiffness
 
 Array = npt.NDArray[np.float64]
 
@@ -56,6 +59,30 @@ WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
 #: Limits of both.
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
+
+
+class GivenFriction(Protocol):
+    """Solves for states with given friction, as `interior_point.WorkControl` does.
+
+    Attributes:
+        problem: The structure.
+        springs: Its stiffness, which counts the factorisations.
+    """
+
+    problem: ContactProblem
+    springs: SpringStiffness
+
+    def solve(
+        self,
+        bound: Array | None,
+        work: float,
+        start: State,
+        scales: Scales,
+        centring: float = ...,
+        tolerance: float = ...,
+    ) -> PathPoint:
+        """See `interior_point.WorkControl.solve`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -116,7 +143,7 @@ class CoulombFriction:
 
     def __init__(
         self,
-        control: WorkControl,
+        control: GivenFriction,
         scales: Scales,
         tolerance: float,
         monolithic: bool,

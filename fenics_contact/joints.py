@@ -75,6 +75,37 @@ class Joints:
 
 
 @dataclass(frozen=True)
+class Slots:
+    """The joint points of every body, in a row; the same on all ranks.
+
+    Attributes:
+        body: Bodies of both sides of every joint point, -1 for ground, shape (points, 2).
+        slot: Places of the joint point among those of either body, shape (points, 2).
+        table: Joint point in every place of every body, -1: none, shape (bodies, places).
+    """
+
+    body: npt.NDArray[np.int64]
+    slot: npt.NDArray[np.int64]
+    table: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, body: npt.NDArray[np.int32]) -> Slots:
+        """Slots from the bodies of both sides of all joint points."""
+        flat = np.asarray(body, dtype=np.int64).ravel()
+        order = np.argsort(flat, kind="stable")
+        owner = flat[order]
+        place = np.arange(len(flat)) - np.searchsorted(owner, owner)
+        slot = np.empty_like(flat)
+        slot[order] = place
+        held = owner != GROUND
+        count = int(owner.max(initial=-1)) + 1, int(place[held].max(initial=-1)) + 1
+        table = np.full(count, -1)
+        table[owner[held], place[held]] = order[held] // 2
+        slot[flat == GROUND] = -1
+        return cls(flat.reshape(-1, 2), slot.reshape(-1, 2), table)
+
+
+@dataclass(frozen=True)
 class JointOperators:
     """B_N and B_T with this rank's rows, and the joint points that those rows are.
 
@@ -85,6 +116,7 @@ class JointOperators:
         dofs: Global dofs of every local row, first side then second, shape (rows, 4); -1: none.
         normal_rows: Coefficients of B_N on those dofs, shape (rows, 4).
         tangential_rows: Coefficients of B_T, likewise.
+        slots: The joint points of every body.
     """
 
     normal: PETSc.Mat
@@ -93,6 +125,7 @@ class JointOperators:
     dofs: npt.NDArray[np.int32]
     normal_rows: npt.NDArray[np.float64]
     tangential_rows: npt.NDArray[np.float64]
+    slots: Slots
 
 
 def find_joints(scene: Scene, boundary: Boundary) -> Joints:
@@ -330,8 +363,7 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
         (np.einsum("nk,nskl->nsl", axis[points], directions) * sign[:, :, None]).reshape(-1, 4)
         for axis in (joints.normal, joints.tangent)
     ]
-    layout = (len(points), PETSc.DETERMINE), stiffness.getLocalSize()[1]
-    matrices = [_matrix(stiffness, layout, dofs, row) for row in rows]
+    matrices = [sparse_rows(stiffness, dofs, row) for row in rows]
     return JointOperators(
         normal=matrices[0],
         tangential=matrices[1],
@@ -339,19 +371,24 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
         dofs=dofs.astype(PETSc.IntType),
         normal_rows=rows[0],
         tangential_rows=rows[1],
+        slots=Slots.of(joints.bodies),
     )
 
 
-def _matrix(
-    stiffness: PETSc.Mat,
-    layout: tuple[tuple[int, int], int],
-    dofs: npt.NDArray[np.int64],
-    rows: npt.NDArray[np.float64],
+def sparse_rows(
+    stiffness: PETSc.Mat, dofs: npt.NDArray[np.int64], rows: npt.NDArray[np.float64]
 ) -> PETSc.Mat:
+    """A matrix on the displacements.
+
+    Args:
+        stiffness: Whose columns it has.
+        dofs: Global dofs of this rank's rows, shape (rows, n); -1: none.
+        rows: Coefficients, likewise.
+    """
     kept = dofs >= 0
     indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
     matrix = PETSc.Mat().createAIJ(
-        (layout[0], (layout[1], PETSc.DETERMINE)),
+        ((len(rows), PETSc.DETERMINE), (stiffness.getLocalSize()[1], PETSc.DETERMINE)),
         csr=(indptr, dofs[kept].astype(PETSc.IntType), rows[kept]),
         comm=stiffness.comm,
     )

@@ -24,6 +24,7 @@ from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
 from fenics_contact.plan import Plan
 from fenics_contact.problem import ContactProblem
 from fenics_contact.scene import Scene
+from fenics_contact.splitting import JointForces
 from fenics_contact.structure import Bonded, Structure
 
 Array = npt.NDArray[np.float64]
@@ -32,6 +33,9 @@ _log = logging.getLogger("fenics_contact")
 
 #: First work of the live load in units of its work on the bonded structure, growth, and largest.
 FIRST_WORK, WORK_GROWTH, LAST_WORK = 300.0, 4.0, 1e10
+
+#: The same for methods on joint forces, in units of the work at the upper bound.
+FIRST_JOINT_WORK = 30.0
 
 #: Where more work does not help, because digits are lost, less is tried: factor, and how often.
 WORK_DECREASE, DECREASES = 0.1, 3
@@ -287,16 +291,17 @@ class _Driver:
             self.structure, problem, blocks, bounds, scales, per_ratio, self._steps(direction)
         )
         sign = 1.0 if problem is self.structure.problem else -1.0
+        ratio = _first_work(self.scene.solve.method, bounds, scales)
         start = _scaled_state(
             bonded.live,
             bonded.dead_pressure,
-            sign * FIRST_WORK * scales.load_factor,
-            FIRST_WORK * per_ratio,
+            sign * ratio * scales.load_factor,
+            ratio * per_ratio,
         )
         try:
             return search.run(start, problem.bound(_first_pressure(problem, bonded)))
         finally:
-            search.control.destroy()
+            search.destroy()
 
     def _steps(self, direction: str) -> Callable[[FixedPointStep], None] | None:
         """The monitor as a function of the step."""
@@ -372,16 +377,18 @@ class _Search:
         self.options = structure.scene.solve
         self.monitor = monitor
         self.control = WorkControl(problem, structure.springs)
+        self.solver = _solver(structure, problem, self.control)
         self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
         self.path: list[tuple[float, float]] = []
 
     def run(self, start: State, bound: Array) -> Collapse:
         """Look for a verified collapse state at more work, then at less."""
-        first = self.at(FIRST_WORK, start, bound)
+        first_ratio = start.work / self.per_ratio
+        first = self.at(first_ratio, start, bound)
         if first is None:
             return self.result("not_converged")
-        last, ratio = first, FIRST_WORK
+        last, ratio = first, first_ratio
         while not self.settled and ratio * WORK_GROWTH <= LAST_WORK:
             ratio *= WORK_GROWTH
             found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
@@ -391,7 +398,7 @@ class _Search:
             if found is None or not (self.rising or found.gap <= GAP_FALLS * last.gap):
                 break
             last = found
-        last, ratio = first, FIRST_WORK
+        last, ratio = first, first_ratio
         for _ in range(DECREASES if self.best is first else 0):
             if self.settled:
                 break
@@ -401,6 +408,11 @@ class _Search:
                 break
             last = found
         return self.result("limit" if self.verified else "not_converged")
+
+    def destroy(self) -> None:
+        """Free the solvers."""
+        self.control.destroy()
+        self.solver.destroy()
 
     def at(self, ratio: float, start: State, bound: Array) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
@@ -414,10 +426,10 @@ class _Search:
             self.scales, displacement=work / self.live_size, force=growth * self.scales.force
         )
         friction = CoulombFriction(
-            self.control,
+            self.solver,
             scales,
             self.options.tolerance,
-            self.options.method != "fixed-point",
+            self.options.method == "auto",
             self.monitor,
         )
         try:
@@ -546,6 +558,28 @@ class _Search:
             history,
             found.ratio,
         )
+
+
+def _solver(
+    structure: Structure, problem: ContactProblem, control: WorkControl
+) -> WorkControl | JointForces:
+    """What solves for states with given friction."""
+    method = structure.scene.solve.method
+    if method not in ("splitting", "active-set"):
+        return control
+    return JointForces(problem, structure.operators, structure.springs, method == "splitting")
+
+
+def _first_work(method: str, bounds: LimitBounds, scales: Scales) -> float:
+    """First T in units of the live load's work on the bonded structure.
+
+    Joint forces, unlike interior points, take many steps to a state far along the mode: they start
+    at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.
+    """
+    if method not in ("splitting", "active-set"):
+        return FIRST_WORK
+    upper = np.inf if bounds.upper is None else bounds.upper
+    return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

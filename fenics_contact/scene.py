@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
 PLANES = ("strain", "stress")
-METHODS = ("auto", "fixed-point")
+METHODS = ("auto", "fixed-point", "splitting", "active-set")
 DIRECTIONS = ("positive", "negative", "both")
 
 

@@ -19,11 +19,14 @@ TREES = {name: ast.parse((PACKAGE / f"{name}.py").read_text()) for name in MODUL
 #: Modules that see PETSc objects and arrays only.
 SOLVERS = [
     "bounds",
+    "bound_qp",
     "capacity",
     "certificate",
     "coulomb",
     "interior_point",
+    "joint_operator",
     "problem",
+    "splitting",
     "springs",
 ]
 

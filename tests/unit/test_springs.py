@@ -7,7 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import Scene, SolverError
-from fenics_contact.joints import JointOperators
+from fenics_contact.joints import JointOperators, Slots
 from fenics_contact.meshing import wall
 from fenics_contact.springs import SpringStiffness
 from fenics_contact.structure import Structure
@@ -145,6 +145,7 @@ def loose_node() -> tuple[SpringStiffness, PETSc.Vec]:
         dofs=np.array([[0, 1, 2, 3]], dtype=PETSc.IntType),
         normal_rows=np.array([[0.0, -1.0, 0.0, 1.0]]),
         tangential_rows=np.array([[-1.0, 0.0, 1.0, 0.0]]),
+        slots=Slots.of(np.array([[0, 1]])),
     )
     load = stiffness.createVecLeft()
     load.array[:] = [0.0, 0.0, 0.0, 6.0]
