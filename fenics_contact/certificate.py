@@ -144,7 +144,8 @@ def state_residuals(
         joint.destroy()
     equilibrium = problem.max(np.abs(rest.array_r)) / f
     rest.destroy()
-    opening, slip = joint_displacements(problem, state.displacement)
+    opening, slip = problem.joint_displacements(state.displacement)
+    slip = slip - problem.slip_origin
     if bound is None:
         bound = problem.bound(np.maximum(state.pressure, 0.0))
     live = problem.live.dot(state.displacement)
@@ -155,7 +156,8 @@ def state_residuals(
         "complementarity": problem.max(np.abs(opening * state.pressure)) / (d * f),
         "friction": problem.max(np.abs(state.shear) - bound) / f,
         "slip_direction": problem.max(np.abs(bound * np.abs(slip) + state.shear * slip)) / (d * f),
-        "work": abs(live - state.work) / abs(state.work),
+        "work": abs(live - state.work)
+        / max(abs(state.work), d * problem.live.norm(PETSc.NormType.N1)),
     }
 
 
@@ -163,7 +165,7 @@ def _mode_residuals(
     problem: ContactProblem, state: State, mode: PETSc.Vec, scales: Scales
 ) -> dict[str, float]:
     unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
-    opening, slip = joint_displacements(problem, mode)
+    opening, slip = problem.joint_displacements(mode)
     bound = problem.bound(np.maximum(state.pressure, 0.0))
     dissipation = problem.sum(bound * np.abs(slip))
     power = state.load_factor * problem.live.dot(mode) + problem.dead.dot(mode)
@@ -179,14 +181,3 @@ def _mode_residuals(
         "mode_elastic": elastic * abs(state.work) / factor,
         "mode_power": abs(dissipation - power) / max(dissipation, abs(power), factor),
     }
-
-
-def joint_displacements(problem: ContactProblem, u: PETSc.Vec) -> tuple[Array, Array]:
-    """Opening B_N u and slip B_T u at this rank's points."""
-    values = []
-    for matrix in (problem.normal, problem.tangential):
-        joint = matrix.createVecLeft()
-        matrix.mult(u, joint)
-        values.append(joint.array.copy())
-        joint.destroy()
-    return values[0], values[1]

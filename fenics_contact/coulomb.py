@@ -80,6 +80,7 @@ class GivenFriction(Protocol):
         scales: Scales,
         centring: float = ...,
         tolerance: float = ...,
+        load_factor: float | None = ...,
     ) -> PathPoint:
         """See `interior_point.WorkControl.solve`."""
         ...
@@ -148,6 +149,7 @@ class CoulombFriction:
         tolerance: float,
         monolithic: bool,
         monitor: Callable[[FixedPointStep], None] | None = None,
+        load_factor: float | None = None,
     ) -> None:
         """Choose how to iterate.
 
@@ -157,6 +159,7 @@ class CoulombFriction:
             tolerance: On the load factor and on the bound, relative.
             monolithic: Whether to finish with the bound in the equations.
             monitor: Called after every iteration.
+            load_factor: If given, lambda is prescribed, not the work.
         """
         self.control = control
         self.problem = control.problem
@@ -164,6 +167,7 @@ class CoulombFriction:
         self.tolerance = tolerance
         self.monolithic = monolithic
         self.monitor = monitor
+        self.load_factor = load_factor
 
     def solve(
         self, start: State, bound: Array, work: float, warm: bool = False
@@ -253,7 +257,9 @@ class CoulombFriction:
         before = self.control.springs.factorizations
         while True:
             try:
-                new = self.control.solve(bound, work, state, self.scales, centring, tolerance)
+                new = self.control.solve(
+                    bound, work, state, self.scales, centring, tolerance, self.load_factor
+                )
                 break
             except SolverError:
                 if centring >= 1.0:
@@ -295,12 +301,15 @@ class CoulombFriction:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
         before = self.control.springs.factorizations
         try:
-            found = self.control.solve(None, work, start, self.scales, centring, TOLERANCE_RANGE[0])
+            found = self.control.solve(
+                None, work, start, self.scales, centring, TOLERANCE_RANGE[0], self.load_factor
+            )
         except SolverError as error:
             _log.info("  monolithic step not used: %s", error)
             return None
         factor = found.state.load_factor
-        if not -allowed[0] <= factor - start.load_factor <= allowed[1]:
+        rise = factor - start.load_factor if self.load_factor is None else 0.0
+        if not -allowed[0] <= rise <= allowed[1]:
             _log.info("  monolithic step not used: it ends elsewhere, at %.6g", factor)
             found.state.displacement.destroy()
             return None

@@ -193,16 +193,18 @@ class WorkControl:
         scales: Scales,
         centring: float = 1.0,
         tolerance: float = 1e-12,
+        load_factor: float | None = None,
     ) -> PathPoint:
-        """Solve for given work.
+        """Solve for given work, or for a given load factor.
 
         Args:
             bound: g at this rank's points, N/m; points with zero slide freely. None: Coulomb's.
-            work: T, N m per metre of thickness.
+            work: T, N m per metre of thickness; not used with a load factor.
             start: State to start from; its joint forces need not be admissible.
             scales: Typical sizes.
             centring: Complementarity products of the start, in units of force times displacement.
             tolerance: On the mean product and the joints' residuals, relative to `scales`.
+            load_factor: If given, lambda is prescribed, not the work.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -210,7 +212,7 @@ class WorkControl:
         Raises:
             SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
         """
-        run = _InteriorPoint(self, bound, work, scales)
+        run = _InteriorPoint(self, bound, work, scales, load_factor)
         now = run.centred(start, centring)
         best, best_sizes, best_error, best_step = now.copy(), {}, np.inf, 0
         patience = PATIENCE if centring < 1.0 else COLD_PATIENCE
@@ -236,6 +238,8 @@ class WorkControl:
                 f"interior point: residual {best_error:.1e} after {step} steps,"
                 f" asked {tolerance:.1e}"
             )
+        if load_factor is not None:
+            work = self.problem.live.dot(best.u)
         state = State(best.u, best.load_factor, best.pressure, best.shear, work)
         return PathPoint(state, run.bound(best), best_sizes, step)
 
@@ -264,16 +268,22 @@ class WorkControl:
 
 
 class _InteriorPoint:
-    """The equations of one solve: one bound, one T."""
+    """The equations of one solve: one bound, and one T or load factor."""
 
     def __init__(
-        self, solver: WorkControl, bound: Array | None, work: float, scales: Scales
+        self,
+        solver: WorkControl,
+        bound: Array | None,
+        work: float,
+        scales: Scales,
+        load_factor: float | None = None,
     ) -> None:
         self.problem = problem = solver.problem
         self.springs = solver.springs
         self.workspace = solver
         self.given = bound
         self.work = work
+        self.load_factor = load_factor
         self.scales = scales
         #: Coulomb's coefficient where the bound follows the pressure.
         self.friction = problem.friction if bound is None else np.zeros_like(bound)
@@ -297,6 +307,7 @@ class _InteriorPoint:
         """
         d, f = self.scales.displacement, self.scales.force
         opening, slip = self._joint_displacements(start.displacement)
+        slip -= self.problem.slip_origin
         p = start.pressure / f - opening / d
         large = 0.5 * (np.sqrt(p**2 + 4.0 * centring) + np.abs(p))
         small = centring / large
@@ -316,7 +327,8 @@ class _InteriorPoint:
         z1, z2 = centring * f * d / s1, centring * f * d / s2
         shear = np.where(self.sticky, rho * f, 0.0)
         u = start.displacement.copy()
-        return _Iterate(u, start.load_factor, y, pressure, shear, s1, s2, z1, z2)
+        load_factor = start.load_factor if self.load_factor is None else self.load_factor
+        return _Iterate(u, load_factor, y, pressure, shear, s1, s2, z1, z2)
 
     def residual(self, now: _Iterate) -> _Residual:
         problem, equilibrium = self.problem, self.workspace._rest
@@ -325,7 +337,8 @@ class _InteriorPoint:
         equilibrium.axpy(-now.load_factor, problem.live)
         self._add_joint_forces(equilibrium, -now.pressure, -now.shear)
         opening, slip = self._joint_displacements(now.u)
-        work = problem.live.dot(now.u) - self.work
+        slip -= problem.slip_origin
+        work = problem.live.dot(now.u) - self.work if self.load_factor is None else 0.0
         return _Residual(equilibrium, now.y - opening, now.z2 - now.z1 - slip, work)
 
     def sizes(self, now: _Iterate, residual: _Residual) -> dict[str, float]:
@@ -337,7 +350,7 @@ class _InteriorPoint:
             "equilibrium": EQUILIBRIUM_WEIGHT * equilibrium,
             "opening": problem.max(np.abs(residual.opening)) / d,
             "slip": problem.max(np.abs(residual.slip[sticky])) / d,
-            "work": abs(residual.work) / abs(self.work),
+            "work": abs(residual.work) / abs(self.work) if residual.work else 0.0,
             "complementarity": self._products(now) / (self.count * f * d),
         }
 
@@ -360,7 +373,8 @@ class _InteriorPoint:
     def step(self, now: _Iterate, residual: _Residual) -> None:
         """One predictor-corrector step on one factor."""
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
-        self.springs.solve(self.problem.live, self.workspace._border)
+        if self.load_factor is None:
+            self.springs.solve(self.problem.live, self.workspace._border)
         here = self._products(now)
         y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
         affine = self._direction(now, residual, springs, -y * r, -s1 * z1, -s2 * z2)
@@ -398,10 +412,11 @@ class _InteriorPoint:
         drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
         self._add_joint_forces(right, push, k_t * drive + q * push)
         self.springs.solve(right, free)
-        live = self.problem.live
-        load_factor = (-residual.work - free.dot(live)) / border.dot(live)
-        u = free.copy()
-        u.axpy(load_factor, border)
+        u, load_factor = free.copy(), 0.0
+        if self.load_factor is None:
+            live = self.problem.live
+            load_factor = (-residual.work - free.dot(live)) / border.dot(live)
+            u.axpy(load_factor, border)
         opening, slip = self._joint_displacements(u)
         y = opening - residual.opening
         pressure = c_n / now.y - k_n * y

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.certificate import joint_displacements
 from fenics_contact.interior_point import State
 from fenics_contact.structure import Structure
 
@@ -55,8 +54,8 @@ def joint_fields(structure: Structure, state: State, mode: PETSc.Vec) -> JointFi
     """Gather the joints' share of a state and its mode (joint-sized data) on all ranks."""
     problem = structure.problem
     everything = structure.all_points
-    gap, slip = map(everything, joint_displacements(problem, state.displacement))
-    opening_rate, slip_rate = map(everything, joint_displacements(problem, mode))
+    gap, slip = map(everything, problem.joint_displacements(state.displacement))
+    opening_rate, slip_rate = map(everything, problem.joint_displacements(mode))
     normal_force, shear_force = everything(state.pressure), everything(state.shear)
     fastest = max(np.abs(opening_rate).max(initial=0.0), np.abs(slip_rate).max(initial=0.0))
     moving = np.abs(slip_rate) > SLIPPING * fastest

@@ -8,9 +8,9 @@ those of the step before, u', by a small stiffness rho:
 With u eliminated, opening and slip are B u = A_rr r + A_rl lambda - b_r and the work of the live
 load is f_L.u = A_lr r + A_ll lambda + ..., together A x - b with x = (r_N, r_T, lambda) and
 
-    A = S K_rho^-1 S^T,   S = (B, f_L),   b = (0, T) - S u_0,   u_0 = K_rho^-1 (f_D + rho u'),
+    A = S K_rho^-1 S^T,   S = (B, f_L),   b = (0, w_0, T) - S u_0,   u_0 = K_rho^-1 (f_D + rho u'),
 
-symmetric positive semi-definite. The joint laws are bounds on x, so that the states under work
+symmetric positive semi-definite, w_0 the origin of slip. The joint laws are bounds on x, so that the states under work
 control, f_L.u = T, are the solutions of a bound-constrained quadratic program (`bound_qp`); at the
 solution u = u' the small stiffness has no part. A block of A couples joint points of one body only:
 A is sparse, and all bodies are solved for at once, one joint point of each at a time.
@@ -74,6 +74,7 @@ class JointOperator:
         self._solver.solve(self._work, free)
         self._to_joints(free, right.array)
         right.array[:] *= -1.0
+        right.array[self.points : 2 * self.points] += self.problem.slip_origin
         rest = work - self.problem.live.dot(free)
         if self.has_factor:
             right.array[-1] = rest

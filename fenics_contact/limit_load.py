@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds, RigidBlocks
 from fenics_contact.capacity import CapacityPoint, capacity_curve
-from fenics_contact.certificate import Certificate, certify, joint_displacements
+from fenics_contact.certificate import Certificate, certify
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
 from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
@@ -527,8 +527,9 @@ class _Search:
         Every state further along the mode has the same stresses and joint forces; at the first,
         some joint is about to close, or to stick.
         """
-        opening, slip = joint_displacements(self.problem, found.state.displacement)
-        opening_rate, slip_rate = joint_displacements(self.problem, found.mode)
+        opening, slip = self.problem.joint_displacements(found.state.displacement)
+        opening_rate, slip_rate = self.problem.joint_displacements(found.mode)
+        slip = slip - self.problem.slip_origin
         # The work by which a joint that moves in the mode has moved so far.
         rates = np.maximum(np.abs(opening_rate), np.abs(slip_rate))
         tiny = 1e-6 * self.problem.max(rates)

@@ -6,7 +6,7 @@ K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ class ContactProblem:
         tangential: B_T, likewise.
         friction: Coulomb's coefficient at this rank's points; 0 where the law is another.
         strength: Given bound on the shear force at this rank's points, N/m (Tresca).
+        slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
     """
 
     stiffness: PETSc.Mat
@@ -35,6 +36,11 @@ class ContactProblem:
     tangential: PETSc.Mat
     friction: npt.NDArray[np.float64]
     strength: npt.NDArray[np.float64]
+    slip_origin: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if len(self.slip_origin) != len(self.friction):
+            object.__setattr__(self, "slip_origin", np.zeros(len(self.friction)))
 
     @property
     def comm(self) -> MPI.Comm:
@@ -53,3 +59,22 @@ class ContactProblem:
     def bound(self, pressure: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""
         return self.friction * pressure + self.strength
+
+    def measure_slip_from(self, u: PETSc.Vec) -> None:
+        """Measure slip from displacements u from now on."""
+        slip = self.tangential.createVecLeft()
+        self.tangential.mult(u, slip)
+        self.slip_origin[:] = slip.array_r
+        slip.destroy()
+
+    def joint_displacements(
+        self, u: PETSc.Vec
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Opening B_N u and B_T u at this rank's points, m."""
+        values = []
+        for matrix in (self.normal, self.tangential):
+            joint = matrix.createVecLeft()
+            matrix.mult(u, joint)
+            values.append(joint.array.copy())
+            joint.destroy()
+        return values[0], values[1]

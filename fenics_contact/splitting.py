@@ -258,7 +258,8 @@ class _Run:
             change = self._distance(new, near)
             near.destroy()
             near = new
-            state = State(near, forces[2], forces[0], forces[1], problem.live.dot(near))
+            work = self.work if self.load_factor is None else problem.live.dot(near)
+            state = State(near, forces[2], forces[0], forces[1], work)
             residuals = state_residuals(problem, state, scales, self.bound)
             error = float(np.max(list(residuals.values())))
             _log.debug(

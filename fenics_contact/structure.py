@@ -141,7 +141,7 @@ class Structure:
         """The problem with the live load reversed."""
         live = self.problem.live.copy()
         live.scale(-1.0)
-        return replace(self.problem, live=live)
+        return replace(self.problem, live=live, slip_origin=self.problem.slip_origin.copy())
 
     def bodies_area(self) -> float:
         """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
