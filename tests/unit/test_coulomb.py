@@ -263,7 +263,7 @@ class Made:
         self.answer = answer
         self.calls = 0
 
-    def solve(self, bound, work, start, scales, centring, tolerance) -> PathPoint:
+    def solve(self, bound, work, start, scales, centring, tolerance, load_factor=None) -> PathPoint:
         self.calls += 1
         pressure = self.answer(bound, self.calls)
         vector = start.displacement.copy()
