@@ -233,7 +233,7 @@ class CoulombFriction:
                     raise
                 centring = min(1.0, 1e2 * centring)
         if point is not None:
-            point.state.displacement.destroy()
+            point.state.destroy()
         return new, self.control.springs.factorizations - before
 
     def _continue(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
@@ -254,7 +254,7 @@ class CoulombFriction:
         allowed = FINISH_NEAR * max(history.error, floor)
         finished = self._monolithic(point.state, work, centring, (10.0 * allowed, allowed), history)
         if finished is not None:
-            point.state.displacement.destroy()
+            point.state.destroy()
         return finished
 
     def _monolithic(
@@ -275,7 +275,7 @@ class CoulombFriction:
         factor = found.state.load_factor
         if not -allowed[0] <= factor - start.load_factor <= allowed[1]:
             _log.info("  monolithic step not used: it ends elsewhere, at %.6g", factor)
-            found.state.displacement.destroy()
+            found.state.destroy()
             return None
         steps = self.control.springs.factorizations - before
         history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))

@@ -331,12 +331,6 @@ class _Found:
     def verified(self) -> bool:
         return self.history.converged and self.certificate.passed
 
-    def moved(self, work: float) -> State:
-        """The state moved along its mode to another T."""
-        displacement = self.state.displacement.copy()
-        displacement.axpy(work - self.state.work, self.mode)
-        return replace(self.state, displacement=displacement, work=work)
-
 
 class _Search:
     """States of one direction at different T, and the best of them."""
@@ -384,7 +378,7 @@ class _Search:
         last, ratio = first, FIRST_WORK
         while not self.settled and ratio * WORK_GROWTH <= LAST_WORK:
             ratio *= WORK_GROWTH
-            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
+            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
             if self.growing and self.bounds.upper == np.inf:
                 return self.result("unbounded")
             # Gaps are infinite, and no reason to stop, until a state converges.
@@ -396,7 +390,7 @@ class _Search:
             if self.settled:
                 break
             ratio *= WORK_DECREASE
-            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
+            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
             if found is None or found.gap > GAP_FALLS * last.gap:
                 break
             last = found
@@ -509,6 +503,14 @@ class _Search:
         """Whether it did so often enough to be called unlimited."""
         return self._grew(GROWN)
 
+    def _moved(self, found: _Found, work: float) -> State:
+        """A state moved along its mode to another T."""
+        displacement = found.state.displacement.copy()
+        displacement.axpy(work - found.state.work, found.mode)
+        strained = self.problem.strained(found.mode)
+        strained.aypx(work - found.state.work, found.state.strained)
+        return replace(found.state, displacement=displacement, work=work, strained=strained)
+
     def _onset(self, found: _Found) -> State:
         """A state moved back along its mode to where the collapse began.
 
@@ -527,7 +529,7 @@ class _Search:
         least = self.problem.comm.allreduce(least, MPI.MIN)
         if not 0.0 < least < np.inf:
             return found.state
-        return found.moved(found.state.work - least)
+        return self._moved(found, found.state.work - least)
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""

@@ -162,10 +162,11 @@ def write_paraview(
     if end.state is None or end.mode is None:
         return
     displacement = displacement_function(structure, end.state.displacement, "displacement")
+    strained = displacement_function(structure, end.state.strained, "strained")
     mode = displacement_function(structure, end.mode, "collapse_mode")
     compat.write_vtk(
         folder / f"blocks{suffix}.pvd",
-        [displacement, mode, *stress_fields(structure, displacement)],
+        [displacement, mode, *stress_fields(structure, strained)],
     )
     if result.scene.comm.rank == 0:
         write_joints(folder / f"joints{suffix}.vtu", structure.joints, fields)

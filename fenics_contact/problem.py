@@ -26,6 +26,7 @@ class ContactProblem:
         tangential: B_T, likewise.
         friction: Coulomb's coefficient at this rank's points; 0 where the law is another.
         strength: Given bound on the shear force at this rank's points, N/m (Tresca).
+        rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
     """
 
     stiffness: PETSc.Mat
@@ -35,6 +36,7 @@ class ContactProblem:
     tangential: PETSc.Mat
     friction: npt.NDArray[np.float64]
     strength: npt.NDArray[np.float64]
+    rigid: PETSc.Mat
 
     @property
     def comm(self) -> MPI.Comm:
@@ -53,3 +55,12 @@ class ContactProblem:
     def bound(self, pressure: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""
         return self.friction * pressure + self.strength
+
+    def strained(self, u: PETSc.Vec) -> PETSc.Vec:
+        """The part of u that strains the blocks, (I - R R^T) u."""
+        rest, motion = u.copy(), self.rigid.createVecRight()
+        self.rigid.multTranspose(u, motion)
+        motion.scale(-1.0)
+        self.rigid.multAdd(motion, rest, rest)
+        motion.destroy()
+        return rest
