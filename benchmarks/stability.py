@@ -557,7 +557,8 @@ def verge_cases() -> Iterator[Case]:
         exact = wedge_factor(friction)
         status = "limit" if exact < math.inf else "unbounded"
         scene = partial(wedge_scene, friction)
-        yield Case(f"verge wedge F={friction}", [scene], exact, status=status)
+        quick = abs(friction - math.tan(math.radians(30.0))) < 1e-3
+        yield Case(f"verge wedge F={friction}", [scene], exact, status=status, quick=quick)
 
 
 def arrangement_cases() -> Iterator[Case]:

@@ -139,7 +139,7 @@ class CoulombFriction:
         self.monitor = monitor
 
     def solve(
-        self, start: State, bound: Array, work: float, warm: bool = False
+        self, start: State, bound: Array, work: float, warm: bool = False, growth: float = 0.0
     ) -> tuple[PathPoint, FixedPointHistory]:
         """Iterate from a first bound.
 
@@ -148,6 +148,7 @@ class CoulombFriction:
             bound: First g at this rank's points, N/m.
             work: T.
             warm: Whether `start` is a state for a nearby bound and T.
+            growth: By how much the load factor is expected to rise from that of `start`.
 
         Returns:
             The last state, and the history; see there whether it converged.
@@ -161,7 +162,7 @@ class CoulombFriction:
         change, finish_at = (0.1 if warm else np.inf), FINISH_AT
         point: PathPoint | None = None
         if warm and coulomb and self.monolithic:
-            point = self._continue(start, work, history)
+            point = self._continue(start, work, growth, history)
             if point is not None:
                 return point, history
         for _ in range(MAX_ITERATIONS):
@@ -195,14 +196,16 @@ class CoulombFriction:
             raise SolverError("fixed point: no iteration was made")
         return point, history
 
-    def go_on(self, start: State, work: float) -> tuple[PathPoint, FixedPointHistory]:
+    def go_on(
+        self, start: State, work: float, growth: float = 0.0
+    ) -> tuple[PathPoint, FixedPointHistory]:
         """Follow a converged state to a larger T, without iterating afresh if that fails.
 
         Raises:
             SolverError: If there is no state next to it.
         """
         history = FixedPointHistory()
-        point = self._continue(start, work, history) if self.monolithic else None
+        point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -236,11 +239,13 @@ class CoulombFriction:
             point.state.destroy()
         return new, self.control.springs.factorizations - before
 
-    def _continue(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
+    def _continue(
+        self, start: State, work: float, growth: float, history: FixedPointHistory
+    ) -> PathPoint | None:
         """The monolithic state next to one at a smaller T, if there is one."""
+        near = CONTINUE_NEAR * (abs(start.load_factor) + growth)
         for centring in CONTINUE_CENTRINGS:
-            allowed = CONTINUE_NEAR * abs(start.load_factor)
-            found = self._monolithic(start, work, centring, (allowed, allowed), history)
+            found = self._monolithic(start, work, centring, (near, near + growth), history)
             if found is not None:
                 return found
         return None

@@ -416,9 +416,11 @@ class _Search:
         )
         try:
             if self.verified:
-                point, history = friction.go_on(start, work)
+                point, history = friction.go_on(start, work, self._growth(work))
             else:
-                point, history = friction.solve(start, bound, work, warm=bool(self.history))
+                point, history = friction.solve(
+                    start, bound, work, bool(self.history), self._growth(work)
+                )
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return None
@@ -485,6 +487,13 @@ class _Search:
     def largest_factor(self) -> float:
         """Largest load factor so far."""
         return max((abs(factor) for _, factor in self.path), default=0.0)
+
+    def _growth(self, work: float) -> float:
+        """How much further the load factor would rise along the secant of the last two states."""
+        if len(self.path) < 2 or not self.path[-2][0] < self.path[-1][0] < work:
+            return 0.0
+        (first, low), (last, high) = self.path[-2:]
+        return max((high - low) / (last - first) * (work - last), 0.0)
 
     def _grew(self, times: int) -> bool:
         """Whether the load factor grew like the work in the last steps."""
