@@ -30,8 +30,11 @@ Array = npt.NDArray[np.float64]
 
 _log = logging.getLogger("fenics_contact")
 
-#: First work of the live load in units of its work on the bonded structure, growth, and largest.
-FIRST_WORK, WORK_GROWTH, LAST_WORK = 300.0, 4.0, 1e10
+#: First work of the live load in units of its work on the bonded structure, and largest.
+FIRST_WORK, LAST_WORK = 300.0, 1e12
+
+#: Growth of the work, and by how much more at once where the load factor rises slowly.
+WORK_GROWTH, LARGEST_STRIDE = 4.0, 1e3
 
 #: Where more work does not help, because digits are lost, less is tried: factor, and how often.
 WORK_DECREASE, DECREASES = 0.1, 3
@@ -331,6 +334,10 @@ class _Found:
     def verified(self) -> bool:
         return self.history.converged and self.certificate.passed
 
+    def rises_from(self, last: _Found) -> bool:
+        """Whether its load factor is larger than that of another state."""
+        return self.state.load_factor > last.state.load_factor
+
 
 class _Search:
     """States of one direction at different T, and the best of them."""
@@ -376,13 +383,16 @@ class _Search:
         if first is None:
             return self.result("not_converged")
         last, ratio = first, FIRST_WORK
-        while not self.settled and ratio * WORK_GROWTH <= LAST_WORK:
-            ratio *= WORK_GROWTH
+        while not self.settled and ratio < LAST_WORK:
+            ratio = min(ratio * self._stride(last), LAST_WORK)
             found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
             if self.growing and self.bounds.upper == np.inf:
                 return self.result("unbounded")
-            # Gaps are infinite, and no reason to stop, until a state converges.
-            if found is None or not (self.rising or found.gap <= GAP_FALLS * last.gap):
+            # Soft structures rise slowly. Gaps are infinite, and no reason to stop, until a state
+            # converges.
+            if found is None or not (
+                found.gap <= GAP_FALLS * last.gap or (found.rises_from(last) and not self.verified)
+            ):
                 break
             last = found
         last, ratio = first, FIRST_WORK
@@ -488,6 +498,14 @@ class _Search:
         """Largest load factor so far."""
         return max((abs(factor) for _, factor in self.path), default=0.0)
 
+    def _stride(self, last: _Found) -> float:
+        """Factor to the next work, well beyond where the secant meets the program's load factor."""
+        growth = self._growth(2.0 * last.state.work)
+        missing = last.certificate.error_estimate
+        if growth > 0.0 and np.isfinite(missing):
+            return WORK_GROWTH * min(1.0 + missing / growth, LARGEST_STRIDE)
+        return WORK_GROWTH
+
     def _growth(self, work: float) -> float:
         """How much further the load factor would rise along the secant of the last two states."""
         if len(self.path) < 2 or not self.path[-2][0] < self.path[-1][0] < work:
@@ -495,22 +513,13 @@ class _Search:
         (first, low), (last, high) = self.path[-2:]
         return max((high - low) / (last - first) * (work - last), 0.0)
 
-    def _grew(self, times: int) -> bool:
-        """Whether the load factor grew like the work in the last steps."""
-        if len(self.path) <= times or min(factor for _, factor in self.path) <= 0.0:
-            return False
-        work, factor = np.log(self.path[-times - 1 :]).T
-        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
-
-    @property
-    def rising(self) -> bool:
-        """Whether the load factor grew like the work in the last step."""
-        return self._grew(1)
-
     @property
     def growing(self) -> bool:
-        """Whether it did so often enough to be called unlimited."""
-        return self._grew(GROWN)
+        """Whether the load factor grew like the work so often that it is called unlimited."""
+        if len(self.path) <= GROWN or min(factor for _, factor in self.path) <= 0.0:
+            return False
+        work, factor = np.log(self.path[-GROWN - 1 :]).T
+        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
 
     def _moved(self, found: _Found, work: float) -> State:
         """A state moved along its mode to another T."""
