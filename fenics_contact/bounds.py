@@ -150,7 +150,26 @@ class RigidBlocks:
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
-        return self._on_root(lambda: self._solve(faces))
+        return self._on_root(lambda: self._solve(faces)[:2])
+
+    def associative_pressure(self) -> Array | None:
+        """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
+
+        They act at the ends of straight faces; None unless the load factor is finite.
+        """
+        return self._on_root(self._associative_pressure)
+
+    def _associative_pressure(self) -> Array | None:
+        faces = self._faces(friction=True)
+        forces = self._solve(faces)[2]
+        if forces is None:
+            return None
+        pressure = np.zeros(len(self._joints.length))
+        count = len(faces.ends)
+        for side in (0, 1):
+            mine = forces[side * count : (side + 1) * count]
+            np.add.at(pressure, faces.ends[:, side], mine)
+        return pressure
 
     def stands(self, friction: bool = True) -> bool:
         """Whether the dead load alone has an equilibrium."""
@@ -190,8 +209,13 @@ class RigidBlocks:
             raise SolverError(message)
         return answer
 
-    def _solve(self, faces: Faces, dead_only: bool = False) -> tuple[float | None, Array | None]:
-        """Variables: load factor, normal forces at both ends and shear force of every face."""
+    def _solve(
+        self, faces: Faces, dead_only: bool = False
+    ) -> tuple[float | None, Array | None, Array | None]:
+        """Load factor, rigid motions, and forces.
+
+        Variables: load factor, normal forces at both ends and shear force of every face.
+        """
         from scipy.sparse import coo_matrix, hstack
 
         joints, bodies = self._joints, self._bodies
@@ -219,13 +243,14 @@ class RigidBlocks:
             limits,
         )
         if answer is None or np.isinf(answer.x[0]):
-            return (None if answer is None else np.inf), None
+            return (None if answer is None else np.inf), None, None
         motion = np.zeros(len(used))
         motion[used] = answer.eqlin.marginals
         motion = np.einsum("bmk,bk->bm", free, motion.reshape(-1, 3))
         work = float(np.sum(motion * bodies.live))
         motion[:, 2] /= bodies.size
-        return float(answer.x[0]) * self._load, motion / work if work else None
+        factor = float(answer.x[0]) * self._load
+        return factor, motion / work if work else None, answer.x[1:] * self._force
 
     def _linprog(self, a_eq: Any, b_eq: Array, a_ub: Any, b_ub: Array, limits: list[Any]) -> Any:
         """HiGHS' answer; None if there is no equilibrium, x infinite if nothing limits the load."""

@@ -43,6 +43,8 @@ TOLERANCES: Mapping[str, float] = {
     "bracket": 1e-6,
 }
 
+#: What strains the blocks may differ from the part of u that does by digits of u, relative.
+ROUNDING = 1e-12
 
 #: Load factors are judged relative to themselves, or to this fraction of the typical one.
 SMALL_FACTOR = 1e-3
@@ -134,7 +136,9 @@ def state_residuals(
     """
     d, f = scales.displacement, scales.force
     rest = problem.dead.duplicate()
-    problem.stiffness.mult(state.displacement, rest)
+    strained = _strained(problem, state)
+    problem.stiffness.mult(strained, rest)
+    strained.destroy()
     rest.axpy(-1.0, problem.dead)
     rest.axpy(-state.load_factor, problem.live)
     for matrix, force in ((problem.normal, state.pressure), (problem.tangential, state.shear)):
@@ -161,6 +165,19 @@ def state_residuals(
     }
 
 
+def _strained(problem: ContactProblem, state: State) -> PETSc.Vec:
+    """Displacements that strain the blocks: those that the state brings, if they are those of u."""
+    strained = problem.strained(state.displacement)
+    if state.strained is not None:
+        change = state.strained.copy()
+        change.axpy(-1.0, strained)
+        largest = state.displacement.norm(PETSc.NormType.INFINITY)
+        if change.norm(PETSc.NormType.INFINITY) <= ROUNDING * largest:
+            state.strained.copy(strained)
+        change.destroy()
+    return strained
+
+
 def _mode_residuals(
     problem: ContactProblem, state: State, mode: PETSc.Vec, scales: Scales
 ) -> dict[str, float]:
@@ -169,10 +186,11 @@ def _mode_residuals(
     bound = problem.bound(np.maximum(state.pressure, 0.0))
     dissipation = problem.sum(bound * np.abs(slip))
     power = state.load_factor * problem.live.dot(mode) + problem.dead.dot(mode)
-    stress = problem.stiffness.createVecLeft()
-    problem.stiffness.mult(mode, stress)
-    elastic = stress.dot(mode)
+    stress, strained = problem.stiffness.createVecLeft(), problem.strained(mode)
+    problem.stiffness.mult(strained, stress)
+    elastic = stress.dot(strained)
     stress.destroy()
+    strained.destroy()
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
     return {
         "mode_work": abs(problem.live.dot(mode) - 1.0),

@@ -54,6 +54,9 @@ CONTINUE_CENTRINGS, CONTINUE_NEAR = (1e-4, 1e-2), 1e-2
 #: The monolithic load factor may differ from the fixed point's by this times its last changes.
 FINISH_NEAR = 5.0
 
+#: Contractions closer to one than this count as this in the estimate of the error.
+SLOWEST = 0.999
+
 #: Centring and tolerance of a warm-started solve, by change of the bound (and its square).
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
@@ -135,7 +138,7 @@ class FixedPointHistory:
         if len(factors) < 2:
             return np.inf
         last = float(np.abs(np.diff(factors)).max())
-        contraction = min(self.contraction or 0.5, 0.95)
+        contraction = min(self.contraction or 0.5, SLOWEST)
         return last * contraction / (1.0 - contraction) if len(factors) > 2 else last
 
 
@@ -150,6 +153,7 @@ class CoulombFriction:
         monolithic: bool,
         monitor: Callable[[FixedPointStep], None] | None = None,
         load_factor: float | None = None,
+        at_once: bool = False,
     ) -> None:
         """Choose how to iterate.
 
@@ -160,6 +164,7 @@ class CoulombFriction:
             monolithic: Whether to finish with the bound in the equations.
             monitor: Called after every iteration.
             load_factor: If given, lambda is prescribed, not the work.
+            at_once: Whether to try the bound in the equations from the start.
         """
         self.control = control
         self.problem = control.problem
@@ -168,9 +173,10 @@ class CoulombFriction:
         self.monolithic = monolithic
         self.monitor = monitor
         self.load_factor = load_factor
+        self.at_once = at_once
 
     def solve(
-        self, start: State, bound: Array, work: float, warm: bool = False
+        self, start: State, bound: Array, work: float, warm: bool = False, growth: float = 0.0
     ) -> tuple[PathPoint, FixedPointHistory]:
         """Iterate from a first bound.
 
@@ -179,6 +185,7 @@ class CoulombFriction:
             bound: First g at this rank's points, N/m.
             work: T.
             warm: Whether `start` is a state for a nearby bound and T.
+            growth: By how much the load factor is expected to rise from that of `start`.
 
         Returns:
             The last state, and the history; see there whether it converged.
@@ -192,7 +199,12 @@ class CoulombFriction:
         change, finish_at = (0.1 if warm else np.inf), FINISH_AT
         point: PathPoint | None = None
         if warm and coulomb and self.monolithic:
-            point = self._continue(start, work, history)
+            point = self._continue(start, work, growth, history)
+            if point is not None:
+                return point, history
+        if self.at_once and coulomb and not warm:
+            anywhere = (np.inf, np.inf)
+            point = self._monolithic(start, work, 1.0, anywhere, history)
             if point is not None:
                 return point, history
         for _ in range(MAX_ITERATIONS):
@@ -226,14 +238,16 @@ class CoulombFriction:
             raise SolverError("fixed point: no iteration was made")
         return point, history
 
-    def go_on(self, start: State, work: float) -> tuple[PathPoint, FixedPointHistory]:
+    def go_on(
+        self, start: State, work: float, growth: float = 0.0
+    ) -> tuple[PathPoint, FixedPointHistory]:
         """Follow a converged state to a larger T, without iterating afresh if that fails.
 
         Raises:
             SolverError: If there is no state next to it.
         """
         history = FixedPointHistory()
-        point = self._continue(start, work, history) if self.monolithic else None
+        point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -266,14 +280,16 @@ class CoulombFriction:
                     raise
                 centring = min(1.0, 1e2 * centring)
         if point is not None:
-            point.state.displacement.destroy()
+            point.state.destroy()
         return new, self.control.springs.factorizations - before
 
-    def _continue(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
+    def _continue(
+        self, start: State, work: float, growth: float, history: FixedPointHistory
+    ) -> PathPoint | None:
         """The monolithic state next to one at a smaller T, if there is one."""
+        near = CONTINUE_NEAR * (abs(start.load_factor) + growth)
         for centring in CONTINUE_CENTRINGS:
-            allowed = CONTINUE_NEAR * abs(start.load_factor)
-            found = self._monolithic(start, work, centring, (allowed, allowed), history)
+            found = self._monolithic(start, work, centring, (near, near + growth), history)
             if found is not None:
                 return found
         return None
@@ -287,7 +303,7 @@ class CoulombFriction:
         allowed = FINISH_NEAR * max(history.error, floor)
         finished = self._monolithic(point.state, work, centring, (10.0 * allowed, allowed), history)
         if finished is not None:
-            point.state.displacement.destroy()
+            point.state.destroy()
         return finished
 
     def _monolithic(
@@ -311,7 +327,7 @@ class CoulombFriction:
         rise = factor - start.load_factor if self.load_factor is None else 0.0
         if not -allowed[0] <= rise <= allowed[1]:
             _log.info("  monolithic step not used: it ends elsewhere, at %.6g", factor)
-            found.state.displacement.destroy()
+            found.state.destroy()
             return None
         steps = self.control.springs.factorizations - before
         history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))

@@ -19,6 +19,9 @@ springs, bordered by f_L:
 
 the coupling with Coulomb friction only. As T grows, lambda(T) rises to the limit load and stays;
 du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero.
+
+The motion of a mechanism may be so much larger than what strains the blocks that u has no digits
+left for K u. So the part of u without rigid motions of blocks is summed up step by step for itself.
 """
 
 from __future__ import annotations
@@ -96,6 +99,7 @@ class State:
         pressure: r_N at this rank's points, N/m.
         shear: r_T, likewise.
         work: T = f_L . u.
+        strained: u without rigid motions of blocks, if more digits of it are known than u holds.
     """
 
     displacement: PETSc.Vec
@@ -103,6 +107,13 @@ class State:
     pressure: Array
     shear: Array
     work: float
+    strained: PETSc.Vec | None = None
+
+    def destroy(self) -> None:
+        """Free the vectors."""
+        self.displacement.destroy()
+        if self.strained is not None:
+            self.strained.destroy()
 
 
 @dataclass(frozen=True)
@@ -124,9 +135,13 @@ class PathPoint:
 
 @dataclass
 class _Iterate:
-    """Variables of the interior point method, or a direction in their space."""
+    """Variables of the interior point method, or a direction in their space.
+
+    `strained` is u without rigid motions of blocks, with digits that u itself has lost.
+    """
 
     u: PETSc.Vec
+    strained: PETSc.Vec
     load_factor: float
     y: Array
     pressure: Array
@@ -139,14 +154,21 @@ class _Iterate:
     def move(self, length: float, direction: _Iterate) -> None:
         """Take a step along a direction."""
         self.u.axpy(length, direction.u)
-        for field in fields(self)[1:]:
+        self.strained.axpy(length, direction.strained)
+        for field in fields(self)[2:]:
             here, there = getattr(self, field.name), getattr(direction, field.name)
             setattr(self, field.name, here + length * there)
 
     def copy(self) -> _Iterate:
         """A copy with arrays of its own."""
-        rest = (getattr(self, field.name) for field in fields(self)[2:])
-        return _Iterate(self.u.copy(), self.load_factor, *(array.copy() for array in rest))
+        rest = (getattr(self, field.name) for field in fields(self)[3:])
+        vectors = self.u.copy(), self.strained.copy()
+        return _Iterate(*vectors, self.load_factor, *(array.copy() for array in rest))
+
+    def destroy(self) -> None:
+        """Free the vectors, which PETSc would otherwise keep for long."""
+        self.u.destroy()
+        self.strained.destroy()
 
 
 @dataclass(frozen=True)
@@ -222,7 +244,7 @@ class WorkControl:
             error = float(np.max(list(sizes.values())))  # nan where any is nan
             _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
             if error < best_error:
-                best.u.destroy()
+                best.destroy()
                 best, best_sizes, best_error, best_step = now.copy(), sizes, error, step
             stalled = not np.isfinite(error) or step - best_step >= patience
             if error <= tolerance or stalled or step == MAX_STEPS:
@@ -231,16 +253,16 @@ class WorkControl:
                 run.step(now, residual)
             except SolverError:
                 break
-        now.u.destroy()
+        now.destroy()
         if not best_error <= max(tolerance, ACCEPTABLE):
-            best.u.destroy()
+            best.destroy()
             raise SolverError(
                 f"interior point: residual {best_error:.1e} after {step} steps,"
                 f" asked {tolerance:.1e}"
             )
         if load_factor is not None:
             work = self.problem.live.dot(best.u)
-        state = State(best.u, best.load_factor, best.pressure, best.shear, work)
+        state = State(best.u, best.load_factor, best.pressure, best.shear, work, best.strained)
         return PathPoint(state, run.bound(best), best_sizes, step)
 
     def rate(self, state: State, bound: Array, scales: Scales) -> tuple[PETSc.Vec, float]:
@@ -258,7 +280,7 @@ class WorkControl:
         run = _InteriorPoint(self, bound, state.work, scales)
         now = run.centred(state, MODE_CENTRING)
         run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
-        now.u.destroy()
+        now.destroy()
         live = self.problem.live
         self.springs.solve(live, self._border)
         flexibility = self._border.dot(live)
@@ -328,11 +350,13 @@ class _InteriorPoint:
         shear = np.where(self.sticky, rho * f, 0.0)
         u = start.displacement.copy()
         load_factor = start.load_factor if self.load_factor is None else self.load_factor
-        return _Iterate(u, load_factor, y, pressure, shear, s1, s2, z1, z2)
+        return _Iterate(
+            u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2
+        )
 
     def residual(self, now: _Iterate) -> _Residual:
         problem, equilibrium = self.problem, self.workspace._rest
-        problem.stiffness.mult(now.u, equilibrium)
+        problem.stiffness.mult(now.strained, equilibrium)
         equilibrium.axpy(-1.0, problem.dead)
         equilibrium.axpy(-now.load_factor, problem.live)
         self._add_joint_forces(equilibrium, -now.pressure, -now.shear)
@@ -392,7 +416,7 @@ class _InteriorPoint:
         length = STEP_FRACTION * self._length(now, corrected)
         now.move(min(1.0, length), corrected)
         for iterate in (affine, ahead, corrected):
-            iterate.u.destroy()
+            iterate.destroy()
 
     def _direction(
         self,
@@ -425,7 +449,9 @@ class _InteriorPoint:
         z1 = np.where(self.sticky, (c_1 - now.z1 * s1) / now.s1, 0.0)
         z2 = np.where(self.sticky, (c_2 - now.z2 * s2) / now.s2, 0.0)
         s1, s2 = np.where(self.sticky, s1, 0.0), np.where(self.sticky, s2, 0.0)
-        return _Iterate(u, load_factor, y, pressure, shear, s1, s2, z1, z2)
+        return _Iterate(
+            u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2
+        )
 
     def _length(self, now: _Iterate, direction: _Iterate) -> float:
         """Longest step that keeps all products' factors non-negative, at most 1 / STEP_FRACTION."""

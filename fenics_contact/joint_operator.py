@@ -10,10 +10,11 @@ load is f_L.u = A_lr r + A_ll lambda + ..., together A x - b with x = (r_N, r_T,
 
     A = S K_rho^-1 S^T,   S = (B, f_L),   b = (0, w_0, T) - S u_0,   u_0 = K_rho^-1 (f_D + rho u'),
 
-symmetric positive semi-definite, w_0 the origin of slip. The joint laws are bounds on x, so that the states under work
-control, f_L.u = T, are the solutions of a bound-constrained quadratic program (`bound_qp`); at the
-solution u = u' the small stiffness has no part. A block of A couples joint points of one body only:
-A is sparse, and all bodies are solved for at once, one joint point of each at a time.
+symmetric positive semi-definite; w_0 is the origin of slip. The joint laws are bounds on x, so that
+the states under work control, f_L.u = T, are the solutions of a bound-constrained quadratic program
+(`bound_qp`); at the solution u = u' the small stiffness has no part. A block of A couples joint
+points of one body only: A is sparse, and all bodies are solved for at once, one joint point of each
+at a time.
 """
 
 from __future__ import annotations

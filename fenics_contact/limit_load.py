@@ -12,64 +12,26 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds, RigidBlocks
 from fenics_contact.capacity import CapacityPoint, capacity_curve
-from fenics_contact.certificate import Certificate, certify
-from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.continuation import LoadPath, follow_load
+from fenics_contact.coulomb import CoulombFriction, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+from fenics_contact.interior_point import Scales, State, WorkControl
 from fenics_contact.plan import Plan
 from fenics_contact.problem import ContactProblem
 from fenics_contact.scene import Scene
-from fenics_contact.splitting import JointForces
+from fenics_contact.search import Collapse, CollapseState, Search, first_work, new_solver
 from fenics_contact.structure import Bonded, Structure
 
 Array = npt.NDArray[np.float64]
 
 _log = logging.getLogger("fenics_contact")
 
-#: First work of the live load in units of its work on the bonded structure, growth, and largest.
-FIRST_WORK, WORK_GROWTH, LAST_WORK = 300.0, 4.0, 1e10
-
-#: The same for methods on joint forces, in units of the work at the upper bound.
-FIRST_JOINT_WORK = 30.0
-
-#: Where more work does not help, because digits are lost, less is tried: factor, and how often.
-WORK_DECREASE, DECREASES = 0.1, 3
-
-#: The gap between load factor and rigid-block program must fall by this factor to go on.
-GAP_FALLS = 0.7
-
-#: A load factor that grows at least like this power of the work, this often, is not limited.
-GROWING, GROWN = 0.9, 2
-
-
-@dataclass(frozen=True)
-class Collapse:
-    """One end of the range of load factors.
-
-    Attributes:
-        status: "limit", "unbounded" or "not_converged".
-        load_factor: Signed; nan if no state was found.
-        bounds: From the rigid-block programs, for this direction.
-        state: The state reached, None if there is none.
-        mode: Collapse mode v in the supports' coordinates, f_L.v = 1.
-        certificate: Verification of the state.
-        history: Of the fixed point, over all T.
-        work_ratio: T in units of the live load's work on the bonded structure.
-    """
-
-    status: str
-    load_factor: float
-    bounds: LimitBounds
-    state: State | None = None
-    mode: PETSc.Vec | None = None
-    certificate: Certificate | None = None
-    history: tuple[FixedPointHistory, ...] = ()
-    work_ratio: float = 0.0
+#: The continuation brackets the limit load to this relative width, or the tolerance if larger.
+BRACKET_WIDTH = 1e-4
 
 
 @dataclass
@@ -286,22 +248,126 @@ class _Driver:
         exact = not np.any(self.structure.joints.friction)
         if bounds.lower == np.inf or (exact and bounds.upper == np.inf):
             return Collapse("unbounded", np.inf, bounds)
+        problem.slip_origin[:] = 0.0
+        run = partial(self._search, direction, problem, blocks, bounds, bonded, scales)
+        bound = problem.bound(_first_pressure(problem, bonded))
+        if self.scene.solve.control == "load":
+            return self._continued(direction, problem, bounds, bonded, scales, run)
+        found = run(bound)
+        if exact or self.scene.solve.states == "first":
+            return found
+        return self._lowest(found, run, problem, blocks)
+
+    def _search(
+        self,
+        direction: str,
+        problem: ContactProblem,
+        blocks: RigidBlocks,
+        bounds: LimitBounds,
+        bonded: Bonded,
+        scales: Scales,
+        bound: Array,
+        method: str = "",
+        path: LoadPath | None = None,
+    ) -> Collapse:
+        """Search from a first bound on friction, and from the end of a path if there is one."""
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
-        search = _Search(
-            self.structure, problem, blocks, bounds, scales, per_ratio, self._steps(direction)
-        )
-        sign = 1.0 if problem is self.structure.problem else -1.0
-        ratio = _first_work(self.scene.solve.method, bounds, scales)
-        start = _scaled_state(
-            bonded.live,
-            bonded.dead_pressure,
-            sign * ratio * scales.load_factor,
-            ratio * per_ratio,
-        )
+        method = method or self.scene.solve.method
+        monitor = self._steps(direction)
+        search = Search(self.structure, problem, blocks, bounds, scales, per_ratio, method, monitor)
+        ratio = first_work(method, bounds, scales)
+        if path is None:
+            sign = 1.0 if problem is self.structure.problem else -1.0
+            factor, pressure = sign * ratio * scales.load_factor, bonded.dead_pressure
+            start = _scaled_state(bonded.live, pressure, factor, ratio * per_ratio)
+        else:
+            ratio = max(ratio, 10.0 * path.state.work / per_ratio)
+            displacement = path.state.displacement.copy()
+            displacement.axpy(ratio * per_ratio - path.state.work, path.direction)
+            start = replace(
+                path.state, displacement=displacement, work=ratio * per_ratio, strained=None
+            )
         try:
-            return search.run(start, problem.bound(_first_pressure(problem, bonded)))
+            return search.run(start, bound)
         finally:
             search.destroy()
+
+    def _continued(
+        self,
+        direction: str,
+        problem: ContactProblem,
+        bounds: LimitBounds,
+        bonded: Bonded,
+        scales: Scales,
+        run: Callable[..., Collapse],
+    ) -> Collapse:
+        """Raise the load factor from zero; then search for the collapse from the last state."""
+        options, monitor = self.scene.solve, self._steps(direction)
+        control = WorkControl(problem, self.structure.springs)
+        solver = new_solver(self.structure, problem, control, options.method)
+        monolithic = options.method in ("auto", "monolithic")
+
+        def friction(sizes: Scales, load_factor: float) -> CoulombFriction:
+            return CoulombFriction(
+                solver, sizes, options.tolerance, monolithic, monitor, load_factor
+            )
+
+        pressure = _first_pressure(problem, bonded)
+        work = problem.live.dot(bonded.dead)
+        start = State(bonded.dead, 0.0, pressure, np.zeros_like(pressure), work)
+        upper = np.inf if bounds.upper is None else bounds.upper
+        try:
+            path = follow_load(
+                problem,
+                friction,
+                start,
+                scales,
+                upper,
+                max(options.tolerance, BRACKET_WIDTH),
+                options.slip == "load-steps",
+            )
+        except SolverError as error:
+            _log.warning("continuation: %s", error)
+            return Collapse("not_converged", float("nan"), bounds)
+        finally:
+            control.destroy()
+            solver.destroy()
+        found = run(problem.bound(path.state.pressure), path=path)
+        margin = options.tolerance * max(abs(path.lower), scales.load_factor)
+        if not path.lower - margin <= found.load_factor <= path.upper + margin:
+            _log.warning(
+                "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
+                " without equilibrium on the path: another state",
+                found.load_factor,
+                path.lower,
+                path.upper,
+            )
+        return replace(found, path=path)
+
+    def _lowest(
+        self,
+        first: Collapse,
+        run: Callable[..., Collapse],
+        problem: ContactProblem,
+        blocks: RigidBlocks,
+    ) -> Collapse:
+        """The lowest verified collapse of those found from several first bounds on friction."""
+        friction, points = problem.friction, self.structure.operators.points
+        found = {"dead load": first}
+        if first.state is not None:
+            found["half of that"] = run(0.5 * problem.bound(first.state.pressure))
+        found["no friction"] = run(problem.strength)
+        associative = blocks.associative_pressure()
+        if associative is not None:
+            bound = friction * associative[points] + problem.strength
+            found["associative program"] = run(bound)
+        found["monolithic"] = run(problem.bound(np.ones_like(friction)), method="monolithic")
+        states = tuple(
+            CollapseState(name, end.status, end.load_factor) for name, end in found.items()
+        )
+        limits = [end for end in found.values() if end.status == "limit"]
+        lowest = min(limits, key=lambda end: end.load_factor, default=first)
+        return replace(lowest, states=states)
 
     def _steps(self, direction: str) -> Callable[[FixedPointStep], None] | None:
         """The monitor as a function of the step."""
@@ -309,278 +375,6 @@ class _Driver:
         if monitor is None:
             return None
         return partial(monitor.step, direction)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """A state at one T, its mode and its verification."""
-
-    ratio: float
-    point: PathPoint
-    mode: PETSc.Vec
-    certificate: Certificate
-    history: FixedPointHistory
-    bound: Array
-
-    @property
-    def state(self) -> State:
-        return self.point.state
-
-    @property
-    def gap(self) -> float:
-        """Gap of the certificate; infinite where the fixed point did not converge."""
-        gap = self.certificate.gap if self.history.converged else np.inf
-        return gap if np.isfinite(gap) else np.inf
-
-    @property
-    def verified(self) -> bool:
-        return self.history.converged and self.certificate.passed
-
-    def moved(self, work: float) -> State:
-        """The state moved along its mode to another T."""
-        displacement = self.state.displacement.copy()
-        displacement.axpy(work - self.state.work, self.mode)
-        return replace(self.state, displacement=displacement, work=work)
-
-
-class _Search:
-    """States of one direction at different T, and the best of them."""
-
-    def __init__(
-        self,
-        structure: Structure,
-        problem: ContactProblem,
-        blocks: RigidBlocks,
-        bounds: LimitBounds,
-        scales: Scales,
-        per_ratio: float,
-        monitor: Callable[[FixedPointStep], None] | None,
-    ) -> None:
-        """Prepare to solve.
-
-        Args:
-            structure: What is loaded.
-            problem: With the live load in the direction looked at.
-            blocks: Rigid-block programs of that direction.
-            bounds: Their bounds.
-            scales: Typical sizes on the elastic part of the path.
-            per_ratio: Work of the live load on the bonded structure, the unit of T.
-            monitor: Called after every fixed-point iteration.
-        """
-        self.structure = structure
-        self.problem = problem
-        self.blocks = blocks
-        self.bounds = bounds
-        self.scales = scales
-        self.per_ratio = per_ratio
-        self.live_size = problem.live.norm(PETSc.NormType.N1)
-        self.options = structure.scene.solve
-        self.monitor = monitor
-        self.control = WorkControl(problem, structure.springs)
-        self.solver = _solver(structure, problem, self.control)
-        self.best: _Found | None = None
-        self.history: list[FixedPointHistory] = []
-        self.path: list[tuple[float, float]] = []
-
-    def run(self, start: State, bound: Array) -> Collapse:
-        """Look for a verified collapse state at more work, then at less."""
-        first_ratio = start.work / self.per_ratio
-        first = self.at(first_ratio, start, bound)
-        if first is None:
-            return self.result("not_converged")
-        last, ratio = first, first_ratio
-        while not self.settled and ratio * WORK_GROWTH <= LAST_WORK:
-            ratio *= WORK_GROWTH
-            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
-            if self.growing and self.bounds.upper == np.inf:
-                return self.result("unbounded")
-            # Gaps are infinite, and no reason to stop, until a state converges.
-            if found is None or not (self.rising or found.gap <= GAP_FALLS * last.gap):
-                break
-            last = found
-        last, ratio = first, first_ratio
-        for _ in range(DECREASES if self.best is first else 0):
-            if self.settled:
-                break
-            ratio *= WORK_DECREASE
-            found = self.at(ratio, last.moved(ratio * self.per_ratio), last.bound)
-            if found is None or found.gap > GAP_FALLS * last.gap:
-                break
-            last = found
-        return self.result("limit" if self.verified else "not_converged")
-
-    def destroy(self) -> None:
-        """Free the solvers."""
-        self.control.destroy()
-        self.solver.destroy()
-
-    def at(self, ratio: float, start: State, bound: Array) -> _Found | None:
-        """Find and verify the state at one T; None if there is none.
-
-        Once there is a verified state, others are only followed from it, not iterated for afresh.
-        """
-        work = ratio * self.per_ratio
-        # Forces are judged by what the joints carry, which a locked structure lets grow.
-        growth = max(1.0, self.largest_factor / self.scales.load_factor)
-        scales = replace(
-            self.scales, displacement=work / self.live_size, force=growth * self.scales.force
-        )
-        friction = CoulombFriction(
-            self.solver,
-            scales,
-            self.options.tolerance,
-            self.options.method == "auto",
-            self.monitor,
-        )
-        try:
-            if self.verified:
-                point, history = friction.go_on(start, work)
-            else:
-                point, history = friction.solve(start, bound, work, warm=bool(self.history))
-        except SolverError as error:
-            _log.info("no state with T = %.3g: %s", work, error)
-            return None
-        mode, certificate = self._verify(point, scales)
-        new_bound = self.problem.bound(point.state.pressure)
-        found = _Found(ratio, point, mode, certificate, history, new_bound)
-        self.history.append(history)
-        self.path.append((work, point.state.load_factor))
-        _log.info(
-            "  T = %.3g: load factor %.8g, gap %.1e",
-            work,
-            point.state.load_factor,
-            certificate.gap,
-        )
-        if self.best is None or found.gap < self.best.gap or not self.best.history.converged:
-            self.best = found
-        return found
-
-    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, Certificate]:
-        """The collapse mode of a state and its certificate.
-
-        The mode is that of the elastic structure if it passes; else, with slow elastic motions
-        mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
-        """
-        strength = self.structure.all_points(self.problem.bound(point.state.pressure))
-        try:
-            limit, motion = self.blocks.collapse(strength)
-        except SolverError as error:
-            _log.info("  no rigid mode: %s", error)
-            limit, motion = None, None
-        rigid_limit = np.nan if limit is None else limit
-
-        def certified(mode: PETSc.Vec) -> Certificate:
-            return certify(self.problem, point.state, mode, scales, self.bounds, rigid_limit)
-
-        mode: PETSc.Vec | None = None
-        try:
-            mode, _ = self.control.rate(point.state, point.bound, scales)
-            certificate = certified(mode)
-            if certificate.mode_passed or motion is None:
-                return mode, certificate
-        except SolverError as error:
-            _log.info("  no elastic mode: %s", error)
-        if mode is not None:
-            mode.destroy()
-        if motion is None:
-            motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
-        mode = self.structure.rigid_motion(motion)
-        return mode, certified(mode)
-
-    @property
-    def verified(self) -> bool:
-        """Whether the best state is a collapse state."""
-        return self.best is not None and self.best.verified
-
-    @property
-    def settled(self) -> bool:
-        """Whether it is one to the tolerance asked for."""
-        return (
-            self.best is not None and self.best.verified and self.best.gap <= self.options.tolerance
-        )
-
-    @property
-    def largest_factor(self) -> float:
-        """Largest load factor so far."""
-        return max((abs(factor) for _, factor in self.path), default=0.0)
-
-    def _grew(self, times: int) -> bool:
-        """Whether the load factor grew like the work in the last steps."""
-        if len(self.path) <= times or min(factor for _, factor in self.path) <= 0.0:
-            return False
-        work, factor = np.log(self.path[-times - 1 :]).T
-        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
-
-    @property
-    def rising(self) -> bool:
-        """Whether the load factor grew like the work in the last step."""
-        return self._grew(1)
-
-    @property
-    def growing(self) -> bool:
-        """Whether it did so often enough to be called unlimited."""
-        return self._grew(GROWN)
-
-    def _onset(self, found: _Found) -> State:
-        """A state moved back along its mode to where the collapse began.
-
-        Every state further along the mode has the same stresses and joint forces; at the first,
-        some joint is about to close, or to stick.
-        """
-        opening, slip = self.problem.joint_displacements(found.state.displacement)
-        opening_rate, slip_rate = self.problem.joint_displacements(found.mode)
-        slip = slip - self.problem.slip_origin
-        # The work by which a joint that moves in the mode has moved so far.
-        rates = np.maximum(np.abs(opening_rate), np.abs(slip_rate))
-        tiny = 1e-6 * self.problem.max(rates)
-        opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
-        slips &= found.state.pressure > 0.0
-        moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
-        least = min(float(np.min(m, initial=np.inf)) for m in moved)
-        least = self.problem.comm.allreduce(least, MPI.MIN)
-        if not 0.0 < least < np.inf:
-            return found.state
-        return found.moved(found.state.work - least)
-
-    def result(self, status: str) -> Collapse:
-        """Report the best state."""
-        found, history = self.best, tuple(self.history)
-        if found is None:
-            return Collapse(status, float("nan"), self.bounds, history=history)
-        if status == "not_converged":
-            _log.warning("not verified: %s", found.certificate.failures or "not converged")
-        return Collapse(
-            status,
-            np.inf if status == "unbounded" else found.state.load_factor,
-            self.bounds,
-            self._onset(found) if status == "limit" else found.state,
-            found.mode,
-            found.certificate,
-            history,
-            found.ratio,
-        )
-
-
-def _solver(
-    structure: Structure, problem: ContactProblem, control: WorkControl
-) -> WorkControl | JointForces:
-    """What solves for states with given friction."""
-    method = structure.scene.solve.method
-    if method not in ("splitting", "active-set"):
-        return control
-    return JointForces(problem, structure.operators, structure.springs, method == "splitting")
-
-
-def _first_work(method: str, bounds: LimitBounds, scales: Scales) -> float:
-    """First T in units of the live load's work on the bonded structure.
-
-    Joint forces, unlike interior points, take many steps to a state far along the mode: they start
-    at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.
-    """
-    if method not in ("splitting", "active-set"):
-        return FIRST_WORK
-    upper = np.inf if bounds.upper is None else bounds.upper
-    return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

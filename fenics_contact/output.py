@@ -18,6 +18,9 @@ from fenics_contact.joint_fields import STATES, JointFields, joint_fields
 from fenics_contact.joints import Joints
 from fenics_contact.limit_load import Collapse, LimitLoad
 
+#: What result.json says of `SolveOptions.slip`.
+SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
+
 
 def write_result(result: LimitLoad, folder: Path) -> None:
     """Write everything the scene's output options ask for.
@@ -106,11 +109,36 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
             "joint_points": len(structure.joints.length),
         },
         "skipped": list(result.plan.skipped),
-        "slip_reference": "stress-free state",
+        "control": result.scene.solve.control,
+        "slip_reference": SLIP_REFERENCES[result.scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
         "ranks": result.scene.comm.size,
         "version": __version__,
     }
+
+
+def _path_record(collapse: Collapse) -> dict[str, Any]:
+    """What was found on the way, where it was asked for."""
+    record: dict[str, Any] = {}
+    if collapse.path is not None:
+        path = collapse.path
+        record["continuation"] = {
+            "equilibrium_up_to": _number(path.lower),
+            "none_found_at": _number(path.upper),
+            "steps": [
+                {
+                    "load_factor": _number(step.load_factor),
+                    "displacement": _number(step.displacement),
+                }
+                for step in path.steps
+            ],
+        }
+    if collapse.states:
+        record["states"] = [
+            {"start": s.start, "status": s.status, "load_factor": _number(s.load_factor)}
+            for s in collapse.states
+        ]
+    return record
 
 
 def _iteration_record(collapse: Collapse) -> dict[str, Any]:
@@ -118,6 +146,7 @@ def _iteration_record(collapse: Collapse) -> dict[str, Any]:
     # Nothing is proved by the last state of a load that is not limited.
     certificate = None if collapse.status == "unbounded" else collapse.certificate
     return {
+        **_path_record(collapse),
         "method": collapse.history[-1].method,
         "error_estimate": _number(certificate.error_estimate) if certificate else None,
         "residuals": {name: _number(value) for name, value in certificate.residuals.items()}
@@ -162,10 +191,11 @@ def write_paraview(
     if end.state is None or end.mode is None:
         return
     displacement = displacement_function(structure, end.state.displacement, "displacement")
+    strained = displacement_function(structure, end.state.strained, "strained")
     mode = displacement_function(structure, end.mode, "collapse_mode")
     compat.write_vtk(
         folder / f"blocks{suffix}.pvd",
-        [displacement, mode, *stress_fields(structure, displacement)],
+        [displacement, mode, *stress_fields(structure, strained)],
     )
     if result.scene.comm.rank == 0:
         write_joints(folder / f"joints{suffix}.vtu", structure.joints, fields)

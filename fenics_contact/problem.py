@@ -27,6 +27,7 @@ class ContactProblem:
         friction: Coulomb's coefficient at this rank's points; 0 where the law is another.
         strength: Given bound on the shear force at this rank's points, N/m (Tresca).
         slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
+        rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
     """
 
     stiffness: PETSc.Mat
@@ -36,6 +37,7 @@ class ContactProblem:
     tangential: PETSc.Mat
     friction: npt.NDArray[np.float64]
     strength: npt.NDArray[np.float64]
+    rigid: PETSc.Mat
     slip_origin: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
@@ -78,3 +80,12 @@ class ContactProblem:
             values.append(joint.array.copy())
             joint.destroy()
         return values[0], values[1]
+
+    def strained(self, u: PETSc.Vec) -> PETSc.Vec:
+        """The part of u that strains the blocks, (I - R R^T) u."""
+        rest, motion = u.copy(), self.rigid.createVecRight()
+        self.rigid.multTranspose(u, motion)
+        motion.scale(-1.0)
+        self.rigid.multAdd(motion, rest, rest)
+        motion.destroy()
+        return rest

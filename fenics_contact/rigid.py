@@ -59,7 +59,7 @@ def rigid_bodies(
     """
     scale = np.array([1.0, 1.0, 1.0 / size])
     gram = np.zeros((len(centre), 3, 3))
-    motion = _motions(supports.points - centre[supports.body], size)
+    motion = motions(supports.points - centre[supports.body], size)
     for side in (0, 1):
         row = np.einsum("nk,nkm->nm", supports.frame[:, :, side], motion)
         row[~supports.held[:, side]] = 0.0
@@ -67,7 +67,7 @@ def rigid_bodies(
     return RigidBodies(centre, size, _null_space(gram), dead * scale, live * scale)
 
 
-def _motions(arm: Array, size: float) -> Array:
+def motions(arm: Array, size: float) -> Array:
     """Displacement at a point per motion (a, b, c size), shape (points, 2, 3)."""
     motion = np.zeros((len(arm), 2, 3))
     motion[:, 0, 0] = motion[:, 1, 1] = 1.0
@@ -106,7 +106,7 @@ def check_held(joints: Joints, supports: Supports, bodies: RigidBodies, source: 
             np.ones((int(on_ground.sum()), 2), dtype=bool),
         ),
     ):
-        motion = _motions(points - origin, bodies.size)
+        motion = motions(points - origin, bodies.size)
         for side in (0, 1):
             row = np.einsum("nk,nkm->nm", frame[:, :, side], motion)
             row[~held[:, side]] = 0.0

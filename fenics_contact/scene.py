@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
 PLANES = ("strain", "stress")
-METHODS = ("auto", "fixed-point", "splitting", "active-set")
+METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
+CONTROLS = ("work", "load")
+SLIPS = ("stress-free", "load-steps")
+STATES = ("first", "lowest")
 DIRECTIONS = ("positive", "negative", "both")
 
 
@@ -111,24 +114,47 @@ class SolveOptions:
     """How to look for the limit load.
 
     Attributes:
-        method: "auto" or "fixed-point".
+        method: How states are found: by an interior point method with the friction bound iterated
+            ("fixed-point"), in the equations ("monolithic") or first one, then the other ("auto");
+            or with the bound iterated and joint forces as unknowns, normal and tangential ones in
+            turn ("splitting") or both at once ("active-set").
         direction: Which end of the range of load factors: "positive", "negative" or "both".
         tolerance: On the load factor, relative.
+        control: What is prescribed on the way: the "work" of the live load, or the "load" factor,
+            raised from zero.
+        slip: Where slip is measured from: the "stress-free" state, or the state before, in
+            "load-steps"; the latter needs control = "load".
+        states: Whether to report the "first" collapse state found, or to look for others and
+            report the "lowest"; the latter needs control = "work".
     """
 
     method: str = "auto"
     direction: str = "positive"
     tolerance: float = 1e-6
+    control: str = "work"
+    slip: str = "stress-free"
+    states: str = "first"
 
     def __post_init__(self) -> None:
         for name, value, known in (
             ("method", self.method, METHODS),
             ("direction", self.direction, DIRECTIONS),
+            ("control", self.control, CONTROLS),
+            ("slip", self.slip, SLIPS),
+            ("states", self.states, STATES),
         ):
             _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
         _require(
             1e-12 <= self.tolerance <= 0.1,
             f"tolerance = {self.tolerance} must lie between 1e-12 and 0.1",
+        )
+        _require(
+            self.slip == "stress-free" or self.control == "load",
+            "slip = 'load-steps' needs control = 'load'",
+        )
+        _require(
+            self.states == "first" or self.control == "work",
+            "states = 'lowest' needs control = 'work'",
         )
 
 

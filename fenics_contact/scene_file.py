@@ -144,12 +144,15 @@ def _load(key: str, table: Table) -> Load:
 
 
 def _solve(table: Table) -> SolveOptions:
-    _known("solve", table, {"method", "direction", "tolerance"})
+    _known("solve", table, {"method", "direction", "tolerance", "control", "slip", "states"})
     with _named("solve"):
         return SolveOptions(
             method=_text("solve.method", table.get("method", "auto")),
             direction=_text("solve.direction", table.get("direction", "positive")),
             tolerance=_number("solve.tolerance", table.get("tolerance", 1e-6)),
+            control=_text("solve.control", table.get("control", "work")),
+            slip=_text("solve.slip", table.get("slip", "stress-free")),
+            states=_text("solve.states", table.get("states", "first")),
         )
 
 

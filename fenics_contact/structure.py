@@ -15,7 +15,7 @@ from fenics_contact.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.errors import InputError
 from fenics_contact.joints import JointOperators, Joints, find_joints, joint_operators
 from fenics_contact.problem import ContactProblem
-from fenics_contact.rigid import RigidBodies, check_held, rigid_bodies
+from fenics_contact.rigid import RigidBodies, check_held, motions, rigid_bodies
 from fenics_contact.scene import Scene
 from fenics_contact.springs import SpringStiffness
 from fenics_contact.supports import Supports, find_supports
@@ -103,6 +103,7 @@ class Structure:
             operators.tangential,
             joints.friction[operators.points],
             joints.shear_strength[operators.points],
+            _rigid_motions(elasticity, bodies),
         )
         springs = SpringStiffness(elasticity.stiffness, operators)
         seconds = time.perf_counter() - start
@@ -141,7 +142,7 @@ class Structure:
         """The problem with the live load reversed."""
         live = self.problem.live.copy()
         live.scale(-1.0)
-        return replace(self.problem, live=live, slip_origin=self.problem.slip_origin.copy())
+        return replace(self.problem, live=live, slip_origin=np.zeros_like(self.problem.friction))
 
     def bodies_area(self) -> float:
         """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
@@ -176,10 +177,32 @@ class Structure:
         """Free the PETSc objects, which would otherwise be kept for long."""
         self.springs.destroy()
         problem = self.problem
-        for item in (problem.stiffness, problem.normal, problem.tangential):
+        for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
             item.destroy()
         for vector in (problem.dead, problem.live):
             vector.destroy()
+
+
+def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
+    """Orthonormal rigid motions of the bodies that no support touches as columns of a matrix.
+
+    Those that supports leave to others may be free to some digits only.
+    """
+    nodes, count = elasticity.dead.getLocalSize() // 2, len(bodies.centre)
+    body = elasticity.node_body[:nodes]
+    comm = elasticity.dead.comm.tompi4py()
+    arm = elasticity.space.tabulate_dof_coordinates()[:nodes, :2] - bodies.centre[body]
+    motion = motions(arm, bodies.size)  # about the mean of the nodes: orthogonal
+    squares = np.zeros((count, 3))
+    np.add.at(squares, body, np.sum(motion**2, axis=1))
+    untouched = np.all(bodies.free == np.eye(3), axis=(1, 2))
+    scale = untouched[:, None] / np.sqrt(comm.allreduce(squares))
+    motion *= scale[body][:, None, :]
+    first, last = (3 * (count * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
+    sizes = elasticity.dead.getSizes(), (last - first, 3 * count)
+    columns = np.repeat(3 * body[:, None] + np.arange(3), 2, axis=0)
+    csr = [a.astype(PETSc.IntType) for a in (3 * np.arange(2 * nodes + 1), columns.ravel())]
+    return PETSc.Mat().createAIJ(sizes, csr=(*csr, motion.ravel()), comm=comm)
 
 
 def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) -> None:

@@ -248,6 +248,21 @@ def test_warm_start_at_a_larger_work_goes_on_at_once(bond):
     assert live @ whole(on.state.displacement) == pytest.approx(on.state.work, rel=1e-10)
 
 
+def test_going_on_while_the_load_factor_rises_needs_to_know_how_fast():
+    # On the elastic branch, where the load factor of a block grows with the work.
+    loaded = Loaded.of(on_ground(wall([[1]], (0.4, 0.3), 1), coulomb(0.9)))
+    problem = loaded.structure.problem
+    start, scales = loaded.start(0.5)
+    friction = CoulombFriction(WorkControl(problem, loaded.structure.springs), scales, 1e-8, True)
+    point, history = friction.solve(start, problem.bound(loaded.bonded.dead_pressure), start.work)
+    assert history.converged
+    more = 1.2 * start.work
+    with pytest.raises(SolverError, match="no state next to the last one"):
+        friction.go_on(point.state, more)
+    on, _ = friction.go_on(point.state, more, growth=0.2 * point.state.load_factor)
+    assert 1.02 < on.state.load_factor / point.state.load_factor < 1.2
+
+
 def test_going_on_needs_the_monolithic_solve(bond):
     point, _, friction = iterate(bond, 1e-6, monolithic=False)
     with pytest.raises(SolverError, match="no state next to the last one"):

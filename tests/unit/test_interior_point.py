@@ -108,6 +108,18 @@ def test_state_meets_all_conditions(bond, ratio):
     assert max(left.values()) < 1e-10, left
 
 
+def test_large_motion_takes_no_digits_from_the_stresses(bond):
+    bound = 0.5 * bond.bonded.dead_pressure
+    start, scales = bond.start(1e4 * FIRST_WORK)
+    state = control_of(bond).solve(bound, start.work, start, scales).state
+    lost = leftovers(bond, state, bound).pop("equilibrium")
+    kept = leftovers(bond, replace(state, displacement=state.strained), bound).pop("equilibrium")
+    assert kept < 1e-9 < lost
+    # They are of the same displacements, but for a rigid motion.
+    rest = whole(bond.structure.problem.strained(state.displacement)) - whole(state.strained)
+    assert np.abs(rest).max() < 1e-14 * np.abs(whole(state.displacement)).max()
+
+
 def test_elastic_branch_is_the_response_with_closed_joints(block):
     # Small load, high friction: nothing opens or slips. The load factor follows from K alone.
     problem = block.structure.problem

@@ -324,3 +324,14 @@ def test_rectangle_block_of_triangles_is_held_like_one_of_quadrilaterals():
     supports = supports_of(Drawing.of(model), {"base": "fixed"})
     assert len(supports.nodes) == 3
     assert np.all(supports.held)
+
+
+def test_rigid_motions_of_blocks_that_no_support_touches():
+    blocks = [((0, k), (1, 1), (1, 1)) for k in range(3)]
+    problem = build(
+        grid_blocks(*blocks).model(), supports={"bottom0": "roller", "left0": "roller"}
+    ).problem
+    rigid, stiffness = dense(problem.rigid), dense(problem.stiffness)
+    gram = rigid.T @ rigid
+    assert gram == pytest.approx(np.diag([0.0] * 3 + [1.0] * 6), abs=1e-14)
+    assert np.abs(stiffness @ rigid).max() < 1e-13 * np.abs(stiffness).max()

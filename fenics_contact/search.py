@@ -1,0 +1,382 @@
+"""The search for a collapse in one direction of the live load: states at growing work, verified."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact.bounds import LimitBounds, RigidBlocks
+from fenics_contact.certificate import Certificate, certify
+from fenics_contact.continuation import LoadPath
+from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.errors import SolverError
+from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+from fenics_contact.problem import ContactProblem
+from fenics_contact.splitting import JointForces
+from fenics_contact.structure import Structure
+
+Array = npt.NDArray[np.float64]
+
+_log = logging.getLogger("fenics_contact")
+
+#: First work of the live load in units of its work on the bonded structure, and largest.
+FIRST_WORK, LAST_WORK = 300.0, 1e12
+
+#: Growth of the work, and by how much more at once where the load factor rises slowly.
+WORK_GROWTH, LARGEST_STRIDE = 4.0, 1e3
+
+#: The same for methods on joint forces, in units of the work at the upper bound.
+FIRST_JOINT_WORK = 30.0
+
+#: Where more work does not help, because digits are lost, less is tried: factor, and how often.
+WORK_DECREASE, DECREASES = 0.1, 3
+
+#: The gap between load factor and rigid-block program must fall by this factor to go on.
+GAP_FALLS = 0.7
+
+#: A load factor that grows at least like this power of the work, this often, is not limited.
+GROWING, GROWN = 0.9, 2
+
+
+@dataclass(frozen=True)
+class CollapseState:
+    """One of several collapse states.
+
+    Attributes:
+        start: Where the search for it began.
+        status: As that of `Collapse`.
+        load_factor: nan if no state was found.
+    """
+
+    start: str
+    status: str
+    load_factor: float
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """One end of the range of load factors.
+
+    Attributes:
+        status: "limit", "unbounded" or "not_converged".
+        load_factor: Signed; nan if no state was found.
+        bounds: From the rigid-block programs, for this direction.
+        state: The state reached, None if there is none.
+        mode: Collapse mode v in the supports' coordinates, f_L.v = 1.
+        certificate: Verification of the state.
+        history: Of the fixed point, over all T.
+        work_ratio: T in units of the live load's work on the bonded structure.
+        path: Load factors with equilibrium, where they were followed.
+        states: Collapse states found from different first bounds, where they were looked for.
+    """
+
+    status: str
+    load_factor: float
+    bounds: LimitBounds
+    state: State | None = None
+    mode: PETSc.Vec | None = None
+    certificate: Certificate | None = None
+    history: tuple[FixedPointHistory, ...] = ()
+    work_ratio: float = 0.0
+    path: LoadPath | None = None
+    states: tuple[CollapseState, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A state at one T, its mode and its verification."""
+
+    ratio: float
+    point: PathPoint
+    mode: PETSc.Vec
+    certificate: Certificate
+    history: FixedPointHistory
+    bound: Array
+
+    @property
+    def state(self) -> State:
+        return self.point.state
+
+    @property
+    def gap(self) -> float:
+        """Gap of the certificate; infinite where the fixed point did not converge."""
+        gap = self.certificate.gap if self.history.converged else np.inf
+        return gap if np.isfinite(gap) else np.inf
+
+    @property
+    def verified(self) -> bool:
+        return self.history.converged and self.certificate.passed
+
+    def rises_from(self, last: _Found) -> bool:
+        """Whether its load factor is larger than that of another state."""
+        return self.state.load_factor > last.state.load_factor
+
+
+class Search:
+    """States of one direction at different T, and the best of them."""
+
+    def __init__(
+        self,
+        structure: Structure,
+        problem: ContactProblem,
+        blocks: RigidBlocks,
+        bounds: LimitBounds,
+        scales: Scales,
+        per_ratio: float,
+        method: str,
+        monitor: Callable[[FixedPointStep], None] | None,
+    ) -> None:
+        """Prepare to solve.
+
+        Args:
+            structure: What is loaded.
+            problem: With the live load in the direction looked at.
+            blocks: Rigid-block programs of that direction.
+            bounds: Their bounds.
+            scales: Typical sizes on the elastic part of the path.
+            per_ratio: Work of the live load on the bonded structure, the unit of T.
+            method: As in the scene's options.
+            monitor: Called after every fixed-point iteration.
+        """
+        self.structure = structure
+        self.problem = problem
+        self.blocks = blocks
+        self.bounds = bounds
+        self.scales = scales
+        self.per_ratio = per_ratio
+        self.live_size = problem.live.norm(PETSc.NormType.N1)
+        self.options = structure.scene.solve
+        self.monitor = monitor
+        self.control = WorkControl(problem, structure.springs)
+        self.method = method
+        self.solver = new_solver(structure, problem, self.control, method)
+        self.best: _Found | None = None
+        self.history: list[FixedPointHistory] = []
+        self.path: list[tuple[float, float]] = []
+
+    def run(self, start: State, bound: Array) -> Collapse:
+        """Look for a verified collapse state at more work, then at less."""
+        first_ratio = start.work / self.per_ratio
+        first = self.at(first_ratio, start, bound)
+        if first is None:
+            return self.result("not_converged")
+        last, ratio = first, first_ratio
+        while not self.settled and ratio < LAST_WORK:
+            ratio = min(ratio * self._stride(last), LAST_WORK)
+            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
+            if self.growing and self.bounds.upper == np.inf:
+                return self.result("unbounded")
+            # Soft structures rise slowly. Gaps are infinite, and no reason to stop, until a state
+            # converges.
+            if found is None or not (
+                found.gap <= GAP_FALLS * last.gap or (found.rises_from(last) and not self.verified)
+            ):
+                break
+            last = found
+        last, ratio = first, first_ratio
+        for _ in range(DECREASES if self.best is first else 0):
+            if self.settled:
+                break
+            ratio *= WORK_DECREASE
+            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
+            if found is None or found.gap > GAP_FALLS * last.gap:
+                break
+            last = found
+        return self.result("limit" if self.verified else "not_converged")
+
+    def destroy(self) -> None:
+        """Free the solvers."""
+        self.control.destroy()
+        self.solver.destroy()
+
+    def at(self, ratio: float, start: State, bound: Array) -> _Found | None:
+        """Find and verify the state at one T; None if there is none.
+
+        Once there is a verified state, others are only followed from it, not iterated for afresh.
+        """
+        work = ratio * self.per_ratio
+        # Forces are judged by what the joints carry, which a locked structure lets grow.
+        growth = max(1.0, self.largest_factor / self.scales.load_factor)
+        scales = replace(
+            self.scales, displacement=work / self.live_size, force=growth * self.scales.force
+        )
+        friction = CoulombFriction(
+            self.solver,
+            scales,
+            self.options.tolerance,
+            self.method in ("auto", "monolithic"),
+            self.monitor,
+            at_once=self.method == "monolithic",
+        )
+        try:
+            if self.verified:
+                point, history = friction.go_on(start, work, self._growth(work))
+            else:
+                point, history = friction.solve(
+                    start, bound, work, bool(self.history), self._growth(work)
+                )
+        except SolverError as error:
+            _log.info("no state with T = %.3g: %s", work, error)
+            return None
+        mode, certificate = self._verify(point, scales)
+        new_bound = self.problem.bound(point.state.pressure)
+        found = _Found(ratio, point, mode, certificate, history, new_bound)
+        self.history.append(history)
+        self.path.append((work, point.state.load_factor))
+        _log.info(
+            "  T = %.3g: load factor %.8g, gap %.1e",
+            work,
+            point.state.load_factor,
+            certificate.gap,
+        )
+        if self.best is None or found.gap < self.best.gap or not self.best.history.converged:
+            self.best = found
+        return found
+
+    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, Certificate]:
+        """The collapse mode of a state and its certificate.
+
+        The mode is that of the elastic structure if it passes; else, with slow elastic motions
+        mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
+        """
+        strength = self.structure.all_points(self.problem.bound(point.state.pressure))
+        try:
+            limit, motion = self.blocks.collapse(strength)
+        except SolverError as error:
+            _log.info("  no rigid mode: %s", error)
+            limit, motion = None, None
+        rigid_limit = np.nan if limit is None else limit
+
+        def certified(mode: PETSc.Vec) -> Certificate:
+            return certify(self.problem, point.state, mode, scales, self.bounds, rigid_limit)
+
+        mode: PETSc.Vec | None = None
+        try:
+            mode, _ = self.control.rate(point.state, point.bound, scales)
+            certificate = certified(mode)
+            if certificate.mode_passed or motion is None:
+                return mode, certificate
+        except SolverError as error:
+            _log.info("  no elastic mode: %s", error)
+        if mode is not None:
+            mode.destroy()
+        if motion is None:
+            motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
+        mode = self.structure.rigid_motion(motion)
+        return mode, certified(mode)
+
+    @property
+    def verified(self) -> bool:
+        """Whether the best state is a collapse state."""
+        return self.best is not None and self.best.verified
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is one to the tolerance asked for."""
+        return (
+            self.best is not None and self.best.verified and self.best.gap <= self.options.tolerance
+        )
+
+    @property
+    def largest_factor(self) -> float:
+        """Largest load factor so far."""
+        return max((abs(factor) for _, factor in self.path), default=0.0)
+
+    def _stride(self, last: _Found) -> float:
+        """Factor to the next work, well beyond where the secant meets the program's load factor."""
+        growth = self._growth(2.0 * last.state.work)
+        missing = last.certificate.error_estimate
+        if growth > 0.0 and np.isfinite(missing):
+            return WORK_GROWTH * min(1.0 + missing / growth, LARGEST_STRIDE)
+        return WORK_GROWTH
+
+    def _growth(self, work: float) -> float:
+        """How much further the load factor would rise along the secant of the last two states."""
+        if len(self.path) < 2 or not self.path[-2][0] < self.path[-1][0] < work:
+            return 0.0
+        (first, low), (last, high) = self.path[-2:]
+        return max((high - low) / (last - first) * (work - last), 0.0)
+
+    @property
+    def growing(self) -> bool:
+        """Whether the load factor grew like the work so often that it is called unlimited."""
+        if len(self.path) <= GROWN or min(factor for _, factor in self.path) <= 0.0:
+            return False
+        work, factor = np.log(self.path[-GROWN - 1 :]).T
+        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
+
+    def _moved(self, found: _Found, work: float) -> State:
+        """A state moved along its mode to another T."""
+        displacement = found.state.displacement.copy()
+        displacement.axpy(work - found.state.work, found.mode)
+        strained = None
+        if found.state.strained is not None:
+            strained = self.problem.strained(found.mode)
+            strained.aypx(work - found.state.work, found.state.strained)
+        return replace(found.state, displacement=displacement, work=work, strained=strained)
+
+    def _onset(self, found: _Found) -> State:
+        """A state moved back along its mode to where the collapse began.
+
+        Every state further along the mode has the same stresses and joint forces; at the first,
+        some joint is about to close, or to stick.
+        """
+        opening, slip = self.problem.joint_displacements(found.state.displacement)
+        opening_rate, slip_rate = self.problem.joint_displacements(found.mode)
+        slip = slip - self.problem.slip_origin
+        # The work by which a joint that moves in the mode has moved so far.
+        rates = np.maximum(np.abs(opening_rate), np.abs(slip_rate))
+        tiny = 1e-6 * self.problem.max(rates)
+        opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
+        slips &= found.state.pressure > 0.0
+        moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
+        least = min(float(np.min(m, initial=np.inf)) for m in moved)
+        least = self.problem.comm.allreduce(least, MPI.MIN)
+        if not 0.0 < least < np.inf:
+            return found.state
+        return self._moved(found, found.state.work - least)
+
+    def result(self, status: str) -> Collapse:
+        """Report the best state."""
+        found, history = self.best, tuple(self.history)
+        if found is None:
+            return Collapse(status, float("nan"), self.bounds, history=history)
+        if status == "not_converged":
+            _log.warning("not verified: %s", found.certificate.failures or "not converged")
+        return Collapse(
+            status,
+            np.inf if status == "unbounded" else found.state.load_factor,
+            self.bounds,
+            self._onset(found) if status == "limit" else found.state,
+            found.mode,
+            found.certificate,
+            history,
+            found.ratio,
+        )
+
+
+def new_solver(
+    structure: Structure, problem: ContactProblem, control: WorkControl, method: str
+) -> WorkControl | JointForces:
+    """What solves for states with given friction."""
+    if method not in ("splitting", "active-set"):
+        return control
+    return JointForces(problem, structure.operators, structure.springs, method == "splitting")
+
+
+def first_work(method: str, bounds: LimitBounds, scales: Scales) -> float:
+    """First T in units of the live load's work on the bonded structure.
+
+    Joint forces, unlike interior points, take many steps to a state far along the mode: they start
+    at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.
+    """
+    if method not in ("splitting", "active-set"):
+        return FIRST_WORK
+    upper = np.inf if bounds.upper is None else bounds.upper
+    return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))
