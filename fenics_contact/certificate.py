@@ -44,7 +44,7 @@ TOLERANCES: Mapping[str, float] = {
 }
 
 #: What strains the blocks may differ from the part of u that does by digits of u, relative.
-ROUNDING = 1e-12
+ROUNDING = 1e-13
 
 #: Load factors are judged relative to themselves, or to this fraction of the typical one.
 SMALL_FACTOR = 1e-3
