@@ -22,6 +22,7 @@ SOLVERS = [
     "bound_qp",
     "capacity",
     "certificate",
+    "continuation",
     "coulomb",
     "interior_point",
     "joint_operator",

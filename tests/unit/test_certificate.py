@@ -12,8 +12,8 @@ from fenics_contact.bounds import LimitBounds, RigidBlocks
 from fenics_contact.certificate import TOLERANCES, Certificate, certify
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import Scales, State, WorkControl
-from fenics_contact.limit_load import FIRST_WORK
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.search import FIRST_WORK
 from tests.helpers import (
     Array,
     Loaded,

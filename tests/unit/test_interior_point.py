@@ -10,8 +10,8 @@ import pytest
 from fenics_contact import JointLaw, Load, Scene, SolverError
 from fenics_contact.bounds import RigidBlocks
 from fenics_contact.interior_point import State, WorkControl
-from fenics_contact.limit_load import FIRST_WORK
 from fenics_contact.meshing import polygons, running_bond, wall
+from fenics_contact.search import FIRST_WORK
 from tests.helpers import (
     GRAVITY,
     PUSH,
