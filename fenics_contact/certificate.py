@@ -51,16 +51,39 @@ SMALL_FACTOR = 1e-3
 
 
 @dataclass(frozen=True)
+class WorstJoint:
+    """Where a state misses most of a joint law.
+
+    Attributes:
+        point: Number of the joint point.
+        law: Name of the residual.
+        residual: Its value.
+    """
+
+    point: int
+    law: str
+    residual: float
+
+
+@dataclass(frozen=True)
 class Certificate:
     """Residuals of a collapse state.
 
     Attributes:
         residuals: By name; relative, zero for an exact state.
         error_estimate: Difference of the load factor and the program's for the state's friction.
+        worst_joint: Where the joint laws are missed most.
+        kinematic_factor: Load factor at which the mode dissipates what the loads do on it,
+            (sum g |B_T v| - f_D.v) / f_L.v. With given friction it is an upper bound, and the
+            program's load factor, a static one, a lower bound on the limit load.
+        static_factor: Load factor of the rigid-block program with the state's friction.
     """
 
     residuals: Mapping[str, float]
     error_estimate: float
+    worst_joint: WorstJoint | None = None
+    kinematic_factor: float = float("nan")
+    static_factor: float = float("nan")
 
     @property
     def failures(self) -> dict[str, float]:
@@ -92,6 +115,7 @@ def certify(
     scales: Scales,
     bounds: LimitBounds,
     rigid_limit: float,
+    points: npt.NDArray[np.int64] | None = None,
 ) -> Certificate:
     """Recompute all conditions of a collapse state.
 
@@ -103,6 +127,7 @@ def certify(
         bounds: Bracket from the rigid-block programs.
         rigid_limit: Limit load of the rigid blocks with the friction forces of the state; nan if
             it is not known.
+        points: Numbers of this rank's joint points, by which to name the worst.
 
     Returns:
         Residuals relative to `scales`.
@@ -117,7 +142,18 @@ def certify(
     residuals["limit"] = missed / factor
     # Outside by more than the load factor may be wrong.
     residuals["bracket"] = max(outside - missed, 0.0) / factor
-    return Certificate(residuals, missed)
+    worst = None if points is None else worst_joint(problem, state, scales, points)
+    kinematic = kinematic_factor(problem, state, mode)
+    return Certificate(residuals, missed, worst, kinematic, rigid_limit)
+
+
+def kinematic_factor(problem: ContactProblem, state: State, mode: PETSc.Vec) -> float:
+    """Load factor at which a mode dissipates what the loads do on it; nan if they do nothing."""
+    _, slip = problem.joint_displacements(mode)
+    bound = problem.bound(np.maximum(state.pressure, 0.0))
+    live = problem.live.dot(mode)
+    rest = problem.sum(bound * np.abs(slip)) - problem.dead.dot(mode)
+    return rest / live if live else float("nan")
 
 
 def state_residuals(
@@ -148,21 +184,56 @@ def state_residuals(
         joint.destroy()
     equilibrium = problem.max(np.abs(rest.array_r)) / f
     rest.destroy()
+    joints = _joint_misses(problem, state, scales, bound)
+    live = problem.live.dot(state.displacement)
+    return {
+        "equilibrium": equilibrium,
+        **{name: problem.max(values) for name, values in joints.items()},
+        "work": abs(live - state.work)
+        / max(abs(state.work), d * problem.live.norm(PETSc.NormType.N1)),
+    }
+
+
+def _joint_misses(
+    problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
+) -> dict[str, Array]:
+    """What this rank's points miss of the joint laws, relative to `scales`."""
+    d, f = scales.displacement, scales.force
     opening, slip = problem.joint_displacements(state.displacement)
     slip = slip - problem.slip_origin
     if bound is None:
         bound = problem.bound(np.maximum(state.pressure, 0.0))
-    live = problem.live.dot(state.displacement)
     return {
-        "equilibrium": equilibrium,
-        "tension": problem.max(-state.pressure) / f,
-        "penetration": problem.max(-opening) / d,
-        "complementarity": problem.max(np.abs(opening * state.pressure)) / (d * f),
-        "friction": problem.max(np.abs(state.shear) - bound) / f,
-        "slip_direction": problem.max(np.abs(bound * np.abs(slip) + state.shear * slip)) / (d * f),
-        "work": abs(live - state.work)
-        / max(abs(state.work), d * problem.live.norm(PETSc.NormType.N1)),
+        "tension": -state.pressure / f,
+        "penetration": -opening / d,
+        "complementarity": np.abs(opening * state.pressure) / (d * f),
+        "friction": (np.abs(state.shear) - bound) / f,
+        "slip_direction": np.abs(bound * np.abs(slip) + state.shear * slip) / (d * f),
     }
+
+
+def worst_joint(
+    problem: ContactProblem, state: State, scales: Scales, points: npt.NDArray[np.int64]
+) -> WorstJoint | None:
+    """The joint point that misses most of a joint law, in units of what may be missed.
+
+    Args:
+        problem: Stiffness, loads and joints.
+        state: The state.
+        scales: Typical sizes.
+        points: Numbers of this rank's joint points.
+
+    Returns:
+        The same on all ranks; None without joints.
+    """
+    worst: list[tuple[float, WorstJoint]] = []
+    for name, values in _joint_misses(problem, state, scales).items():
+        if len(values):
+            row = int(np.argmax(values))
+            joint = WorstJoint(int(points[row]), name, float(values[row]))
+            worst.append((joint.residual / TOLERANCES[name], joint))
+    everywhere = [item for part in problem.comm.allgather(worst) for item in part]
+    return max(everywhere, key=lambda item: item[0])[1] if everywhere else None
 
 
 def _strained(problem: ContactProblem, state: State) -> PETSc.Vec:

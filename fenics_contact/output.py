@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact import compat
+from fenics_contact.certificate import Certificate
 from fenics_contact.fields import displacement_function, stress_fields
 from fenics_contact.joint_fields import STATES, JointFields, joint_fields
 from fenics_contact.joints import Joints
@@ -88,7 +89,7 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
         "iterations": {"fixed_point": 0, "factorizations": result.factorizations},
     }
     if collapse is not None and collapse.history:
-        record |= _iteration_record(collapse)
+        record |= _iteration_record(result, collapse)
         record["iterations"] |= {"factorizations": result.factorizations}
     if result.positive is not None and result.negative is not None:
         negative = result.negative
@@ -98,7 +99,7 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
                 "lower": _number(negative.bounds.lower),
                 "upper": _number(negative.bounds.upper),
             },
-            **(_iteration_record(negative) if negative.history else {}),
+            **(_iteration_record(result, negative) if negative.history else {}),
         }
     return record | {
         "mesh": {
@@ -115,6 +116,25 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
         "ranks": result.scene.comm.size,
         "version": __version__,
     }
+
+
+def _certificate_record(result: LimitLoad, certificate: Certificate) -> dict[str, Any]:
+    """Static and kinematic load factor of the state found, and its worst joint."""
+    joints, worst = result.structure.joints, certificate.worst_joint
+    record: dict[str, Any] = {
+        "static_factor": _number(certificate.static_factor),
+        "kinematic_factor": _number(certificate.kinematic_factor),
+        "worst_joint": None,
+    }
+    if worst is not None:
+        record["worst_joint"] = {
+            "point": worst.point,
+            "position": [float(x) for x in joints.position[worst.point]],
+            "group": joints.names[joints.law[worst.point]],
+            "law": worst.law,
+            "residual": _number(worst.residual),
+        }
+    return record
 
 
 def _path_record(collapse: Collapse) -> dict[str, Any]:
@@ -141,7 +161,7 @@ def _path_record(collapse: Collapse) -> dict[str, Any]:
     return record
 
 
-def _iteration_record(collapse: Collapse) -> dict[str, Any]:
+def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
     steps = [step for history in collapse.history for step in history.steps]
     # Nothing is proved by the last state of a load that is not limited.
     certificate = None if collapse.status == "unbounded" else collapse.certificate
@@ -153,6 +173,7 @@ def _iteration_record(collapse: Collapse) -> dict[str, Any]:
         if certificate
         else None,
         "failures": sorted(certificate.failures) if certificate else [],
+        **(_certificate_record(result, certificate) if certificate else {}),
         "iterations": {
             "fixed_point": len(steps),
             "contraction": _number(collapse.history[0].contraction),

@@ -254,7 +254,15 @@ class Search:
         rigid_limit = np.nan if limit is None else limit
 
         def certified(mode: PETSc.Vec) -> Certificate:
-            return certify(self.problem, point.state, mode, scales, self.bounds, rigid_limit)
+            return certify(
+                self.problem,
+                point.state,
+                mode,
+                scales,
+                self.bounds,
+                rigid_limit,
+                self.structure.operators.points,
+            )
 
         mode: PETSc.Vec | None = None
         try:
