@@ -203,6 +203,11 @@ class _Driver:
         self, end: Collapse, reverse: bool, bonded: Bonded, scales: Scales
     ) -> list[CapacityPoint]:
         """Points of the capacity curve towards one collapse."""
+        if end.path is not None:  # the continuation has gone along it already
+            return [
+                CapacityPoint(step.displacement, step.load_factor, step.work, converged=True)
+                for step in end.path.steps
+            ]
         if end.state is None:
             return []
         problem = self.structure.reversed() if reverse else self.structure.problem

@@ -118,12 +118,12 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
     }
 
 
-def _certificate_record(result: LimitLoad, certificate: Certificate) -> dict[str, Any]:
+def _certificate_record(result: LimitLoad, certificate: Certificate, sign: float) -> dict[str, Any]:
     """Static and kinematic load factor of the state found, and its worst joint."""
     joints, worst = result.structure.joints, certificate.worst_joint
     record: dict[str, Any] = {
-        "static_factor": _number(certificate.static_factor),
-        "kinematic_factor": _number(certificate.kinematic_factor),
+        "static_factor": _number(sign * certificate.static_factor),
+        "kinematic_factor": _number(sign * certificate.kinematic_factor),
         "worst_joint": None,
     }
     if worst is not None:
@@ -137,17 +137,17 @@ def _certificate_record(result: LimitLoad, certificate: Certificate) -> dict[str
     return record
 
 
-def _path_record(collapse: Collapse) -> dict[str, Any]:
+def _path_record(collapse: Collapse, sign: float) -> dict[str, Any]:
     """What was found on the way, where it was asked for."""
     record: dict[str, Any] = {}
     if collapse.path is not None:
         path = collapse.path
         record["continuation"] = {
-            "equilibrium_up_to": _number(path.lower),
-            "none_found_at": _number(path.upper),
+            "equilibrium_up_to": _number(sign * path.lower),
+            "none_found_at": _number(sign * path.upper),
             "steps": [
                 {
-                    "load_factor": _number(step.load_factor),
+                    "load_factor": _number(sign * step.load_factor),
                     "displacement": _number(step.displacement),
                 }
                 for step in path.steps
@@ -155,25 +155,27 @@ def _path_record(collapse: Collapse) -> dict[str, Any]:
         }
     if collapse.states:
         record["states"] = [
-            {"start": s.start, "status": s.status, "load_factor": _number(s.load_factor)}
+            {"start": s.start, "status": s.status, "load_factor": _number(sign * s.load_factor)}
             for s in collapse.states
         ]
     return record
 
 
 def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
+    # Inside, the live load is reversed for the negative direction, not the load factor.
+    sign = -1.0 if collapse is result.negative else 1.0
     steps = [step for history in collapse.history for step in history.steps]
     # Nothing is proved by the last state of a load that is not limited.
     certificate = None if collapse.status == "unbounded" else collapse.certificate
     return {
-        **_path_record(collapse),
+        **_path_record(collapse, sign),
         "method": collapse.history[-1].method,
         "error_estimate": _number(certificate.error_estimate) if certificate else None,
         "residuals": {name: _number(value) for name, value in certificate.residuals.items()}
         if certificate
         else None,
         "failures": sorted(certificate.failures) if certificate else [],
-        **(_certificate_record(result, certificate) if certificate else {}),
+        **(_certificate_record(result, certificate, sign) if certificate else {}),
         "iterations": {
             "fixed_point": len(steps),
             "contraction": _number(collapse.history[0].contraction),
