@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import runpy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, SolveOptions
-from fenics_contact.meshing import model_from_arrays, running_bond, wall
+from fenics_contact.meshing import arch, model_from_arrays, running_bond, wall, wedge
 
 GRAVITY = 9.81
 DENSITY = 1.0e4 / GRAVITY  # unit weight 10 kN/m3
@@ -122,3 +123,36 @@ def arrays(model) -> tuple[npt.NDArray[np.float64], Mapping[str, npt.NDArray], M
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> Sequence[tuple[float, float]]:
     """Corners of a block."""
     return [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+
+
+def arch_scene(voussoirs: int, thickness: float, friction: float = 1.0, elements: int = 2) -> Scene:
+    """A semicircle of radius 1 on rigid ground, its weight times the load factor to the right."""
+    law = JointLaw("coulomb", friction)
+    return Scene(
+        BlockMesh.from_model(arch(voussoirs, thickness, elements=elements)),
+        {"default": Material(1e9, 0.2, 2000.0)},
+        live=Load((GRAVITY, 0.0)),
+        dead=Load((0.0, -GRAVITY)),
+        joints={"default": law},
+        foundations={"springings": law},
+    )
+
+
+def wedge_scene(friction: float) -> Scene:
+    """A weightless wedge of half angle 30 degrees pressed down between two blocks on the ground.
+
+    The pressure on the wedge is the weight of one block over its width, so that the load factor is
+    P / W = 2 F / (cot(30 + phi) - F); the wedge locks at F = tan 30.
+    """
+    height, length = 0.5, 3.0
+    half = height * math.tan(math.radians(30.0))
+    weight = 1000.0 * GRAVITY * (length * height - 0.5 * half * height)
+    law = JointLaw("coulomb", friction)
+    return Scene(
+        BlockMesh.from_model(wedge(30.0, height, length)),
+        {"blocks": Material(1e9, 0.2, 1000.0), "wedge": Material(1e9, 0.2, 0.0)},
+        live=Load((0.0, 0.0), {"top": (0.0, -0.5 * weight / half)}),
+        dead=Load((0.0, -GRAVITY)),
+        joints={"default": law},
+        foundations={"base": law},
+    )

@@ -11,10 +11,10 @@ import math
 
 import pytest
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
+from fenics_contact import limit_load
 from fenics_contact.bounds import RigidBlocks
-from fenics_contact.meshing import arch
 from fenics_contact.structure import Structure
+from tests.regression.scenes import arch_scene
 
 GRAVITY = 9.81
 
@@ -38,19 +38,6 @@ LEAST_THICKNESS = [  # voussoirs, friction, thickness over radius
     (27, 0.34, 0.161766),
     (27, 0.32, 0.183845),
 ]
-
-
-def arch_scene(voussoirs: int, thickness: float, friction: float = 1.0, elements: int = 2) -> Scene:
-    """A semicircle of radius 1 on rigid ground, its weight times the load factor to the right."""
-    law = JointLaw("coulomb", friction)
-    return Scene(
-        BlockMesh.from_model(arch(voussoirs, thickness, elements=elements)),
-        {"default": Material(1e9, 0.2, 2000.0)},
-        live=Load((GRAVITY, 0.0)),
-        dead=Load((0.0, -GRAVITY)),
-        joints={"default": law},
-        foundations={"springings": law},
-    )
 
 
 def stands(voussoirs: int, thickness: float, friction: float = 1.0) -> bool:

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, LimitLoad, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons, wall
-from tests.regression.scenes import rectangle
+from tests.regression.scenes import rectangle, wedge_scene
 
 GRAVITY = 9.81
 
@@ -85,45 +85,18 @@ def test_block_pushed_up_an_incline():
     assert result.load_factor == pytest.approx(0.4123711, rel=1e-6)
 
 
-def wedge(friction: float) -> LimitLoad:
-    """A wedge of half angle 30 degrees pressed down between two blocks on the ground.
-
-    The pressure on the wedge is the weight of one block over its width.
-    """
-    height, length = 0.5, 3.0
-    half = height * math.tan(math.radians(30.0))
-    blocks = [
-        [(-length, 0), (0, 0), (-half, height), (-length, height)],
-        [(0, 0), (length, 0), (length, height), (half, height)],
-    ]
-    model = polygons(
-        [*blocks, [(0, 0), (half, height), (-half, height)]],
-        0.25,
-        names=["block", "block", "wedge"],
-        groups={"base": [((-length, 0), (length, 0))], "top": [((-half, height), (half, height))]},
-    )
-    weight = 1000.0 * GRAVITY * (length * height - 0.5 * half * height)
-    return solve(
-        model,
-        friction,
-        Load((0.0, 0.0), {"top": (0.0, -0.5 * weight / half)}),
-        block=Material(1e9, 0.2, 1000.0),
-        wedge=Material(1e9, 0.2, 0.0),
-    )
-
-
 @pytest.mark.parametrize(
     ("friction", "exact"), [(0.1, 0.1549061349), (0.2, 0.4264946007), (0.3, 0.9340306116)]
 )
 def test_wedge_drives_blocks_apart(friction, exact):
     """P / W = 2 F / (cot(a + phi) - F)."""
-    result = wedge(friction)
+    result = limit_load(wedge_scene(friction))
     assert result.status == "limit"
     assert result.load_factor == pytest.approx(exact, rel=1e-8)
 
 
 def test_locked_wedge_is_unbounded():
     """Where cot(a + phi) < F the wedge cannot move, whatever the load."""
-    result = wedge(0.8)
+    result = limit_load(wedge_scene(0.8))
     assert result.status == "unbounded"
     assert math.isinf(result.load_factor)
