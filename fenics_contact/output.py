@@ -137,6 +137,21 @@ def _certificate_record(result: LimitLoad, certificate: Certificate, sign: float
     return record
 
 
+def _splitting_record(collapse: Collapse) -> dict[str, Any]:
+    """What a method on joint forces did."""
+    history = collapse.splitting
+    if history is None:
+        return {}
+    return {
+        "splitting": {
+            "proximal_steps": history.steps,
+            "sweeps": history.sweeps,
+            "joint_steps": history.joint_steps,
+            "contraction": _number(history.contraction),
+        }
+    }
+
+
 def _path_record(collapse: Collapse, sign: float) -> dict[str, Any]:
     """What was found on the way, where it was asked for."""
     record: dict[str, Any] = {}
@@ -181,6 +196,7 @@ def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
             "contraction": _number(collapse.history[0].contraction),
             "cycles": sum(history.cycles for history in collapse.history),
             "work_ratio": collapse.work_ratio,
+            **_splitting_record(collapse),
             "history": [
                 {
                     "load_factor": _number(step.load_factor),

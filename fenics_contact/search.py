@@ -18,7 +18,7 @@ from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPoin
 from fenics_contact.errors import SolverError
 from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
 from fenics_contact.problem import ContactProblem
-from fenics_contact.splitting import JointForces
+from fenics_contact.splitting import JointForces, SplittingHistory
 from fenics_contact.structure import Structure
 
 Array = npt.NDArray[np.float64]
@@ -72,6 +72,7 @@ class Collapse:
         certificate: Verification of the state.
         history: Of the fixed point, over all T.
         work_ratio: T in units of the live load's work on the bonded structure.
+        splitting: What a method on joint forces did.
         path: Load factors with equilibrium, where they were followed.
         states: Collapse states found from different first bounds, where they were looked for.
     """
@@ -84,6 +85,7 @@ class Collapse:
     certificate: Certificate | None = None
     history: tuple[FixedPointHistory, ...] = ()
     work_ratio: float = 0.0
+    splitting: SplittingHistory | None = None
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
 
@@ -366,6 +368,7 @@ class Search:
             found.certificate,
             history,
             found.ratio,
+            self.solver.history if isinstance(self.solver, JointForces) else None,
         )
 
 

@@ -91,6 +91,13 @@ class SplittingHistory:
     sweeps: int = 0
     contractions: list[float] = field(default_factory=list)
 
+    @property
+    def contraction(self) -> float | None:
+        """Geometric mean of the contractions; None without sweeps."""
+        if not self.contractions or min(self.contractions) <= 0.0:
+            return None
+        return float(np.exp(np.mean(np.log(self.contractions))))
+
 
 @dataclass
 class _Level:
