@@ -137,6 +137,12 @@ def _certificate_record(result: LimitLoad, certificate: Certificate, sign: float
     return record
 
 
+def _method(result: LimitLoad, collapse: Collapse) -> str:
+    """What made the last step: "monolithic", or how states with given friction were found."""
+    made = collapse.history[-1].method
+    return result.scene.solve.method if made == "fixed-point" and collapse.splitting else made
+
+
 def _splitting_record(collapse: Collapse) -> dict[str, Any]:
     """What a method on joint forces did."""
     history = collapse.splitting
@@ -184,7 +190,7 @@ def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
     certificate = None if collapse.status == "unbounded" else collapse.certificate
     return {
         **_path_record(collapse, sign),
-        "method": collapse.history[-1].method,
+        "method": _method(result, collapse),
         "error_estimate": _number(certificate.error_estimate) if certificate else None,
         "residuals": {name: _number(value) for name, value in certificate.residuals.items()}
         if certificate
@@ -230,7 +236,9 @@ def write_paraview(
     if end.state is None or end.mode is None:
         return
     displacement = displacement_function(structure, end.state.displacement, "displacement")
-    strained = displacement_function(structure, end.state.strained, "strained")
+    strained = displacement_function(
+        structure, end.state.strained or end.state.displacement, "strained"
+    )
     mode = displacement_function(structure, end.mode, "collapse_mode")
     compat.write_vtk(
         folder / f"blocks{suffix}.pvd",
