@@ -1,10 +1,10 @@
 """Numerical stress tests: scenes that are easy to state and hard on the arithmetic.
 
-    python3 benchmarks/stability.py [--quick] [--only PATTERN] [--method NAME] [--csv FILE]
+    python3 benchmarks/stability.py [--quick] [--only PATTERN] [--method all] [--csv FILE]
 
-One row per case, compared with a closed form, with the linear program of rigid blocks, or with the
-scene that it is a variant of. The verdict "WRONG", a limit load that is claimed and is not the
-limit load, is the one that must never occur.
+One row per case and method, compared with a closed form, with the linear program of rigid blocks,
+or with the scene that it is a variant of. The verdict "WRONG", a limit load that is claimed and is
+not the limit load, is the one that must never occur.
 
 Closed forms are those of rigid blocks on plane joints with all resultants known from statics: a
 block slides at F and tips at width / height, a stack of n at width / (n height), an incline of
@@ -27,7 +27,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, replace
-from functools import partial
+from functools import cache, partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,7 @@ from fenics_contact import (
 )
 from fenics_contact.certificate import TOLERANCES
 from fenics_contact.meshing import model_from_arrays, polygons, wall, wedge
+from fenics_contact.scene import METHODS
 from tests.regression.scenes import (
     DENSITY,
     GRAVITY,
@@ -107,6 +108,7 @@ class Row:
     """One line of the table."""
 
     name: str
+    method: str
     status: str
     load_factor: float = math.nan
     reference: str = "-"
@@ -618,16 +620,16 @@ class Runner:
     def run(self, case: Case) -> Row:
         """The row of a case: the worst of its scenes."""
         start = time.perf_counter()
-        rows = [self._scene(case, scene) for scene in case.scenes]
+        rows = [self._row(case, scene) for scene in case.scenes]
         worst = min(rows, key=lambda row: (VERDICTS.index(row.verdict), -row.error))
         return replace(worst, seconds=time.perf_counter() - start)
 
-    def _scene(self, case: Case, scene: Callable[[], Scene]) -> Row:
+    def _row(self, case: Case, scene: Callable[[], Scene]) -> Row:
         try:
             result = limit_load(replace(scene(), solve=self.options))
         except Exception as error:  # one case must not stop the table
             print(f"{case.name}: {error}", file=sys.stderr)
-            return Row(case.name, type(error).__name__)
+            return Row(case.name, self.options.method, type(error).__name__)
         row = self._judged(case, result)
         result.structure.destroy()
         gc.collect()
@@ -645,6 +647,7 @@ class Runner:
         right = inside and not error > case.tolerance
         return Row(
             case.name,
+            self.options.method,
             result.status,
             factor,
             text,
@@ -670,10 +673,11 @@ class Runner:
         return f"{value:.8g}", value
 
     def _factor(self, name: str) -> float:
-        """Load factor of another case."""
+        """Load factor of another case; nan if it was not found."""
         if name not in self._factors:
             scene = replace(self._cases[name].scenes[0](), solve=self.options)
-            self._factors[name] = limit_load(scene).load_factor
+            result = limit_load(scene)
+            self._factors[name] = result.load_factor if result.status == "limit" else math.nan
         return self._factors[name]
 
 
@@ -699,33 +703,43 @@ def worst_residual(residuals: Mapping[str, float]) -> str:
     return f"{name} {residuals[name]:.1e}"
 
 
-def _work(pipe: Connection, method: str) -> None:
-    """Run cases whose names come through a pipe."""
-    runner = Runner(method)
-    cases = {case.name: case for case in all_cases()}
-    while name := pipe.recv():
-        pipe.send(runner.run(cases[name]))
+@cache
+def runner(method: str) -> Runner:
+    """The runner of a method in this process."""
+    return Runner(method)
+
+
+def answer(task: tuple[str, str]) -> Row:
+    """The row of a method and a case's name."""
+    method, name = task
+    return runner(method).run(next(case for case in all_cases() if case.name == name))
+
+
+def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+    """Do tasks that come through a pipe."""
+    while task := pipe.recv():
+        pipe.send(work(task))
 
 
 class Process:
-    """A process that runs cases and is replaced when one takes too long."""
+    """A process that does tasks and is replaced when one takes too long."""
 
-    def __init__(self, method: str) -> None:
-        self.method = method
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self.work = work
         self._start()
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, there = context.Pipe()
-        self.process = context.Process(target=_work, args=(there, self.method), daemon=True)
+        self.process = context.Process(target=_serve, args=(there, self.work), daemon=True)
         self.process.start()
         there.close()
 
-    def run(self, case: Case) -> Row:
-        """The row of a case, whatever happens."""
-        self.pipe.send(case.name)
+    def run(self, task: Any, seconds: float) -> Any:
+        """What the work makes of a task; "time-out" or "crash" if nothing."""
+        self.pipe.send(task)
         try:
-            if self.pipe.poll(TIME_OUT):
+            if self.pipe.poll(seconds):
                 return self.pipe.recv()
             status = "time-out"
         except (EOFError, ConnectionError):
@@ -733,17 +747,17 @@ class Process:
         self.process.kill()
         self.process.join()
         self._start()
-        return Row(case.name, status, seconds=TIME_OUT)
+        return status
 
     def stop(self) -> None:
         """End the process."""
-        self.pipe.send("")
+        self.pipe.send(None)
         self.process.join()
 
 
 # Table
 
-COLUMNS = "{:38} {:13} {:>13} {:>13} {:>8} {:24} {:>5} {:>5} {:>6} {}"
+COLUMNS = "{:38} {:11} {:13} {:>13} {:>13} {:>8} {:24} {:>5} {:>5} {:>6} {}"
 
 
 def line(row: Row) -> str:
@@ -752,6 +766,7 @@ def line(row: Row) -> str:
     error = "-" if math.isnan(row.error) else f"{row.error:.1e}"
     return COLUMNS.format(
         row.name,
+        row.method,
         row.status,
         factor,
         row.reference,
@@ -775,26 +790,33 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="about 20 s")
     parser.add_argument("--only", default="*", metavar="PATTERN", help="cases whose name holds it")
-    parser.add_argument("--method", default="auto", help="as in the scene file")
+    parser.add_argument("--method", default="auto", help="as in the scene file, or all")
+    parser.add_argument("--time-out", type=float, default=TIME_OUT, metavar="S", help="per case")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table there too")
     options = parser.parse_args()
-    SolveOptions(method=options.method)
-    head = ("case", "status", "load factor", "reference", "error", "worst residual")
+    methods = METHODS if options.method == "all" else (SolveOptions(options.method).method,)
+    head = ("case", "method", "status", "load factor", "reference", "error", "worst residual")
     print(COLUMNS.format(*head, "iter", "fact", "s", "verdict"))
-    process = Process(options.method)
+    process = Process(answer)
     rows = []
     for case in selected(options.quick, options.only):
-        rows.append(process.run(case))
-        print(line(rows[-1]), flush=True)
+        for method in methods:
+            row = process.run((method, case.name), options.time_out)
+            if isinstance(row, str):
+                row = Row(case.name, method, row, seconds=options.time_out)
+            rows.append(row)
+            print(line(row), flush=True)
     process.stop()
-    counts = Counter(row.verdict for row in rows)
-    print(", ".join(f"{counts[name]} {name}" for name in VERDICTS), f"of {len(rows)}")
+    for method in methods:
+        counts = Counter(row.verdict for row in rows if row.method == method)
+        listed = ", ".join(f"{counts[name]} {name}" for name in VERDICTS)
+        print(f"{method}: {listed} of {counts.total()}")
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(field.name for field in fields(Row))
             writer.writerows(astuple(row) for row in rows)
-    return 1 if counts["WRONG"] else 0
+    return 1 if any(row.verdict == "WRONG" for row in rows) else 0
 
 
 if __name__ == "__main__":
