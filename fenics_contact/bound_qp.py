@@ -57,7 +57,8 @@ class BoundSolution:
         x: Minimiser, this rank's part.
         residual: As in the module's docstring.
         iterations: Of the back end.
-        reason: What the back end reported; positive where it thinks that it converged.
+        reason: What the back end reported; positive where it thinks that it converged; the negative
+            of PETSc's error code where it broke down.
     """
 
     x: Array
@@ -162,7 +163,10 @@ class BoundQP:
         x.pointwiseMax(x, low)
         x.pointwiseMin(x, high)
         run = _tao if options.solver in TAO_SOLVERS else _snes
-        iterations, reason = run(self._operator, b, (low, high), x, options, self.assembled)
+        try:
+            iterations, reason = run(self._operator, b, (low, high), x, options, self.assembled)
+        except PETSc.Error as error:  # a singular matrix, for instance
+            iterations, reason = 0, -error.ierr
         gradient = b.duplicate()
         self._operator.mult(x, gradient)
         above = np.maximum(x.array_r - high.array_r, gradient.array_r - b.array_r)
@@ -235,7 +239,7 @@ def _tao(
     linear = (
         {"tao_bnk_pc_type": "lu", "tao_bnk_pc_factor_mat_solver_type": "mumps"}
         if assembled
-        else {"tao_subset_type": "matrixfree", "tao_bnk_pc_type": "none"}
+        else {"tao_subset_type": "matrixfree", "tao_bnk_pc_type": "none", "pc_type": "none"}
     )
     linear |= {"tao_bnk_ksp_rtol": "1e-12", "ksp_rtol": "1e-12"}
     with _Options(tao.setFromOptions, **linear):

@@ -59,7 +59,7 @@ class LoadPath:
     Attributes:
         steps: States of equilibrium at rising load factors, that of the dead load first.
         lower: Largest load factor with a state of equilibrium.
-        upper: Least load factor at which none was found; infinite if none failed.
+        upper: Least load factor at which none was found, or the bound if that is less.
         state: State at `lower`.
         direction: Direction in which the displacements moved last, f_L.v = 1.
     """
@@ -149,4 +149,4 @@ def follow_load(
         direction = state.displacement.copy()
         moved = problem.live.dot(direction)
     direction.scale(1.0 / moved)
-    return LoadPath(tuple(steps), lower, failed, state, direction)
+    return LoadPath(tuple(steps), lower, min(failed, upper), state, direction)

@@ -105,6 +105,13 @@ VALUES = {
     "law": Wrong(("joints.default.law", "glue"), {"joints.default": {"law": "glue"}}),
     "method": value("solve.method", "newton", "newton", "fixed-point"),
     "direction": value("solve.direction", "up", "'up'", "both"),
+    "control": value("solve.control", "speed", "'speed'", "load"),
+    "slip": value("solve.slip", "zero", "'zero'", "load-steps"),
+    "slip by steps under work control": value("solve.slip", "load-steps", "control"),
+    "states": value("solve.states", "all", "'all'", "lowest"),
+    "lowest state under load control": Wrong(
+        ("solve.states", "control"), {"solve.states": "lowest", "solve.control": "load"}
+    ),
     "plane": value("plane.state", "bent", "bent", "strain"),
     "support": value("supports.left", "glued", "glued", "roller"),
     "young too long": value("materials.default.young", 10**400),

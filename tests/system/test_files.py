@@ -425,3 +425,60 @@ def test_check_says_what_is_in_a_scene(ranks, tmp_path):
         assert all(part in line for part in rest)
     assert "skipped: live tractions" not in found.out
     assert files(tmp_path) == before
+
+
+def solve_with(folder: Path, capsys, *settings: str) -> dict[str, Any]:
+    """result.json of the wall with other settings."""
+    scene = write_scene(folder, WALL, "wall", "wall.toml")
+    sets = [word for setting in settings for word in ("--set", setting)]
+    out = run_here(
+        ["solve", scene, "-o", folder / "out", "--set", "output.pictures=false", *sets], capsys
+    )
+    assert out.code == 0
+    return result(folder / "out")
+
+
+def test_continuation_in_the_result(tmp_path, capsys):
+    record = solve_with(
+        tmp_path,
+        capsys,
+        "solve.control=load",
+        "solve.slip=load-steps",
+        "solve.direction=both",
+        "output.capacity=5",
+    )
+    assert record["control"] == "load"
+    assert record["slip_reference"] == "previous load step"
+    for part, sign in ((record, 1.0), (record["negative"], -1.0)):
+        path = part["continuation"]
+        factors = [sign * step["load_factor"] for step in path["steps"]]
+        assert factors == sorted(factors)
+        assert sign * path["equilibrium_up_to"] == pytest.approx(FRICTION, rel=1e-3)
+        assert sign * path["none_found_at"] > sign * path["equilibrium_up_to"]
+        assert part["static_factor"] == pytest.approx(sign * FRICTION, rel=1e-6)
+        assert part["kinematic_factor"] == pytest.approx(sign * FRICTION, rel=1e-6)
+    with (tmp_path / "out" / "capacity.csv").open() as file:
+        points = list(csv.DictReader(file))
+    assert [float(p["load_factor"]) for p in points] == pytest.approx(
+        [step["load_factor"] for step in record["continuation"]["steps"]]
+    )
+
+
+def test_states_and_worst_joint_in_the_result(tmp_path, capsys):
+    record = solve_with(tmp_path, capsys, "solve.states=lowest")
+    assert record["slip_reference"] == "stress-free state"
+    assert {state["status"] for state in record["states"]} == {"limit"}
+    assert record["load_factor"] == min(state["load_factor"] for state in record["states"])
+    worst = record["worst_joint"]
+    assert set(worst) == {"point", "position", "group", "law", "residual"}
+    assert 0 <= worst["point"] < record["mesh"]["joint_points"]
+    assert worst["group"] in {"default", "base"}
+
+
+@pytest.mark.parametrize("method", ["splitting", "active-set", "monolithic"])
+def test_methods_write_the_same_files(tmp_path, capsys, method):
+    record = solve_with(tmp_path, capsys, f"solve.method={method}")
+    assert record["method"] == method
+    assert record["load_factor"] == pytest.approx(FRICTION, rel=1e-6)
+    assert files(tmp_path / "out") >= PARAVIEW
+    assert ("splitting" in record["iterations"]) == (method != "monolithic")

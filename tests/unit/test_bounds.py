@@ -314,3 +314,25 @@ def test_all_ranks_have_the_answer():
     blocks = single_block(coulomb(0.3))
     answers = MPI.COMM_WORLD.allgather(blocks.limit())
     assert len(set(answers)) == 1
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.9])
+def test_associative_normal_forces_carry_the_weight(friction):
+    blocks = single_block(coulomb(friction))
+    pressure = blocks.associative_pressure()
+    assert pressure is not None
+    assert np.all(pressure >= 0.0)
+    weight = -blocks._bodies.dead[0, 1]
+    assert pressure.sum() == pytest.approx(weight, rel=1e-8)
+
+
+def test_no_associative_normal_forces_without_a_limit():
+    drawing = Drawing.of(wall([[1]], (0.5, 0.5), 1))
+    scene = Scene(
+        mesh_of(drawing.model()),
+        {"default": STONE},
+        dead=WEIGHT,
+        live=WEIGHT,  # presses on the ground
+        foundations={"base": coulomb(0.3)},
+    )
+    assert blocks_of(scene)[0].associative_pressure() is None

@@ -9,7 +9,7 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.certificate import TOLERANCES, Certificate, certify
+from fenics_contact.certificate import TOLERANCES, Certificate, certify, worst_joint
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import Scales, State, WorkControl
 from fenics_contact.meshing import running_bond, wall
@@ -282,3 +282,33 @@ def test_residuals_do_not_depend_on_the_order_of_joint_points(collapse):
     assert certificate.residuals["mode_power"] == pytest.approx(
         abs(dissipation - power) / max(dissipation, power, collapse.state.load_factor), abs=1e-10
     )
+
+
+@pytest.fixture(scope="module")
+def sliding() -> Collapse:
+    """A block that slides at its coefficient of friction."""
+    return Collapse.of(Loaded.of(on_ground(wall([[1]], (0.4, 0.4), 2), coulomb(0.3))))
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "change"),
+    [
+        ("pressure", "tension", lambda force: -force - 1.0),
+        ("shear", "friction", lambda force: 10.0 * force - 1.0),
+    ],
+)
+@pytest.mark.parametrize("point", [0, 2])
+def test_worst_joint_is_the_damaged_one(sliding, point, name, law, change):
+    problem = sliding.loaded.structure.problem
+    points = sliding.loaded.structure.operators.points
+    worst = worst_joint(problem, sliding.at_point(name, point, change), sliding.scales, points)
+    assert worst is not None
+    assert (worst.point, worst.law) == (point, law)
+    assert worst.residual > TOLERANCES[law]
+
+
+def test_static_and_kinematic_factor_of_a_sliding_block(sliding):
+    certificate = sliding.certificate()
+    assert certificate.static_factor == pytest.approx(0.3, rel=1e-8)
+    assert certificate.kinematic_factor == pytest.approx(0.3, rel=1e-6)
+    assert certificate.worst_joint is None  # no numbers of joint points were given
