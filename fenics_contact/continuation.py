@@ -59,16 +59,17 @@ class LoadPath:
     Attributes:
         steps: States of equilibrium at rising load factors, that of the dead load first.
         lower: Largest load factor with a state of equilibrium.
-        upper: Least load factor at which none was found, or the bound if that is less.
+        upper: Least load factor at which none was found; infinite if none failed below the bound.
         state: State at `lower`.
-        direction: Direction in which the displacements moved last, f_L.v = 1.
+        direction: Direction in which the displacements moved last, f_L.v = 1; None if there is no
+            state besides that of the dead load.
     """
 
     steps: tuple[LoadStep, ...]
     lower: float
     upper: float
     state: State
-    direction: PETSc.Vec
+    direction: PETSc.Vec | None
 
 
 def follow_load(
@@ -146,7 +147,6 @@ def follow_load(
         target = failed if again else lower + min(step, 0.5 * (end - lower))
     moved = problem.live.dot(direction)
     if len(steps) < 2 or not moved > 0.0:
-        direction = state.displacement.copy()
-        moved = problem.live.dot(direction)
+        return LoadPath(tuple(steps), lower, failed, state, None)
     direction.scale(1.0 / moved)
-    return LoadPath(tuple(steps), lower, min(failed, upper), state, direction)
+    return LoadPath(tuple(steps), lower, failed, state, direction)

@@ -281,7 +281,7 @@ class _Driver:
         monitor = self._steps(direction)
         search = Search(self.structure, problem, blocks, bounds, scales, per_ratio, method, monitor)
         ratio = first_work(method, bounds, scales)
-        if path is None:
+        if path is None or path.direction is None:
             sign = 1.0 if problem is self.structure.problem else -1.0
             factor, pressure = sign * ratio * scales.load_factor, bonded.dead_pressure
             start = _scaled_state(bonded.live, pressure, factor, ratio * per_ratio)

@@ -454,7 +454,8 @@ def test_continuation_in_the_result(tmp_path, capsys):
         factors = [sign * step["load_factor"] for step in path["steps"]]
         assert factors == sorted(factors)
         assert sign * path["equilibrium_up_to"] == pytest.approx(FRICTION, rel=1e-3)
-        assert sign * path["none_found_at"] > sign * path["equilibrium_up_to"]
+        # The bound of the program is met before any load factor fails.
+        assert path["none_found_at"] is None
         assert part["static_factor"] == pytest.approx(sign * FRICTION, rel=1e-6)
         assert part["kinematic_factor"] == pytest.approx(sign * FRICTION, rel=1e-6)
     with (tmp_path / "out" / "capacity.csv").open() as file:

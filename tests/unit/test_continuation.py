@@ -278,9 +278,8 @@ def test_nothing_under_the_dead_load_is_an_error(block):
 def test_nothing_but_the_dead_load(block):
     path = Made(block, lambda factor, _: factor == 0.0).follow()
     assert path.lower == 0.0 < path.upper <= 1e-5 * block.scales.load_factor
-    live = block.structure.problem.live
     assert [step.load_factor for step in path.steps] == [0.0]
-    assert abs(live.dot(path.direction)) == pytest.approx(1.0, rel=1e-9)
+    assert path.direction is None
 
 
 def test_load_that_nothing_limits_is_not_followed_for_ever(block):
