@@ -57,6 +57,10 @@ FINISH_NEAR = 5.0
 #: Contractions closer to one than this count as this in the estimate of the error.
 SLOWEST = 0.999
 
+#: Secants see the slowest direction among others: what they promise is multiplied by this.
+SAFETY = 3.0
+
+
 #: Centring and tolerance of a warm-started solve, by change of the bound (and its square).
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
@@ -98,12 +102,15 @@ class FixedPointStep:
         change: |F r_N - g| / |F r_N|, Euclidean.
         relaxation: omega.
         steps: Factorisations spent.
+        secant: Estimate of 1 - c, c the contraction without relaxation: the change of F r_N - g
+            over that of g.
     """
 
     load_factor: float
     change: float
     relaxation: float
     steps: int
+    secant: float = 1.0
 
 
 @dataclass
@@ -132,14 +139,29 @@ class FixedPointHistory:
         return float((changes[-1] / changes[0]) ** (1.0 / (len(changes) - 1)))
 
     @property
+    def series(self) -> float:
+        """Estimate of the sum of all further changes relative to the last: a geometric series.
+
+        With relaxation the changes do not tell the contraction; secants do.
+        """
+        contraction = min(self.contraction or 0.5, SLOWEST)
+        secant = min(step.secant for step in self.steps[len(self.steps) // 2 :])
+        slow = SAFETY * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
+        return max(slow, contraction / (1.0 - contraction))
+
+    @property
+    def remaining(self) -> float:
+        """Estimate of what the bound is still to change by, relative."""
+        return self.steps[-1].change * max(1.0, self.series)
+
+    @property
     def error(self) -> float:
         """Estimate of the error of the load factor from its last changes."""
         factors = [step.load_factor for step in self.steps[-4:]]
         if len(factors) < 2:
             return np.inf
         last = float(np.abs(np.diff(factors)).max())
-        contraction = min(self.contraction or 0.5, SLOWEST)
-        return last * contraction / (1.0 - contraction) if len(factors) > 2 else last
+        return last * self.series if len(factors) > 2 else last
 
 
 class CoulombFriction:
@@ -219,11 +241,12 @@ class CoulombFriction:
             difference = target - bound
             change = self._norm(difference) / (self._norm(target) or 1.0)
             omega = relaxed.next(difference, change) if coulomb else 1.0
-            history.steps.append(FixedPointStep(point.state.load_factor, change, omega, steps))
+            factor = point.state.load_factor
+            history.steps.append(FixedPointStep(factor, change, omega, steps, relaxed.secant))
             history.cycles = relaxed.cycles
             self._report(history)
             if not coulomb or (
-                change <= self.tolerance
+                history.remaining <= self.tolerance
                 and history.error <= self.tolerance * abs(point.state.load_factor)
             ):
                 history.converged = True
@@ -356,6 +379,7 @@ class _Relaxation:
         self._cap = RELAXATION[1]
         self._best, self._since = np.inf, 0
         self.cycles = 0
+        self.secant = 1.0
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for the next step, from F r_N - g of this one."""
@@ -363,6 +387,8 @@ class _Relaxation:
         if self._last is not None:
             step = difference - self._last
             square = self._total(step * step)
+            moved = last**2 * self._total(self._last * self._last)
+            self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
             if square > 0.0:
                 self._omega *= -self._total(self._last * step) / square
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster

@@ -61,7 +61,7 @@ MAX_STEPS = 200
 PATIENCE = 30
 
 #: States are as exact as this at best, and accepted up to the second number.
-BEST, ACCEPTABLE = 1e-9, 1e-7
+BEST, ACCEPTABLE = 1e-10, 1e-8
 
 #: Sweeps of one proximal step, and how exact they make it relative to the step before.
 MAX_SWEEPS, SWEEP_TOLERANCE = 40, 0.1

@@ -104,7 +104,23 @@ VALUES = {
     **{f"capacity {x}": value("output.capacity", x) for x in (-1, 10**6)},
     "law": Wrong(("joints.default.law", "glue"), {"joints.default": {"law": "glue"}}),
     "method": value("solve.method", "newton", "newton", "fixed-point"),
+    **{
+        f"method {x!r}": value(
+            "solve.method", x, f"'{x}'", "auto", "monolithic", "splitting", "active-set"
+        )
+        for x in ("", "Splitting", "active_set", "monolithic ")
+    },
     "direction": value("solve.direction", "up", "'up'", "both"),
+    "control": value("solve.control", "force", "'force'", "work, load"),
+    "slip": value("solve.slip", "steps", "'steps'", "stress-free, load-steps"),
+    "states": value("solve.states", "all", "'all'", "first, lowest"),
+    "slip by load steps under given work": Wrong(
+        ("solve", "slip", "load-steps", "control"), {"solve.slip": "load-steps"}
+    ),
+    "lowest state under a rising load": Wrong(
+        ("solve", "states", "lowest", "control"),
+        {"solve.states": "lowest", "solve.control": "load"},
+    ),
     "control": value("solve.control", "speed", "'speed'", "load"),
     "slip": value("solve.slip", "zero", "'zero'", "load-steps"),
     "slip by steps under work control": value("solve.slip", "load-steps", "control"),
@@ -125,6 +141,9 @@ TYPES = {
     "number for table": value("materials.default", 1.0),
     "string for table": value("loads.live", "wind"),
     "number for text": value("mesh.file", 3),
+    "number for control": value("solve.control", 1),
+    "bool for slip": value("solve.slip", True),
+    "list for states": value("solve.states", ["first", "lowest"]),
     "number for support": value("supports.left", 1),
     "fraction for whole number": value("output.capacity", 2.5),
     "bool for whole number": value("output.capacity", True),
@@ -174,6 +193,12 @@ ARGUMENTS = {
     "set of an unknown key": Wrong(
         ("joints.default.mu",), arguments=("--set", "joints.default.mu=1")
     ),
+    "set to an unknown control": Wrong(
+        ("solve.control", "'force'"), arguments=("--set", "solve.control=force")
+    ),
+    "set to slip by load steps only": Wrong(
+        ("slip", "control"), arguments=("--set", "solve.slip=load-steps")
+    ),
     "set to a wrong value": Wrong(
         ("materials.default.young",), arguments=("--set", "materials.default.young=soft")
     ),
@@ -201,6 +226,7 @@ REPRESENTATIVE = (
     "mesh cut short",
     "no surface group",
     "unknown material key",
+    "lowest state under a rising load",
     "live traction",
     "no facet opposite",
     "live load zero",

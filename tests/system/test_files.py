@@ -483,3 +483,159 @@ def test_methods_write_the_same_files(tmp_path, capsys, method):
     assert record["load_factor"] == pytest.approx(FRICTION, rel=1e-6)
     assert files(tmp_path / "out") >= PARAVIEW
     assert ("splitting" in record["iterations"]) == (method != "monolithic")
+
+
+# ---- methods, control, slip and states
+
+#: A dead push to the right of 400 Pa on 0.5 m of a block of 1 m x 0.5 m: the two ends differ.
+PUSH = 400.0 * 0.5 / (0.5 * 1000.0 * 9.81)
+PUSHED = {"loads.dead.traction": {"left": [400.0, 0.0]}, "solve.direction": "both"}
+
+
+def capacity_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "capacity.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize(
+    ("options", "control", "reference"),
+    [
+        ({}, "work", "stress-free state"),
+        ({"solve.control": "load"}, "load", "stress-free state"),
+        (
+            {"solve.control": "load", "solve.slip": "load-steps"},
+            "load",
+            "previous load step",
+        ),
+    ],
+)
+def test_result_says_what_was_prescribed(options, control, reference, tmp_path, capsys):
+    scene = write_scene(tmp_path, options | PUSHED)
+    assert run_here(["solve", scene, "-q", *OUTPUT_OFF], capsys).code == 0
+    record = result(tmp_path / "scene")
+    assert (record["control"], record["slip_reference"]) == (control, reference)
+    exact = {1.0: FRICTION - PUSH, -1.0: -FRICTION - PUSH}
+    assert record["load_factor"] == pytest.approx(exact[1.0], rel=1e-5)
+    assert record["load_factor_negative"] == pytest.approx(exact[-1.0], rel=1e-5)
+    for sign, end in ((1.0, record), (-1.0, record["negative"])):
+        # The signs are those of the load factor.
+        for name in ("static_factor", "kinematic_factor"):
+            assert end[name] == pytest.approx(exact[sign], rel=1e-5)
+        assert ("continuation" in end) == (control == "load")
+        if control == "load":
+            check_continuation(end["continuation"], sign, exact[sign])
+        check_worst_joint(end["worst_joint"], record)
+
+
+def check_continuation(path: dict[str, Any], sign: float, exact: float) -> None:
+    steps = [sign * step["load_factor"] for step in path["steps"]]
+    assert steps[0] == 0.0
+    assert all(first < second for first, second in zip(steps, steps[1:], strict=False))
+    assert sign * path["equilibrium_up_to"] == steps[-1]
+    assert abs(exact) * (1.0 - 2e-4) <= steps[-1] <= abs(exact) * (1.0 + 1e-6)
+    failed = path["none_found_at"]
+    assert failed is None or sign * failed >= abs(exact) * (1.0 - 1e-6)
+    assert all(math.isfinite(step["displacement"]) for step in path["steps"])
+
+
+def check_worst_joint(worst: dict[str, Any], record: dict[str, Any]) -> None:
+    assert worst.keys() == {"point", "position", "group", "law", "residual"}
+    assert 0 <= worst["point"] < record["mesh"]["joint_points"]
+    assert worst["group"] == "base"
+    x, y = worst["position"]
+    assert 0.0 <= x <= 1.0 and y == pytest.approx(0.0, abs=1e-12)
+    assert worst["law"] in record["residuals"]
+    assert abs(worst["residual"]) <= 1e-5
+
+
+def test_continuation_says_where_no_equilibrium_was_found(tmp_path, capsys):
+    # The wall rolls off at 5/7; the associative bound, at the friction of 1, is no help.
+    write_scene(tmp_path, {"solve.control": "load", "title": "rolls"}, "wall")
+    rough = [f"--set={table}.friction=1.0" for table in ("joints.default", "foundations.base")]
+    found = run_here(["solve", tmp_path / "scene.toml", "-q", *rough, *OUTPUT_OFF], capsys)
+    record = result(tmp_path / "scene")
+    assert found.code == 0
+    path = record["continuation"]
+    assert path["equilibrium_up_to"] <= record["load_factor"] * (1.0 + 1e-5)
+    if path["none_found_at"] is not None:
+        assert record["load_factor"] <= path["none_found_at"] * (1.0 + 1e-5)
+        assert path["none_found_at"] <= path["equilibrium_up_to"] * (1.0 + 2e-4)
+
+
+@pytest.mark.parametrize("direction", ["positive", "negative", "both"])
+def test_states_found_are_listed(direction, tmp_path, capsys):
+    scene = write_scene(tmp_path, {"solve.states": "lowest", "solve.direction": direction})
+    assert run_here(["solve", scene, "-q", *OUTPUT_OFF], capsys).code == 0
+    record = result(tmp_path / "scene")
+    ends = [(record, -1.0 if direction == "negative" else 1.0)]
+    if direction == "both":
+        ends.append((record["negative"], -1.0))
+    for end, sign in ends:
+        names = [state["start"] for state in end["states"]]
+        assert names[0] == "dead load" and len(names) == len(set(names)) == 5
+        for state in end["states"]:
+            assert state.keys() == {"start", "status", "load_factor"}
+            assert state["status"] == "limit"
+            assert state["load_factor"] == pytest.approx(sign * FRICTION, rel=1e-5)
+
+
+def test_states_are_not_listed_where_the_first_will_do(solved):
+    record = solved.record
+    assert "states" not in record and "continuation" not in record
+    assert (record["control"], record["slip_reference"]) == ("work", "stress-free state")
+
+
+@pytest.mark.parametrize("method", ["fixed-point", "monolithic", "splitting", "active-set"])
+def test_result_names_the_method(method, tmp_path, capsys):
+    scene = write_scene(tmp_path, {"solve.method": method})
+    assert run_here(["solve", scene, "-q", *OUTPUT_OFF], capsys).code == 0
+    record = result(tmp_path / "scene")
+    assert record["method"] == method
+    assert record["load_factor"] == pytest.approx(FRICTION, rel=1e-5)
+    assert ("splitting" in record["iterations"]) == (method in ("splitting", "active-set"))
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def continued(request, tmp_path_factory) -> tuple[Run, Path]:
+    """A run with the load factor raised from zero, and a capacity curve."""
+    folder = tmp_path_factory.mktemp("continued")
+    changes = {"solve.control": "load", "output.capacity": 4, "output.paraview": False}
+    write_scene(folder, changes | WALL, "wall")
+    return run(["solve", "scene.toml", "-o", "out"], folder, request.param), folder / "out"
+
+
+def test_capacity_curve_is_the_path(continued):
+    found, output = continued
+    assert (found.code, found.err) == (0, "")
+    assert files(output) == {"capacity.csv", "capacity.png", "collapse.png", "result.json"}
+    rows, steps = capacity_of(output), result(output)["continuation"]["steps"]
+    assert list(rows[0]) == ["displacement_m", "load_factor", "work", "converged"]
+    # All steps, however many points were asked for.
+    assert len(rows) == len(steps) > 4
+    assert [row["converged"] for row in rows] == ["1"] * len(rows)
+    for row, step in zip(rows, steps, strict=True):
+        assert float(row["load_factor"]) == step["load_factor"]
+        assert float(row["displacement_m"]) == step["displacement"]
+        work = WEIGHT * step["displacement"]
+        assert float(row["work"]) == pytest.approx(work, rel=1e-9, abs=1e-15)
+    check_picture(output / "capacity.png")
+
+
+@pytest.fixture(scope="module")
+def first_number() -> dict[str, float]:
+    """What the run before found."""
+    return {}
+
+
+def test_load_factor_by_continuation_does_not_depend_on_the_ranks(continued, first_number):
+    _, output = continued
+    record = result(output)
+    assert record["load_factor"] == pytest.approx(FRICTION, rel=1e-6)
+    numbers_found = {
+        "load_factor": record["load_factor"],
+        "equilibrium_up_to": record["continuation"]["equilibrium_up_to"],
+    }
+    if first_number:
+        assert record["ranks"] == 2
+        assert numbers_found == pytest.approx(first_number, rel=1e-8)
+    first_number.update(numbers_found)

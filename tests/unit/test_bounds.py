@@ -336,3 +336,109 @@ def test_no_associative_normal_forces_without_a_limit():
         foundations={"base": coulomb(0.3)},
     )
     assert blocks_of(scene)[0].associative_pressure() is None
+
+
+# ---- normal forces of the associative limit state
+
+WEIGHT_OF_BLOCK = DENSITY * GRAVITY * B * H
+
+
+@pytest.mark.parametrize("law", [coulomb(0.3), tresca(2e3), coulomb(0.0)])
+def test_associative_pressure_of_a_block_is_its_weight(law):
+    # It acts where weight and load, at the middle of the block, have their resultant.
+    blocks, structure = blocks_of(on_ground(wall([[1]], (B, H), 4), law))
+    pressure, x = blocks.associative_pressure(), structure.joints.position[:, 0]
+    assert pressure.shape == x.shape
+    assert np.all(pressure >= 0.0)
+    assert pressure.sum() == pytest.approx(WEIGHT_OF_BLOCK, rel=1e-9)
+    moment = WEIGHT_OF_BLOCK * 0.5 * (B + blocks.limit() * H)
+    assert pressure @ (x - x.min()) == pytest.approx(moment, rel=1e-8)
+    # At the ends of the face only.
+    assert np.all(pressure[(x > x.min() + 1e-9) & (x < x.max() - 1e-9)] == 0.0)
+
+
+def test_associative_pressure_of_a_tipping_block_is_at_its_edge():
+    blocks, structure = blocks_of(on_ground(wall([[1]], (B, H), 2), coulomb(1.0)))
+    pressure = blocks.associative_pressure()
+    expected = np.zeros(len(pressure))
+    expected[np.argmax(structure.joints.position[:, 0])] = WEIGHT_OF_BLOCK
+    assert pressure == pytest.approx(expected, abs=1e-7 * WEIGHT_OF_BLOCK)
+
+
+@pytest.mark.parametrize("courses", [1, 4])
+def test_associative_pressure_of_a_stack_grows_downwards(courses):
+    blocks, structure = blocks_of(on_ground(wall([[1]] * courses, (0.5, 0.2), 2), coulomb(0.3)))
+    pressure, y = blocks.associative_pressure(), structure.joints.position[:, 1]
+    weight = DENSITY * GRAVITY * 0.5 * 0.2
+    for course in range(courses):
+        at_bed = np.abs(y - 0.2 * course) < 1e-9
+        carried = (courses - course) * weight
+        assert pressure[at_bed].sum() == pytest.approx(carried, rel=1e-8)
+
+
+def test_associative_pressure_on_a_slope():
+    angle = np.radians(10.0)
+    drawing = Drawing.of(wall([[1]], (B, H), 1)).turned(-angle)
+    live = Load((GRAVITY * np.cos(angle), -GRAVITY * np.sin(angle)))
+    blocks, _ = blocks_of(on_ground(drawing.model(), coulomb(0.2), live=live))
+    total = WEIGHT_OF_BLOCK * np.cos(angle)
+    assert blocks.associative_pressure().sum() == pytest.approx(total, rel=1e-9)
+
+
+def test_associative_pressure_of_a_wall_with_the_shear_of_its_limit_load():
+    # Pressures and load factor leave shear forces within friction that hold all blocks.
+    from scipy.optimize import linprog
+
+    friction = 0.9
+    blocks, structure = blocks_of(
+        on_ground(running_bond(2, 3, (0.4, 0.2), elements=1), coulomb(friction))
+    )
+    pressure, factor = blocks.associative_pressure(), blocks.limit()
+    joints, bodies = structure.joints, structure.bodies
+    count = len(pressure)
+    rows = np.zeros((len(bodies.centre), 3, count, 2))
+    for point in range(count):
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            body = joints.bodies[point, side]
+            if body == GROUND:
+                continue
+            arm = joints.position[point] - bodies.centre[body]
+            for k, along in enumerate((joints.normal[point], joints.tangent[point])):
+                force = sign * along
+                moment = arm[0] * force[1] - arm[1] * force[0]
+                rows[body, :, point, k] += [*force, moment / bodies.size]
+    rows = rows.reshape(-1, count, 2)
+    load = (bodies.dead + factor * bodies.live).ravel()
+    # Shear forces at the ends of faces; a face's bound is that of its two ends together.
+    faces = straight_faces(joints, joints.shear_strength)
+    of_face = (faces.of_point == np.arange(len(faces.ends))[:, None]).astype(float)
+    within = friction * (of_face @ pressure) * (1.0 + 1e-7) + 1e-7 * pressure.max()
+    weight = DENSITY * GRAVITY
+    answer = linprog(
+        np.zeros(count),
+        np.vstack([of_face, -of_face]) / weight,
+        np.tile(within, 2) / weight,
+        rows[:, :, 1] / weight,
+        -(rows[:, :, 0] @ pressure + load) / weight,
+        (None, None),
+    )
+    assert answer.status == 0, answer.message
+
+
+@pytest.mark.parametrize("live", [WEIGHT, Load((0.1, -GRAVITY))])
+def test_no_associative_pressure_where_nothing_limits_the_load(live):
+    blocks = single_block(coulomb(0.5), live=live)
+    assert blocks.limit() == np.inf
+    assert blocks.associative_pressure() is None
+
+
+def test_no_associative_pressure_without_equilibrium():
+    assert slope(30.0, 0.3).limit() is None
+    assert slope(30.0, 0.3).associative_pressure() is None
+
+
+def test_all_ranks_have_the_pressure():
+    blocks, structure = blocks_of(on_ground(running_bond(2, 2, elements=1), coulomb(0.5)))
+    pressures = MPI.COMM_WORLD.allgather(blocks.associative_pressure())
+    assert all(np.array_equal(pressure, pressures[0]) for pressure in pressures)
+    assert pressures[0].shape == structure.joints.length.shape

@@ -312,3 +312,208 @@ def test_static_and_kinematic_factor_of_a_sliding_block(sliding):
     assert certificate.static_factor == pytest.approx(0.3, rel=1e-8)
     assert certificate.kinematic_factor == pytest.approx(0.3, rel=1e-6)
     assert certificate.worst_joint is None  # no numbers of joint points were given
+
+
+# ---- the worst joint
+
+
+def at_rest(collapse: Collapse) -> State:
+    """No displacements and no forces: every joint law holds to the last digit."""
+    displacement = collapse.state.displacement.duplicate()
+    displacement.set(0.0)
+    none = np.zeros_like(collapse.state.pressure)
+    return State(displacement, 0.0, none, none.copy(), 0.0)
+
+
+def with_entry(collapse: Collapse, state: State, name: str, point: int, value: float) -> State:
+    """A state with another pressure or shear at one point."""
+    return replace(collapse, state=state).at_point(name, point, lambda _: value)
+
+
+def moved_at(collapse: Collapse, state: State, kind: str, point: int, by: float) -> State:
+    """A state with the block above a point of the ground moved there, and nowhere else."""
+    row = joint_rows(collapse.loaded.structure)[kind == "tangential"][point]
+    moved = whole(state.displacement) + by * row / (row @ row)
+    return replace(state, displacement=vector_like(state.displacement, moved))
+
+
+def ground_points(collapse: Collapse) -> list[int]:
+    """Points on the ground whose nodes no other joint touches."""
+    b_n, b_t = joint_rows(collapse.loaded.structure)
+    shared = np.abs(b_n) @ (np.abs(b_n) + np.abs(b_t)).T
+    np.fill_diagonal(shared, 0.0)
+    return [int(p) for p in np.flatnonzero(shared.sum(axis=1) == 0.0)]
+
+
+def worst_of(collapse: Collapse, state: State) -> WorstJoint:
+    structure = collapse.loaded.structure
+    found = worst_joint(structure.problem, state, collapse.scales, structure.operators.points)
+    assert found is not None
+    return found
+
+
+def points_to_damage(collapse: Collapse) -> list[int]:
+    points = ground_points(collapse)
+    assert len(points) >= 2
+    return [points[0], points[len(points) // 2], points[-1]]
+
+
+def test_worst_joint_of_a_tension(collapse):
+    force = collapse.scales.force
+    for point in points_to_damage(collapse):
+        state = with_entry(collapse, at_rest(collapse), "pressure", point, -1e-3 * force)
+        worst = worst_of(collapse, state)
+        assert (worst.point, worst.law) == (point, "tension")
+        assert worst.residual == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_worst_joint_of_a_shear_above_its_bound(sign, collapse):
+    force = collapse.scales.force
+    friction = collapse.loaded.structure.joints.friction
+    for point in points_to_damage(collapse):
+        state = with_entry(collapse, at_rest(collapse), "pressure", point, force)
+        shear = sign * (friction[point] + 1e-3) * force
+        worst = worst_of(collapse, with_entry(collapse, state, "shear", point, shear))
+        assert (worst.point, worst.law) == (point, "friction")
+        assert worst.residual == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_worst_joint_of_a_penetration(collapse):
+    depth = 1e-3 * collapse.scales.displacement
+    for point in points_to_damage(collapse):
+        worst = worst_of(collapse, moved_at(collapse, at_rest(collapse), "normal", point, -depth))
+        assert (worst.point, worst.law) == (point, "penetration")
+        assert worst.residual == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_worst_joint_of_an_opening_under_pressure(collapse):
+    gap, force = 1e-3 * collapse.scales.displacement, collapse.scales.force
+    for point in points_to_damage(collapse):
+        state = moved_at(collapse, at_rest(collapse), "normal", point, gap)
+        worst = worst_of(collapse, with_entry(collapse, state, "pressure", point, 2.0 * force))
+        assert (worst.point, worst.law) == (point, "complementarity")
+        assert worst.residual == pytest.approx(2e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_worst_joint_of_a_slip_that_nothing_resists(sign, collapse):
+    slip, force = sign * 1e-2 * collapse.scales.displacement, collapse.scales.force
+    friction = collapse.loaded.structure.joints.friction
+    for point in points_to_damage(collapse):
+        state = moved_at(collapse, at_rest(collapse), "tangential", point, slip)
+        worst = worst_of(collapse, with_entry(collapse, state, "pressure", point, force))
+        assert (worst.point, worst.law) == (point, "slip_direction")
+        assert worst.residual == pytest.approx(1e-2 * friction[point], rel=1e-9)
+
+
+def test_worst_joint_counts_in_units_of_what_may_be_missed(collapse):
+    # Ten times the miss of friction at one point, but of what is allowed a tenth less at another.
+    force = collapse.scales.force
+    first, *_, last = points_to_damage(collapse)
+    state = with_entry(collapse, at_rest(collapse), "shear", first, 8e-4 * force)
+    state = with_entry(collapse, state, "pressure", last, -1e-4 * force)
+    worst = worst_of(collapse, state)
+    assert TOLERANCES["friction"] == 10.0 * TOLERANCES["tension"]
+    assert (worst.point, worst.law) == (last, "tension")
+
+
+def test_worst_joint_of_a_collapse_state(collapse):
+    worst = worst_of(collapse, collapse.state)
+    residuals = collapse.certificate().residuals
+    assert worst.residual == residuals[worst.law] <= TOLERANCES[worst.law]
+    laws = ("tension", "penetration", "complementarity", "friction", "slip_direction")
+    assert max(residuals[law] / TOLERANCES[law] for law in laws) == pytest.approx(
+        worst.residual / TOLERANCES[worst.law], rel=1e-12
+    )
+
+
+def test_worst_joint_of_a_damaged_collapse_state(collapse):
+    point, force = collapse.most_loaded(), collapse.scales.force
+    state = with_entry(collapse, collapse.state, "pressure", point, -100.0 * force)
+    worst = worst_of(collapse, state)
+    assert (worst.point, worst.law) == (point, "tension")
+    assert worst.residual == pytest.approx(100.0, rel=1e-12)
+
+
+def test_worst_joint_is_known_to_all_ranks(collapse):
+    state = with_entry(collapse, at_rest(collapse), "pressure", 0, -collapse.scales.force)
+    worst = worst_of(collapse, state)
+    assert set(collapse.loaded.structure.scene.comm.allgather(worst)) == {worst}
+
+
+def test_certificate_names_the_worst_joint(collapse):
+    structure = collapse.loaded.structure
+    state = with_entry(
+        collapse, collapse.state, "shear", collapse.most_loaded(), 1e3 * collapse.scales.force
+    )
+    certificate = certify(
+        structure.problem,
+        state,
+        collapse.mode,
+        collapse.scales,
+        collapse.bounds,
+        collapse.rigid_limit,
+        structure.operators.points,
+    )
+    assert certificate.worst_joint == worst_of(collapse, state)
+    assert certificate.worst_joint.point == collapse.most_loaded()
+    assert collapse.certificate().worst_joint is None
+
+
+def test_slip_is_measured_from_its_origin(collapse):
+    problem, point = collapse.loaded.structure.problem, points_to_damage(collapse)[0]
+    slip, force = 1e-2 * collapse.scales.displacement, collapse.scales.force
+    state = moved_at(collapse, at_rest(collapse), "tangential", point, slip)
+    state = with_entry(collapse, state, "pressure", point, force)
+    assert worst_of(collapse, state).law == "slip_direction"
+    try:
+        problem.measure_slip_from(state.displacement)
+        assert worst_of(collapse, state).residual < 1e-12
+    finally:
+        problem.slip_origin[:] = 0.0
+
+
+# ---- static and kinematic load factors
+
+
+def test_static_and_kinematic_factor_of_a_sliding_structure(collapse):
+    # Block and wall slide as a whole.
+    exact = float(collapse.loaded.structure.joints.friction.max())
+    certificate = collapse.certificate()
+    assert certificate.static_factor == pytest.approx(exact, rel=1e-7)
+    assert certificate.kinematic_factor == pytest.approx(exact, rel=1e-7)
+
+
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_kinematic_factor_does_not_depend_on_the_speed(factor, collapse):
+    problem = collapse.loaded.structure.problem
+    usual = kinematic_factor(problem, collapse.state, collapse.mode)
+    mode = scaled(collapse.mode, factor)
+    assert kinematic_factor(problem, collapse.state, mode) == pytest.approx(usual, rel=1e-12)
+
+
+def test_kinematic_factor_of_other_modes_is_higher(collapse):
+    # Tipped about its lower right corner the block has a load factor of width over height.
+    structure = collapse.loaded.structure
+    motion = np.zeros((len(structure.bodies.centre), 3))
+    corner = structure.joints.position.max(axis=0)[0]
+    x, y = structure.bodies.centre.T
+    motion[:] = np.column_stack([y, corner - x, np.full(len(x), -1.0)])
+    tipping = kinematic_factor(structure.problem, collapse.state, structure.rigid_motion(motion))
+    sliding = kinematic_factor(structure.problem, collapse.state, collapse.mode)
+    assert tipping > sliding
+    if len(x) == 1:
+        assert tipping == pytest.approx(0.4 / 0.3, rel=1e-9)
+
+
+def test_kinematic_factor_of_no_motion_is_not_a_number(collapse):
+    none = scaled(collapse.mode, 0.0)
+    assert np.isnan(kinematic_factor(collapse.loaded.structure.problem, collapse.state, none))
+
+
+def test_static_factor_is_that_of_the_program(collapse):
+    certificate = collapse.certificate(rigid_limit=0.25)
+    assert certificate.static_factor == 0.25
+    missed = abs(0.25 - collapse.state.load_factor)
+    assert certificate.error_estimate == pytest.approx(missed, rel=1e-12)
