@@ -425,16 +425,20 @@ def test_associative_pressure_of_a_wall_with_the_shear_of_its_limit_load():
     assert answer.status == 0, answer.message
 
 
-@pytest.mark.parametrize("live", [WEIGHT, Load((0.1, -GRAVITY))])
-def test_no_associative_pressure_where_nothing_limits_the_load(live):
-    blocks = single_block(coulomb(0.5), live=live)
+def test_no_associative_pressure_where_the_load_locks_the_block():
+    # Down and a little to the right, well within the cone of friction.
+    blocks = single_block(coulomb(0.5), live=Load((0.1 * GRAVITY, -GRAVITY)))
     assert blocks.limit() == np.inf
     assert blocks.associative_pressure() is None
 
 
 def test_no_associative_pressure_without_equilibrium():
-    assert slope(30.0, 0.3).limit() is None
-    assert slope(30.0, 0.3).associative_pressure() is None
+    # Nothing holds a block on a smooth slope that is lifted off it.
+    drawing = Drawing.of(wall([[1]], (B, H), 1)).turned(-np.radians(10.0))
+    live = Load((GRAVITY * np.sin(np.radians(10.0)), GRAVITY * np.cos(np.radians(10.0))))
+    blocks, _ = blocks_of(on_ground(drawing.model(), JointLaw("frictionless"), live=live))
+    assert blocks.limit() is None
+    assert blocks.associative_pressure() is None
 
 
 def test_all_ranks_have_the_pressure():
