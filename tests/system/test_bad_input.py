@@ -111,16 +111,6 @@ VALUES = {
         for x in ("", "Splitting", "active_set", "monolithic ")
     },
     "direction": value("solve.direction", "up", "'up'", "both"),
-    "control": value("solve.control", "force", "'force'", "work, load"),
-    "slip": value("solve.slip", "steps", "'steps'", "stress-free, load-steps"),
-    "states": value("solve.states", "all", "'all'", "first, lowest"),
-    "slip by load steps under given work": Wrong(
-        ("solve", "slip", "load-steps", "control"), {"solve.slip": "load-steps"}
-    ),
-    "lowest state under a rising load": Wrong(
-        ("solve", "states", "lowest", "control"),
-        {"solve.states": "lowest", "solve.control": "load"},
-    ),
     "control": value("solve.control", "speed", "'speed'", "load"),
     "slip": value("solve.slip", "zero", "'zero'", "load-steps"),
     "slip by steps under work control": value("solve.slip", "load-steps", "control"),
@@ -226,7 +216,7 @@ REPRESENTATIVE = (
     "mesh cut short",
     "no surface group",
     "unknown material key",
-    "lowest state under a rising load",
+    "lowest state under load control",
     "live traction",
     "no facet opposite",
     "live load zero",
