@@ -34,6 +34,9 @@ STEP_GROWTH = 1.5
 #: Load factors beyond this multiple of the typical one are not looked at.
 LARGEST = 1e3
 
+#: States that moved this many typical displacements are a mechanism in motion.
+FAR = 1e6
+
 MAX_STEPS = 200
 
 
@@ -115,7 +118,9 @@ def follow_load(
         except SolverError as error:
             _log.debug("  %s", error)
             point, history = None, FixedPointHistory()
-        if point is None or not history.converged:
+        far = FAR * scales.displacement * unit
+        moving = point is not None and abs(problem.live.dot(point.state.displacement)) > far
+        if point is None or moving or not history.converged:
             if not steps:
                 raise SolverError("no equilibrium was found under the dead load")
             _log.info("  load factor %.8g: no equilibrium found", target)
@@ -132,7 +137,8 @@ def follow_load(
             _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, work)
             if monitor is not None:
                 monitor(steps[-1])
-            direction.aypx(-1.0, point.state.displacement)
+            direction = point.state.displacement.copy()
+            direction.axpy(-1.0, state.displacement)
             state, bound = point.state, problem.bound(point.state.pressure)
             if by_steps:
                 problem.measure_slip_from(state.displacement)
