@@ -165,8 +165,8 @@ class OutputOptions:
     Attributes:
         paraview: ParaView files of fields and joints.
         pictures: collapse.png, and capacity.png where there is a curve.
-        capacity: Number of points on the capacity curve, 0 for none; with control = "load" the curve
-            has the points of the load steps.
+        capacity: Number of points on the capacity curve, 0 for none; with control = "load" it has
+            those of the load steps.
     """
 
     paraview: bool = True
