@@ -157,8 +157,9 @@ class BoundQP:
         size = b.norm(PETSc.NormType.INFINITY) or 1.0
         b.scale(1.0 / size)
         scale = unit * size  # x = scale * scaled x
-        low = self._vector(np.clip(lower / scale, -UNBOUNDED, UNBOUNDED))
-        high = self._vector(np.clip(upper / scale, -UNBOUNDED, UNBOUNDED))
+        lower, upper = lower / scale, upper / scale
+        low = self._vector(np.clip(lower, -UNBOUNDED, UNBOUNDED))
+        high = self._vector(np.clip(upper, -UNBOUNDED, UNBOUNDED))
         x = self._vector(np.zeros_like(unit) if start is None else start / scale)
         x.pointwiseMax(x, low)
         x.pointwiseMin(x, high)
@@ -169,8 +170,9 @@ class BoundQP:
             iterations, reason = 0, -error.ierr
         gradient = b.duplicate()
         self._operator.mult(x, gradient)
-        above = np.maximum(x.array_r - high.array_r, gradient.array_r - b.array_r)
-        gradient.array[:] = np.minimum(x.array_r - low.array_r, above)
+        # With the infinite bounds: what PETSc calls no bound is no place to come to rest.
+        above = np.maximum(x.array_r - upper, gradient.array_r - b.array_r)
+        gradient.array[:] = np.minimum(x.array_r - lower, above)
         residual = gradient.norm(PETSc.NormType.INFINITY)
         answer = x.array_r * scale
         for vector in (b, low, high, x, gradient):
@@ -229,7 +231,8 @@ def _tao(
     tao.setOptionsPrefix(PREFIX)
     tao.setType(options.solver)
     tao.setObjectiveGradient(objective_gradient, None)
-    tao.setHessian(lambda *_: None, operator, operator)  # constant
+    hessian = _given(operator, assembled)
+    tao.setHessian(_renewed(operator, assembled), hessian, hessian)
     tao.setVariableBounds(bounds)
     tao.setMaximumIterations(options.max_iterations)
     tao.setTolerances(gatol=0.1 * options.tolerance, grtol=0.0, gttol=0.0)
@@ -268,7 +271,8 @@ def _snes(
     snes.setType(options.solver)
     value = right.duplicate()
     snes.setFunction(function, value)
-    snes.setJacobian(lambda *_: None, operator, operator)  # constant
+    jacobian = _given(operator, assembled)
+    snes.setJacobian(_renewed(operator, assembled), jacobian, jacobian)
     snes.setVariableBounds(*bounds)
     snes.setTolerances(
         rtol=0.0, atol=0.1 * options.tolerance, stol=0.0, max_it=options.max_iterations
@@ -286,6 +290,21 @@ def _snes(
     snes.destroy()
     value.destroy()
     return result
+
+
+def _given(operator: PETSc.Mat, assembled: bool) -> PETSc.Mat:
+    """The matrix that a back end may write into: some scale it, or shift its diagonal."""
+    return operator.copy() if assembled else operator
+
+
+def _renewed(operator: PETSc.Mat, assembled: bool) -> Callable[..., None]:
+    """The callback that makes it the operator again, for each step."""
+
+    def renew(_solver: object, _at: PETSc.Vec, given: PETSc.Mat, _preconditioner: object) -> None:
+        if assembled:
+            operator.copy(given, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+
+    return renew
 
 
 class _Options:
