@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import PathPoint, Scales, State
+from fenics_contact.interior_point import ACCEPTABLE, PathPoint, Scales, State, WorkControl
 from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import SpringStiffness
 
@@ -49,7 +49,7 @@ FINISH_AT, FINISH_AGAIN = 0.15, 0.2
 FINISH_CENTRING, FINISH_RANGE = 0.1, (1e-5, 1e-2)
 
 #: Centrings of the monolithic solve at a larger T, and how far its load factor may move.
-CONTINUE_CENTRINGS, CONTINUE_NEAR = (1e-4, 1e-2), 1e-2
+CONTINUE_CENTRINGS, CONTINUE_NEAR = (1e-4, 1e-6), 1e-2
 
 #: The monolithic load factor may differ from the fixed point's by this times its last changes.
 FINISH_NEAR = 5.0
@@ -63,6 +63,9 @@ SAFETY = 3.0
 
 #: Centring and tolerance of a warm-started solve, by change of the bound (and its square).
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
+
+#: Tolerance of a final monolithic state, and of its load factor, relative to the one asked for.
+FINAL_TOLERANCE, SETTLED = 1e-3, 1e-2
 
 #: Limits of both.
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
@@ -176,6 +179,7 @@ class CoulombFriction:
         monitor: Callable[[FixedPointStep], None] | None = None,
         load_factor: float | None = None,
         at_once: bool = False,
+        attracting: bool = False,
     ) -> None:
         """Choose how to iterate.
 
@@ -187,15 +191,18 @@ class CoulombFriction:
             monitor: Called after every iteration.
             load_factor: If given, lambda is prescribed, not the work.
             at_once: Whether to try the bound in the equations from the start.
+            attracting: Whether a state found so counts only if it attracts the fixed point.
         """
         self.control = control
         self.problem = control.problem
         self.scales = scales
         self.tolerance = tolerance
+        self.final = float(np.clip(FINAL_TOLERANCE * tolerance, TOLERANCE_RANGE[0], ACCEPTABLE))
         self.monolithic = monolithic
         self.monitor = monitor
         self.load_factor = load_factor
         self.at_once = at_once
+        self.attracting = attracting
 
     def solve(
         self, start: State, bound: Array, work: float, warm: bool = False, growth: float = 0.0
@@ -227,8 +234,9 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             point = self._monolithic(start, work, 1.0, anywhere, history)
-            if point is not None:
+            if point is not None and not (self.attracting and self._repels(point)):
                 return point, history
+            point = None
         for _ in range(MAX_ITERATIONS):
             try:
                 point, steps = self._given_friction(point, start, bound, work, change, coulomb)
@@ -274,6 +282,15 @@ class CoulombFriction:
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
+
+    def _repels(self, point: PathPoint) -> bool:
+        """Whether the fixed point moves away from a state, which is then given up."""
+        assert isinstance(self.control, WorkControl)
+        repels = self.control.repels(point.state, point.bound, self.scales)
+        if repels:
+            _log.info("  monolithic step not used: the fixed point leaves its state")
+            point.state.destroy()
+        return repels
 
     def _given_friction(
         self,
@@ -341,7 +358,14 @@ class CoulombFriction:
         before = self.control.springs.factorizations
         try:
             found = self.control.solve(
-                None, work, start, self.scales, centring, TOLERANCE_RANGE[0], self.load_factor
+                None,
+                work,
+                start,
+                self.scales,
+                centring,
+                self.final,
+                self.load_factor,
+                SETTLED * self.tolerance,
             )
         except SolverError as error:
             _log.info("  monolithic step not used: %s", error)

@@ -27,6 +27,7 @@ left for K u. So the part of u without rigid motions of blocks is summed up step
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -66,8 +67,24 @@ MAX_STEPS = 80
 #: after a cold one, where the products may grow while the residuals fall.
 PATIENCE, COLD_PATIENCE = 6, 25
 
+#: Steps, warm and cold, over which the error has to fall to this part of itself.
+SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
+
+#: The same after an iterate that is good enough, but whose load factor still changes.
+RESTING = 3
+
 #: The best iterate of a stalled solve is accepted up to this error where less was asked for.
 ACCEPTABLE = 1e-9
+
+#: At a cold start friction is (mean product / the first)^-(the second) of what it is, at most all.
+MOBILE_AT, MOBILE_POWER = 1e-3, 0.1
+
+#: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
+#: eigenvalue from which on a state repels.
+KRYLOV, REPELS = 15, 1.0 + 1e-3
+
+#: Load factors below this fraction of the typical one are zero.
+ZERO_FACTOR = 1e-3
 
 #: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
 #: still move; it recovers as they come to rest.
@@ -181,6 +198,16 @@ class _Residual:
     work: float
 
 
+@dataclass
+class _Best:
+    """The best iterate of some steps, its residuals, the largest of them, and their number."""
+
+    iterate: _Iterate
+    sizes: dict[str, float]
+    error: float
+    steps: int
+
+
 class WorkControl:
     """Solves for states of one structure under prescribed work of the live load."""
 
@@ -216,6 +243,7 @@ class WorkControl:
         centring: float = 1.0,
         tolerance: float = 1e-12,
         load_factor: float | None = None,
+        settled: float = np.inf,
     ) -> PathPoint:
         """Solve for given work, or for a given load factor.
 
@@ -227,6 +255,8 @@ class WorkControl:
             centring: Complementarity products of the start, in units of force times displacement.
             tolerance: On the mean product and the joints' residuals, relative to `scales`.
             load_factor: If given, lambda is prescribed, not the work.
+            settled: Change that the load factor may still make as the products go to zero,
+                relative.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -235,35 +265,58 @@ class WorkControl:
             SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
         """
         run = _InteriorPoint(self, bound, work, scales, load_factor)
-        now = run.centred(start, centring)
-        best, best_sizes, best_error, best_step = now.copy(), {}, np.inf, 0
         patience = PATIENCE if centring < 1.0 else COLD_PATIENCE
-        for step in range(MAX_STEPS + 1):
-            residual = run.residual(now)
-            sizes = run.sizes(now, residual)
-            error = float(np.max(list(sizes.values())))  # nan where any is nan
-            _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
-            if error < best_error:
-                best.destroy()
-                best, best_sizes, best_error, best_step = now.copy(), sizes, error, step
-            stalled = not np.isfinite(error) or step - best_step >= patience
-            if error <= tolerance or stalled or step == MAX_STEPS:
-                break
-            try:
-                run.step(now, residual)
-            except SolverError:
-                break
-        now.destroy()
-        if not best_error <= max(tolerance, ACCEPTABLE):
-            best.destroy()
+        if bound is None and centring >= 1.0:
+            run.mobilise(centring)
+        best = run.converge(run.centred(start, centring), patience, tolerance, settled)
+        if not best.error <= max(tolerance, ACCEPTABLE):
+            best.iterate.destroy()
             raise SolverError(
-                f"interior point: residual {best_error:.1e} after {step} steps,"
+                f"interior point: residual {best.error:.1e} after {best.steps} steps,"
                 f" asked {tolerance:.1e}"
             )
-        if load_factor is not None:
-            work = self.problem.live.dot(best.u)
-        state = State(best.u, best.load_factor, best.pressure, best.shear, work, best.strained)
-        return PathPoint(state, run.bound(best), best_sizes, step)
+        now = best.iterate
+        work = run.work if load_factor is None else self.problem.live.dot(now.u)
+        state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
+        return PathPoint(state, run.bound(now), best.sizes, best.steps)
+
+    def repels(self, state: State, bound: Array, scales: Scales) -> bool:
+        """Whether the iteration g -> F r_N(g) leaves the neighbourhood of a state.
+
+        With springs as in `rate` a change dg of the bound changes the normal forces by
+
+            A du = d lambda f_L + B_T^T k_T (z1/s1 - z2/s2) dg,   f_L.du = 0,   dr_N = -k_N B_N du.
+
+        The relaxed iteration approaches a fixed point where all eigenvalues of dg -> F dr_N have a
+        real part below one; those of largest size are found by Arnoldi's method (W.E. Arnoldi,
+        Q. Appl. Math. 9 (1951) 17).
+
+        Args:
+            state: A solution with g = F r_N.
+            bound: g at this rank's points, N/m.
+            scales: Typical sizes.
+        """
+        problem = self.problem
+        run = _InteriorPoint(self, bound, state.work, scales)
+        now = run.centred(state, MODE_CENTRING)
+        k_n, k_t, _ = run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
+        drive = k_t * (now.z1 / now.s1 - now.z2 / now.s2)
+        now.destroy()
+        live = problem.live
+        self.springs.solve(live, self._border)
+        flexibility = self._border.dot(live)
+
+        def change(bound_change: Array) -> Array:
+            self._right.set(0.0)
+            run.add_joint_forces(self._right, np.zeros_like(drive), drive * bound_change)
+            self.springs.solve(self._right, self._free)
+            self._free.axpy(-self._free.dot(live) / flexibility, self._border)
+            problem.normal.mult(self._free, self._opening)
+            return -problem.friction * k_n * self._opening.array_r
+
+        values = _ritz_values(change, problem.friction * state.pressure, problem.sum)
+        _log.info("  the fixed point's contraction: %s", np.round(values[:3], 4))
+        return bool(values.real.max(initial=0.0) > REPELS)
 
     def rate(self, state: State, bound: Array, scales: Scales) -> tuple[PETSc.Vec, float]:
         """Derivatives of a state with respect to T while the bound on friction stays.
@@ -307,8 +360,11 @@ class _InteriorPoint:
         self.work = work
         self.load_factor = load_factor
         self.scales = scales
-        #: Coulomb's coefficient where the bound follows the pressure.
+        self._unit = scales.force * scales.displacement
+        #: Coulomb's coefficient where the bound follows the pressure: at a cold start less, `mobile`
+        #: times that of the problem.
         self.friction = problem.friction if bound is None else np.zeros_like(bound)
+        self.mobile = 1.0
         #: Points that transmit shear; the others' shear stays zero and their slip is free.
         if bound is None:
             self.sticky = (problem.friction > 0.0) | (problem.strength > 0.0)
@@ -316,6 +372,66 @@ class _InteriorPoint:
             self.sticky = bound > NO_FRICTION * scales.force
         products = np.ones(len(self.sticky)) + 2.0 * self.sticky
         self.count = max(problem.sum(products), 1.0)
+
+    def converge(
+        self, now: _Iterate, patience: int, tolerance: float, settled: float = np.inf
+    ) -> _Best:
+        """Take steps until an iterate is good enough, or they no longer lead on.
+
+        Args:
+            now: First iterate, not to be used any more.
+            patience: Steps without progress after which the best iterate so far is returned.
+            tolerance: As those of `WorkControl.solve`.
+            settled: Likewise.
+        """
+        best, last = _Best(now.copy(), {}, np.inf, 0), (np.inf, 1.0)
+        best_step, errors = 0, []
+        window = COLD_SLOW_STEPS if patience == COLD_PATIENCE else SLOW_STEPS
+        for step in range(MAX_STEPS + 1):
+            residual = self.residual(now)
+            sizes = self.sizes(now, residual)
+            error = float(np.max(list(sizes.values())))  # nan where any is nan
+            _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
+            if error < best.error:
+                best.iterate.destroy()
+                best, best_step = _Best(now.copy(), sizes, error, step), step
+            if best.error <= tolerance:
+                patience = min(patience, RESTING)
+            errors.append(best.error)
+            slow = step >= window and errors[step] > SLOW * errors[step - window]
+            stalled = not np.isfinite(error) or slow or step - best_step >= patience
+            # The rest of the load factor's change is to the last one as the products are.
+            products = sizes["complementarity"]
+            rest = abs(now.load_factor - last[0]) * min(products / last[1], 1.0)
+            size = abs(now.load_factor) + ZERO_FACTOR * self.scales.load_factor
+            rests = settled == np.inf or rest <= settled * size
+            if (error <= tolerance and rests) or stalled or step == MAX_STEPS:
+                break
+            last = now.load_factor, products
+            try:
+                self.step(now, residual)
+            except SolverError:
+                break
+            if self.mobile < 1.0:
+                more = self.mobilise(self._products(now) / (self.count * self._unit)) * now.pressure
+                now.s1, now.s2 = now.s1 + more, now.s2 + more
+        best.steps = step
+        now.destroy()
+        return best
+
+    def mobilise(self, products: float) -> Array:
+        """Raise Coulomb's coefficient to what the mean product calls for.
+
+        Collapse states are not unique, and those met with little friction first are low ones.
+
+        Returns:
+            The change of the coefficient.
+        """
+        before = self.friction if self.mobile < 1.0 else np.zeros_like(self.friction)
+        wanted = min((MOBILE_AT / products) ** MOBILE_POWER, 1.0)
+        self.mobile = wanted if self.mobile == 1.0 else max(self.mobile, wanted)
+        self.friction = self.mobile * self.problem.friction
+        return self.friction - before
 
     def bound(self, now: _Iterate) -> Array:
         """Bound g of an iterate."""
@@ -335,7 +451,9 @@ class _InteriorPoint:
         small = centring / large
         y, pressure = np.where(p > 0.0, small, large) * d, np.where(p > 0.0, large, small) * f
 
-        bound = self.problem.bound(pressure) if self.given is None else self.given
+        bound = self.friction * pressure + self.problem.strength
+        if self.given is not None:
+            bound = self.given
         gamma = np.where(self.sticky, bound / f, 1.0)
         q = start.shear / f - slip / d
         low, high = -gamma, gamma.copy()
@@ -359,7 +477,7 @@ class _InteriorPoint:
         problem.stiffness.mult(now.strained, equilibrium)
         equilibrium.axpy(-1.0, problem.dead)
         equilibrium.axpy(-now.load_factor, problem.live)
-        self._add_joint_forces(equilibrium, -now.pressure, -now.shear)
+        self.add_joint_forces(equilibrium, -now.pressure, -now.shear)
         opening, slip = self._joint_displacements(now.u)
         slip -= problem.slip_origin
         work = problem.live.dot(now.u) - self.work if self.load_factor is None else 0.0
@@ -375,7 +493,7 @@ class _InteriorPoint:
             "opening": problem.max(np.abs(residual.opening)) / d,
             "slip": problem.max(np.abs(residual.slip[sticky])) / d,
             "work": abs(residual.work) / abs(self.work) if residual.work else 0.0,
-            "complementarity": self._products(now) / (self.count * f * d),
+            "complementarity": self._products(now) / (self.count * self._unit),
         }
 
     def factor(self, now: _Iterate, largest: float, free: float) -> tuple[Array, Array, Array]:
@@ -434,7 +552,7 @@ class _InteriorPoint:
         right.scale(-1.0)
         push = c_n / now.y + k_n * residual.opening
         drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
-        self._add_joint_forces(right, push, k_t * drive + q * push)
+        self.add_joint_forces(right, push, k_t * drive + q * push)
         self.springs.solve(right, free)
         u, load_factor = free.copy(), 0.0
         if self.load_factor is None:
@@ -473,10 +591,42 @@ class _InteriorPoint:
         self.problem.tangential.mult(u, slip)
         return opening.array.copy(), slip.array.copy()
 
-    def _add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
+    def add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
         """Add B_N^T r_N + B_T^T r_T."""
         opening, slip = self.workspace._opening, self.workspace._slip
         opening.array[:] = pressure
         slip.array[:] = shear
         self.problem.normal.multTransposeAdd(opening, vector, vector)
         self.problem.tangential.multTransposeAdd(slip, vector, vector)
+
+
+def _ritz_values(
+    apply: Callable[[Array], Array], start: Array, total: Callable[[Array], float]
+) -> npt.NDArray[np.complex128]:
+    """Estimates of eigenvalues of a map of joint arrays, largest first.
+
+    Args:
+        apply: The map.
+        start: First vector, this rank's part.
+        total: Sums an array over all ranks.
+    """
+    size = np.sqrt(total(start**2))
+    if not size > 0.0:
+        return np.zeros(0, dtype=np.complex128)
+    basis = [start / size]
+    projection = np.zeros((KRYLOV + 1, KRYLOV))
+    steps = 0
+    for step in range(KRYLOV):
+        vector = apply(basis[-1])
+        scale = np.sqrt(total(vector**2))
+        for k, direction in enumerate(basis):
+            projection[k, step] = total(direction * vector)
+            vector = vector - projection[k, step] * direction
+        steps = step + 1
+        rest = np.sqrt(total(vector**2))
+        if not rest > 1e-10 * scale:
+            break
+        projection[steps, step] = rest
+        basis.append(vector / rest)
+    values = np.linalg.eigvals(projection[:steps, :steps])
+    return values[np.argsort(-np.abs(values))]

@@ -258,10 +258,9 @@ class _Driver:
         bound = problem.bound(_first_pressure(problem, bonded))
         if self.scene.solve.control == "load":
             return self._continued(direction, problem, bounds, bonded, scales, run)
-        found = run(bound)
         if exact or self.scene.solve.states == "first":
-            return found
-        return self._lowest(found, run, problem, blocks)
+            return run(bound)
+        return self._lowest(run(bound, at_once=False), run, problem, blocks)
 
     def _search(
         self,
@@ -274,12 +273,18 @@ class _Driver:
         bound: Array,
         method: str = "",
         path: LoadPath | None = None,
+        at_once: bool = True,
     ) -> Collapse:
-        """Search from a first bound on friction, and from the end of a path if there is one."""
+        """Search from a first bound on friction, and from the end of a path if there is one.
+
+        With `at_once` the first bound matters only if the monolithic step fails.
+        """
         per_ratio = scales.load_factor * self.structure.problem.live.dot(bonded.live)
         method = method or self.scene.solve.method
         monitor = self._steps(direction)
-        search = Search(self.structure, problem, blocks, bounds, scales, per_ratio, method, monitor)
+        search = Search(
+            self.structure, problem, blocks, bounds, scales, per_ratio, method, monitor, at_once
+        )
         ratio = first_work(method, bounds, scales)
         if path is None or path.direction is None:
             sign = 1.0 if problem is self.structure.problem else -1.0
@@ -361,12 +366,13 @@ class _Driver:
         friction, points = problem.friction, self.structure.operators.points
         found = {"dead load": first}
         if first.state is not None:
-            found["half of that"] = run(0.5 * problem.bound(first.state.pressure))
-        found["no friction"] = run(problem.strength)
+            half = 0.5 * problem.bound(first.state.pressure)
+            found["half of that"] = run(half, at_once=False)
+        found["no friction"] = run(problem.strength, at_once=False)
         associative = blocks.associative_pressure()
         if associative is not None:
             bound = friction * associative[points] + problem.strength
-            found["associative program"] = run(bound)
+            found["associative program"] = run(bound, at_once=False)
         found["monolithic"] = run(problem.bound(np.ones_like(friction)), method="monolithic")
         states = tuple(
             CollapseState(name, end.status, end.load_factor) for name, end in found.items()

@@ -29,10 +29,16 @@ _log = logging.getLogger("fenics_contact")
 FIRST_WORK, LAST_WORK = 300.0, 1e12
 
 #: Growth of the work, and by how much more at once where the load factor rises slowly.
-WORK_GROWTH, LARGEST_STRIDE = 4.0, 1e3
+WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
 
 #: The same for methods on joint forces, in units of the work at the upper bound.
 FIRST_JOINT_WORK = 30.0
+
+#: Where there is no state so far ahead the stride is halved, as a power, down to this.
+SHORTEST_STRIDE = 0.125
+
+#: Strides that may be taken along a state without a smaller gap.
+STRIDES_ALONG = 3
 
 #: Where more work does not help, because digits are lost, less is tried: factor, and how often.
 WORK_DECREASE, DECREASES = 0.1, 3
@@ -133,6 +139,7 @@ class Search:
         per_ratio: float,
         method: str,
         monitor: Callable[[FixedPointStep], None] | None,
+        at_once: bool = True,
     ) -> None:
         """Prepare to solve.
 
@@ -145,6 +152,7 @@ class Search:
             per_ratio: Work of the live load on the bonded structure, the unit of T.
             method: As in the scene's options.
             monitor: Called after every fixed-point iteration.
+            at_once: Whether to try the monolithic step before the fixed point.
         """
         self.structure = structure
         self.problem = problem
@@ -157,6 +165,10 @@ class Search:
         self.monitor = monitor
         self.control = WorkControl(problem, structure.springs)
         self.method = method
+        self.monolithic = method in ("auto", "monolithic")
+        self.patience = STRIDES_ALONG if self.monolithic else 0
+        self.at_once = at_once and self.monolithic
+        self.part = 1.0
         self.solver = new_solver(structure, problem, self.control, method)
         self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
@@ -168,19 +180,20 @@ class Search:
         first = self.at(first_ratio, start, bound)
         if first is None:
             return self.result("not_converged")
-        last, ratio = first, first_ratio
+        last, ratio, worse = first, first_ratio, 0
         while not self.settled and ratio < LAST_WORK:
-            ratio = min(ratio * self._stride(last), LAST_WORK)
-            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
+            found = self._further(last)
             if self.growing and self.bounds.upper == np.inf:
                 return self.result("unbounded")
             # Soft structures rise slowly. Gaps are infinite, and no reason to stop, until a state
             # converges.
-            if found is None or not (
-                found.gap <= GAP_FALLS * last.gap or (found.rises_from(last) and not self.verified)
-            ):
+            if found is None:
                 break
-            last = found
+            rises = found.rises_from(last) and not self.verified
+            worse = 0 if found.gap <= GAP_FALLS * last.gap or rises else worse + 1
+            if worse > self.patience:
+                break
+            last, ratio = found, found.ratio
         last, ratio = first, first_ratio
         for _ in range(DECREASES if self.best is first else 0):
             if self.settled:
@@ -197,10 +210,35 @@ class Search:
         self.control.destroy()
         self.solver.destroy()
 
-    def at(self, ratio: float, start: State, bound: Array) -> _Found | None:
+    def _further(self, last: _Found) -> _Found | None:
+        """A state at more work: followed from the last one, if need be in shorter strides.
+
+        Only where no state is verified yet, and none can be followed, is it iterated for afresh.
+        """
+        stride = self._stride(last)
+        follow = last.history.converged and self.monolithic
+        while follow and self.part >= SHORTEST_STRIDE:
+            ratio = min(last.ratio * stride**self.part, LAST_WORK)
+            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound, True)
+            if found is not None:
+                self.part = min(2.0 * self.part, 1.0)
+                return found
+            self.part *= 0.5
+        if self.verified:
+            return None
+        ratio = min(last.ratio * stride, LAST_WORK)
+        return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
+
+    def at(
+        self, ratio: float, start: State, bound: Array, follow: bool = False
+    ) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
-        Once there is a verified state, others are only followed from it, not iterated for afresh.
+        Args:
+            ratio: T in units of the live load's work on the bonded structure.
+            start: State to start from.
+            bound: First g, where it is iterated for.
+            follow: Whether only a state next to `start` will do.
         """
         work = ratio * self.per_ratio
         # Forces are judged by what the joints carry, which a locked structure lets grow.
@@ -212,12 +250,13 @@ class Search:
             self.solver,
             scales,
             self.options.tolerance,
-            self.method in ("auto", "monolithic"),
+            self.monolithic,
             self.monitor,
-            at_once=self.method == "monolithic",
+            at_once=self.at_once,
+            attracting=self.method == "auto",
         )
         try:
-            if self.verified:
+            if follow:
                 point, history = friction.go_on(start, work, self._growth(work))
             else:
                 point, history = friction.solve(
