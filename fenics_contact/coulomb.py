@@ -48,8 +48,13 @@ FINISH_AT, FINISH_AGAIN = 0.15, 0.2
 #: Centring of the monolithic finish, by change of the bound, and its limits.
 FINISH_CENTRING, FINISH_RANGE = 0.1, (1e-5, 1e-2)
 
-#: Centrings of the monolithic solve at a larger T, and how far its load factor may move.
-CONTINUE_CENTRINGS, CONTINUE_NEAR = (1e-4, 1e-6), 1e-2
+#: Centrings of the monolithic solve at a larger T, and another where the load factor rises by more
+#: than so much of itself.
+CONTINUE_CENTRINGS, RISING_CENTRING, RISING = (1e-4, 1e-6), 1e-2, 0.1
+
+#: How far the load factor may move there, in parts of itself and of its rise along the tangent,
+#: which is too low where joints close.
+CONTINUE_NEAR, RISES = 1e-2, 3.0
 
 #: The monolithic load factor may differ from the fixed point's by this times its last changes.
 FINISH_NEAR = 5.0
@@ -328,8 +333,9 @@ class CoulombFriction:
     ) -> PathPoint | None:
         """The monolithic state next to one at a smaller T, if there is one."""
         near = CONTINUE_NEAR * (abs(start.load_factor) + growth)
-        for centring in CONTINUE_CENTRINGS:
-            found = self._monolithic(start, work, centring, (near, near + growth), history)
+        rising = growth > RISING * abs(start.load_factor)
+        for centring in (*CONTINUE_CENTRINGS, *(RISING_CENTRING,) * rising):
+            found = self._monolithic(start, work, centring, (near, near + RISES * growth), history)
             if found is not None:
                 return found
         return None

@@ -106,6 +106,7 @@ class _Found:
     certificate: Certificate
     history: FixedPointHistory
     bound: Array
+    slope: float = 0.0  # d lambda/dT
 
     @property
     def state(self) -> State:
@@ -173,6 +174,7 @@ class Search:
         self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
         self.path: list[tuple[float, float]] = []
+        self.slope = 0.0
 
     def run(self, start: State, bound: Array) -> Collapse:
         """Look for a verified collapse state at more work, then at less."""
@@ -265,9 +267,10 @@ class Search:
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return None
-        mode, certificate = self._verify(point, scales)
+        mode, slope, certificate = self._verify(point, scales)
         new_bound = self.problem.bound(point.state.pressure)
-        found = _Found(ratio, point, mode, certificate, history, new_bound)
+        found = _Found(ratio, point, mode, certificate, history, new_bound, slope)
+        self.slope = slope
         self.history.append(history)
         self.path.append((work, point.state.load_factor))
         _log.info(
@@ -280,8 +283,8 @@ class Search:
             self.best = found
         return found
 
-    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, Certificate]:
-        """The collapse mode of a state and its certificate.
+    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, float, Certificate]:
+        """The collapse mode of a state, d lambda/dT along it, and the state's certificate.
 
         The mode is that of the elastic structure if it passes; else, with slow elastic motions
         mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
@@ -306,11 +309,12 @@ class Search:
             )
 
         mode: PETSc.Vec | None = None
+        slope = 0.0
         try:
-            mode, _ = self.control.rate(point.state, point.bound, scales)
+            mode, slope = self.control.rate(point.state, point.bound, scales)
             certificate = certified(mode)
             if certificate.mode_passed or motion is None:
-                return mode, certificate
+                return mode, slope, certificate
         except SolverError as error:
             _log.info("  no elastic mode: %s", error)
         if mode is not None:
@@ -318,7 +322,7 @@ class Search:
         if motion is None:
             motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
         mode = self.structure.rigid_motion(motion)
-        return mode, certified(mode)
+        return mode, slope, certified(mode)
 
     @property
     def verified(self) -> bool:
@@ -346,11 +350,15 @@ class Search:
         return WORK_GROWTH
 
     def _growth(self, work: float) -> float:
-        """How much further the load factor would rise along the secant of the last two states."""
-        if len(self.path) < 2 or not self.path[-2][0] < self.path[-1][0] < work:
+        """How much further the load factor would rise along the last secant, or tangent."""
+        if not self.path or not self.path[-1][0] < work:
             return 0.0
-        (first, low), (last, high) = self.path[-2:]
-        return max((high - low) / (last - first) * (work - last), 0.0)
+        last, high = self.path[-1]
+        slope = self.slope
+        if len(self.path) > 1 and self.path[-2][0] < last:
+            first, low = self.path[-2]
+            slope = (high - low) / (last - first)
+        return max(slope * (work - last), 0.0)
 
     @property
     def growing(self) -> bool:
