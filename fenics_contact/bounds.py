@@ -122,6 +122,8 @@ class RigidBlocks:
         self._joints = joints
         self._bodies = bodies
         self._comm = comm
+        self._known: dict[bool, float | None] = {}
+        self._bounds: LimitBounds | None = None
         force = np.abs(bodies.dead).max(initial=0.0) or joints.shear_strength.max(initial=0.0)
         self._force = float(force) or float(np.abs(bodies.live).max(initial=0.0)) or 1.0
         live = float(np.abs(bodies.live).max(initial=0.0))
@@ -173,8 +175,12 @@ class RigidBlocks:
 
     def stands(self, friction: bool = True) -> bool:
         """Whether the dead load alone has an equilibrium."""
-        faces = self._faces(friction)
-        return self._on_root(lambda: self._solve(faces, dead_only=True)[0]) is not None
+        return self._on_root(lambda: self._stands(friction))
+
+    def _stands(self, friction: bool) -> bool:
+        if friction not in self._known:
+            self._known[friction] = self._solve(self._faces(friction), dead_only=True)[0]
+        return self._known[friction] is not None
 
     def _faces(self, friction: bool) -> Faces:
         faces = straight_faces(self._joints, self._joints.shear_strength)
@@ -184,17 +190,19 @@ class RigidBlocks:
         return replace(faces, friction=none, strength=none)
 
     def bounds(self) -> LimitBounds:
-        """All bounds at once."""
-        bare = self.stands(friction=False)
-        stands = bare or self.stands()
-        upper = self.limit() if stands else None
-        lower = self.limit(friction=False) if bare else None
-        return LimitBounds(
-            lower=None if lower is None else max(lower, 0.0) + 0.0,
-            upper=np.inf if upper is None else upper + 0.0,
-            stands=stands,
-            stands_frictionless=bare,
-        )
+        """All bounds at once, solved on this rank alone, where and when they are shown."""
+        if self._bounds is None:
+            bare = self._stands(friction=False)
+            stands = bare or self._stands(friction=True)
+            upper = self._solve(self._faces(friction=True))[0] if stands else None
+            lower = self._solve(self._faces(friction=False))[0] if bare else None
+            self._bounds = LimitBounds(
+                lower=None if lower is None else max(lower, 0.0) + 0.0,
+                upper=np.inf if upper is None else upper + 0.0,
+                stands=stands,
+                stands_frictionless=bare,
+            )
+        return self._bounds
 
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""

@@ -76,7 +76,8 @@ class Certificate:
         kinematic_factor: Load factor at which the mode dissipates what the loads do on it,
             (sum g |B_T v| - f_D.v) / f_L.v. With given friction it is an upper bound, and the
             program's load factor, a static one, a lower bound on the limit load.
-        static_factor: Load factor of the rigid-block program with the state's friction.
+        static_factor: Load factor of the rigid-block program with the state's friction; or of the
+            state, whose forces are a solution of that program, where the mode confirms it.
     """
 
     residuals: Mapping[str, float]
@@ -113,7 +114,7 @@ def certify(
     state: State,
     mode: PETSc.Vec,
     scales: Scales,
-    bounds: LimitBounds,
+    bounds: LimitBounds | None,
     rigid_limit: float,
     points: npt.NDArray[np.int64] | None = None,
 ) -> Certificate:
@@ -124,7 +125,7 @@ def certify(
         state: Displacements, load factor and joint forces to be verified.
         mode: Collapse mode v.
         scales: Typical sizes.
-        bounds: Bracket from the rigid-block programs.
+        bounds: Bracket from the rigid-block programs; left out where it is not known yet.
         rigid_limit: Limit load of the rigid blocks with the friction forces of the state; nan if
             it is not known.
         points: Numbers of this rank's joint points, by which to name the worst.
@@ -135,16 +136,25 @@ def certify(
     residuals = state_residuals(problem, state, scales)
     residuals |= _mode_residuals(problem, state, mode, scales)
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
-    lower = -np.inf if bounds.lower is None else bounds.lower
-    upper = np.inf if bounds.upper is None else bounds.upper
-    outside = max(lower - state.load_factor, state.load_factor - upper, 0.0)
     missed = abs(rigid_limit - state.load_factor)
     residuals["limit"] = missed / factor
-    # Outside by more than the load factor may be wrong.
-    residuals["bracket"] = max(outside - missed, 0.0) / factor
+    if bounds is not None:
+        residuals["bracket"] = outside_bracket(state.load_factor, bounds, missed, factor)
     worst = None if points is None else worst_joint(problem, state, scales, points)
     kinematic = kinematic_factor(problem, state, mode)
     return Certificate(residuals, missed, worst, kinematic, rigid_limit)
+
+
+def outside_bracket(load_factor: float, bounds: LimitBounds, missed: float, size: float) -> float:
+    """By how much more than it may be wrong a load factor lies outside its bracket, relative.
+
+    The forces of a verified state solve the associative program, so that this is another check of
+    what the other residuals say already.
+    """
+    lower = -np.inf if bounds.lower is None else bounds.lower
+    upper = np.inf if bounds.upper is None else bounds.upper
+    outside = max(lower - load_factor, load_factor - upper, 0.0)
+    return max(outside - missed, 0.0) / size
 
 
 def kinematic_factor(problem: ContactProblem, state: State, mode: PETSc.Vec) -> float:

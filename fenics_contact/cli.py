@@ -117,6 +117,7 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         result = limit_load(scene, progress)
     result.seconds["read"] = read
     result.seconds["total"] += read
+    result.hold_against_brackets()
     if loud:
         print(_summary(result), flush=True)
     result.write(folder)

@@ -361,17 +361,14 @@ class CoulombFriction:
         history: FixedPointHistory,
     ) -> PathPoint | None:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
+        assert isinstance(self.control, WorkControl)
         before = self.control.springs.factorizations
+        # Where the load factor is given, nothing but the displacements tells how near the limit is.
+        tolerance = self.final if self.load_factor is None else TOLERANCE_RANGE[0]
+        settled = SETTLED * self.tolerance
         try:
             found = self.control.solve(
-                None,
-                work,
-                start,
-                self.scales,
-                centring,
-                self.final,
-                self.load_factor,
-                SETTLED * self.tolerance,
+                None, work, start, self.scales, centring, tolerance, self.load_factor, settled
             )
         except SolverError as error:
             _log.info("  monolithic step not used: %s", error)

@@ -361,8 +361,8 @@ class _InteriorPoint:
         self.load_factor = load_factor
         self.scales = scales
         self._unit = scales.force * scales.displacement
-        #: Coulomb's coefficient where the bound follows the pressure: at a cold start less, `mobile`
-        #: times that of the problem.
+        #: Coulomb's coefficient where the bound follows the pressure, `mobile` times that of the
+        #: problem: less at a cold start.
         self.friction = problem.friction if bound is None else np.zeros_like(bound)
         self.mobile = 1.0
         #: Points that transmit shear; the others' shear stays zero and their slip is free.
@@ -387,6 +387,8 @@ class _InteriorPoint:
         best, last = _Best(now.copy(), {}, np.inf, 0), (np.inf, 1.0)
         best_step, errors = 0, []
         window = COLD_SLOW_STEPS if patience == COLD_PATIENCE else SLOW_STEPS
+        if self.load_factor is not None:  # slow close to the limit load, and no less a state
+            window = MAX_STEPS
         for step in range(MAX_STEPS + 1):
             residual = self.residual(now)
             sizes = self.sizes(now, residual)

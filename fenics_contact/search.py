@@ -12,7 +12,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.certificate import Certificate, certify
+from fenics_contact.certificate import (
+    Certificate,
+    certify,
+    kinematic_factor,
+    outside_bracket,
+)
 from fenics_contact.continuation import LoadPath
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
@@ -72,7 +77,7 @@ class Collapse:
     Attributes:
         status: "limit", "unbounded" or "not_converged".
         load_factor: Signed; nan if no state was found.
-        bounds: From the rigid-block programs, for this direction.
+        program: Solves the rigid-block programs for this direction.
         state: The state reached, None if there is none.
         mode: Collapse mode v in the supports' coordinates, f_L.v = 1.
         certificate: Verification of the state.
@@ -85,7 +90,7 @@ class Collapse:
 
     status: str
     load_factor: float
-    bounds: LimitBounds
+    program: Callable[[], LimitBounds]
     state: State | None = None
     mode: PETSc.Vec | None = None
     certificate: Certificate | None = None
@@ -94,6 +99,23 @@ class Collapse:
     splitting: SplittingHistory | None = None
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
+
+    @property
+    def bounds(self) -> LimitBounds:
+        """Bounds from the rigid-block programs, solved when they are first asked for."""
+        return self.program()
+
+    def held_against_bracket(self) -> Collapse:
+        """With the load factor's distance from its bracket in the certificate, and what follows."""
+        if self.status != "limit" or self.certificate is None:
+            return self
+        missed, gap = self.certificate.error_estimate, self.certificate.gap
+        size = missed / gap if gap else abs(self.load_factor) or 1.0
+        outside = outside_bracket(self.load_factor, self.bounds, missed, size)
+        residuals = {**self.certificate.residuals, "bracket": outside}
+        certificate = replace(self.certificate, residuals=residuals)
+        status = "limit" if certificate.passed else "not_converged"
+        return replace(self, status=status, certificate=certificate)
 
 
 @dataclass(frozen=True)
@@ -135,7 +157,6 @@ class Search:
         structure: Structure,
         problem: ContactProblem,
         blocks: RigidBlocks,
-        bounds: LimitBounds,
         scales: Scales,
         per_ratio: float,
         method: str,
@@ -148,7 +169,6 @@ class Search:
             structure: What is loaded.
             problem: With the live load in the direction looked at.
             blocks: Rigid-block programs of that direction.
-            bounds: Their bounds.
             scales: Typical sizes on the elastic part of the path.
             per_ratio: Work of the live load on the bonded structure, the unit of T.
             method: As in the scene's options.
@@ -158,7 +178,6 @@ class Search:
         self.structure = structure
         self.problem = problem
         self.blocks = blocks
-        self.bounds = bounds
         self.scales = scales
         self.per_ratio = per_ratio
         self.live_size = problem.live.norm(PETSc.NormType.N1)
@@ -180,12 +199,14 @@ class Search:
         """Look for a verified collapse state at more work, then at less."""
         first_ratio = start.work / self.per_ratio
         first = self.at(first_ratio, start, bound)
+        if not self.settled and self._unlimited:
+            return self.result("unbounded")
         if first is None:
             return self.result("not_converged")
         last, ratio, worse = first, first_ratio, 0
         while not self.settled and ratio < LAST_WORK:
             found = self._further(last)
-            if self.growing and self.bounds.upper == np.inf:
+            if self.growing and self._no_upper:
                 return self.result("unbounded")
             # Soft structures rise slowly. Gaps are infinite, and no reason to stop, until a state
             # converges.
@@ -231,9 +252,7 @@ class Search:
         ratio = min(last.ratio * stride, LAST_WORK)
         return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
 
-    def at(
-        self, ratio: float, start: State, bound: Array, follow: bool = False
-    ) -> _Found | None:
+    def at(self, ratio: float, start: State, bound: Array, follow: bool = False) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
         Args:
@@ -289,40 +308,54 @@ class Search:
         The mode is that of the elastic structure if it passes; else, with slow elastic motions
         mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
         """
+
+        def certified(mode: PETSc.Vec, limit: float) -> Certificate:
+            points = self.structure.operators.points
+            return certify(self.problem, point.state, mode, scales, None, limit, points)
+
+        mode: PETSc.Vec | None = None
+        slope, rigid_limit = 0.0, np.nan
+        try:
+            mode, slope = self.control.rate(point.state, point.bound, scales)
+            # A mode that dissipates at this load factor what the loads do bounds the given-friction
+            # limit from above, the state's forces bound it from below: no program is needed.
+            factor = point.state.load_factor
+            certificate = certified(mode, kinematic_factor(self.problem, point.state, mode))
+            if certificate.mode_passed and certificate.gap <= self.options.tolerance:
+                return mode, slope, replace(certificate, static_factor=factor)
+        except SolverError as error:
+            _log.info("  no elastic mode: %s", error)
         strength = self.structure.all_points(self.problem.bound(point.state.pressure))
         try:
             limit, motion = self.blocks.collapse(strength)
+            rigid_limit = np.nan if limit is None else limit
         except SolverError as error:
             _log.info("  no rigid mode: %s", error)
-            limit, motion = None, None
-        rigid_limit = np.nan if limit is None else limit
-
-        def certified(mode: PETSc.Vec) -> Certificate:
-            return certify(
-                self.problem,
-                point.state,
-                mode,
-                scales,
-                self.bounds,
-                rigid_limit,
-                self.structure.operators.points,
-            )
-
-        mode: PETSc.Vec | None = None
-        slope = 0.0
-        try:
-            mode, slope = self.control.rate(point.state, point.bound, scales)
-            certificate = certified(mode)
+            motion = None
+        if mode is not None:
+            certificate = certified(mode, rigid_limit)
             if certificate.mode_passed or motion is None:
                 return mode, slope, certificate
-        except SolverError as error:
-            _log.info("  no elastic mode: %s", error)
-        if mode is not None:
             mode.destroy()
         if motion is None:
             motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
         mode = self.structure.rigid_motion(motion)
-        return mode, slope, certified(mode)
+        return mode, slope, certified(mode, rigid_limit)
+
+    @property
+    def _no_upper(self) -> bool:
+        """Whether associative friction does not limit the load."""
+        return self.problem.comm.bcast(self.blocks.bounds().upper == np.inf)
+
+    @property
+    def _unlimited(self) -> bool:
+        """Whether the programs say that nothing limits the load.
+
+        Without Coulomb friction the upper bound is exact; the lower one is a bound in any case.
+        """
+        if not np.any(self.structure.joints.friction):
+            return self._no_upper
+        return self.blocks.limit(friction=False) == np.inf
 
     @property
     def verified(self) -> bool:
@@ -403,13 +436,18 @@ class Search:
         """Report the best state."""
         found, history = self.best, tuple(self.history)
         if found is None:
-            return Collapse(status, float("nan"), self.bounds, history=history)
+            return Collapse(
+                status,
+                np.inf if status == "unbounded" else float("nan"),
+                self.blocks.bounds,
+                history=history,
+            )
         if status == "not_converged":
             _log.warning("not verified: %s", found.certificate.failures or "not converged")
         return Collapse(
             status,
             np.inf if status == "unbounded" else found.state.load_factor,
-            self.bounds,
+            self.blocks.bounds,
             self._onset(found) if status == "limit" else found.state,
             found.mode,
             found.certificate,
@@ -428,7 +466,7 @@ def new_solver(
     return JointForces(problem, structure.operators, structure.springs, method == "splitting")
 
 
-def first_work(method: str, bounds: LimitBounds, scales: Scales) -> float:
+def first_work(method: str, program: Callable[[], LimitBounds], scales: Scales) -> float:
     """First T in units of the live load's work on the bonded structure.
 
     Joint forces, unlike interior points, take many steps to a state far along the mode: they start
@@ -436,5 +474,6 @@ def first_work(method: str, bounds: LimitBounds, scales: Scales) -> float:
     """
     if method not in ("splitting", "active-set"):
         return FIRST_WORK
-    upper = np.inf if bounds.upper is None else bounds.upper
+    upper = program().upper
+    upper = np.inf if upper is None else upper
     return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))
