@@ -138,6 +138,11 @@ class FixedPointHistory:
     converged: bool = False
 
     @property
+    def at_once(self) -> bool:
+        """Whether one monolithic step was all."""
+        return self.method == "monolithic" and len(self.steps) == 1
+
+    @property
     def contraction(self) -> float | None:
         """Factor by which the change of the bound fell per iteration, mean of the last half."""
         changes = [step.change for step in self.steps]

@@ -244,13 +244,17 @@ class _Driver:
     def _result(
         self, status: str, positive: Collapse | None, negative: Collapse | None
     ) -> LimitLoad:
+        ends = [end for end in (positive, negative) if end is not None]
+        plan = self.plan.after([history for end in ends for history in end.history])
+        for item in plan.skipped[len(self.plan.skipped) :]:
+            _log.info("skipped: %s", item)
         return LimitLoad(
             self.scene,
             self.structure,
             status,
             positive,
             negative,
-            self.plan,
+            plan,
             self.seconds,
             self.structure.springs.factorizations,
         )

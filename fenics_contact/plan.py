@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from fenics_contact.coulomb import FixedPointHistory
     from fenics_contact.scene import Scene
+
+FIXED_POINT = "fixed point on the friction bound"
 
 
 @dataclass(frozen=True)
@@ -21,6 +25,18 @@ class Plan:
     coulomb: bool
     skipped: tuple[str, ...]
 
+    def after(self, histories: Sequence[FixedPointHistory]) -> Plan:
+        """With what turned out not to be needed.
+
+        Args:
+            histories: Of the fixed point, over all T.
+        """
+        spared = all(history.at_once for history in histories)
+        if not (self.coulomb and histories and spared):
+            return self
+        reason = "the monolithic step alone found the state"
+        return replace(self, skipped=(*self.skipped, f"{FIXED_POINT}: {reason}"))
+
 
 def make_plan(scene: Scene) -> Plan:
     """Decide what a scene needs."""
@@ -28,7 +44,7 @@ def make_plan(scene: Scene) -> Plan:
     coulomb = any(law.law == "coulomb" and law.friction for law in laws)
     skipped = []
     if not coulomb:
-        skipped.append("fixed point on the friction bound: no joint has Coulomb friction")
+        skipped.append(f"{FIXED_POINT}: no joint has Coulomb friction")
     if not any(law.law != "frictionless" and (law.friction or law.bound) for law in laws):
         skipped.append("shear forces: no joint has friction")
     for name, load in (("dead", scene.dead), ("live", scene.live)):

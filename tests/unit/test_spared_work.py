@@ -1,0 +1,191 @@
+"""Work that a scene does not need is not done, and the answer is the same."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import JointLaw, OutputOptions, Scene, SolveOptions, limit_load
+from fenics_contact.bounds import RigidBlocks
+from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.plan import FIXED_POINT
+from fenics_contact.springs import SpringStiffness
+from fenics_contact.structure import Structure
+from tests.helpers import PUSH, WEIGHT, coulomb, on_ground, tresca
+from tests.regression.scenes import wall_scene
+
+SMOOTH = JointLaw("frictionless")
+
+
+def wall(law: JointLaw, **rest: object) -> Scene:
+    return replace(wall_scene("W1", law, elements=1), **rest)
+
+
+class Calls:
+    """Counts the calls of a method, or forbids them."""
+
+    def __init__(self, monkeypatch, owner, name, forbid=False):
+        self.count, original = 0, getattr(owner, name)
+
+        def called(*args, **options):
+            assert not forbid, f"{name} is not needed"
+            self.count += 1
+            return original(*args, **options)
+
+        monkeypatch.setattr(owner, name, called)
+
+
+def test_given_friction_is_solved_once(monkeypatch):
+    Calls(monkeypatch, CoulombFriction, "_monolithic", forbid=True)
+    solves = Calls(monkeypatch, CoulombFriction, "_given_friction")
+    result = limit_load(wall(tresca(2000.0)))
+    assert result.load_factor == pytest.approx(0.19048, abs=5e-6)
+    assert solves.count == len(result.positive.history)
+    assert [len(history.steps) for history in result.positive.history] == [1] * solves.count
+
+
+def test_state_that_attracts_the_fixed_point_needs_no_iteration(monkeypatch):
+    iterated = limit_load(wall(coulomb(0.65), solve=SolveOptions(method="fixed-point")))
+    Calls(monkeypatch, CoulombFriction, "_given_friction", forbid=True)
+    result = limit_load(wall(coulomb(0.65)))
+    assert result.load_factor == pytest.approx(iterated.load_factor, rel=1e-5)
+    assert f"{FIXED_POINT}: the monolithic step alone found the state" in result.plan.skipped
+    assert result.factorizations < iterated.factorizations / 3
+    assert not any(item.startswith(FIXED_POINT) for item in iterated.plan.skipped)
+
+
+def test_state_that_repels_it_does():
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert len(result.positive.history[0].steps) > 3
+    assert not any(item.startswith(FIXED_POINT) for item in result.plan.skipped)
+
+
+def test_one_block_takes_one_solve():
+    """Statically determinate: nothing to iterate for."""
+    scene = on_ground(wall_mesh(), coulomb(0.3), live=PUSH, dead=WEIGHT)
+    result = limit_load(scene)
+    assert result.load_factor == pytest.approx(0.3, rel=1e-6)
+    assert [len(history.steps) for history in result.positive.history] == [1]
+
+
+def wall_mesh():
+    from fenics_contact.meshing import wall
+
+    return wall([[1]], elements=2)
+
+
+def test_joints_without_friction_have_no_shear(monkeypatch):
+    largest = []
+    original = SpringStiffness.factor
+
+    def factor(self, normal, tangential, coupling=None):
+        largest.append(float(np.max(tangential, initial=0.0)) / self.mean_diagonal)
+        return original(self, normal, tangential, coupling)
+
+    monkeypatch.setattr(SpringStiffness, "factor", factor)
+    # Leaning on friction nowhere: a block on rollers would slide at once.
+    result = limit_load(wall(SMOOTH))
+    assert result.load_factor == pytest.approx(0.0, abs=1e-6)
+    assert np.all(result.positive.state.shear == 0.0)
+    # The first factor is the bonded one.
+    assert max(largest[1:]) < 1e-3
+
+
+@pytest.mark.parametrize("direction", ["positive", "negative"])
+def test_other_direction_is_not_looked_at(direction, monkeypatch):
+    both = limit_load(wall(coulomb(0.65), solve=SolveOptions(direction="both")))
+    turned = Calls(monkeypatch, Structure, "reversed")
+    result = limit_load(wall(coulomb(0.65), solve=SolveOptions(direction=direction)))
+    assert turned.count == (direction == "negative")
+    assert (result.positive is None) == (direction == "negative")
+    if direction == "positive":
+        assert result.load_factor == pytest.approx(both.load_factor, rel=1e-9)
+    else:
+        assert result.load_factor_negative == pytest.approx(both.load_factor_negative, rel=1e-9)
+    assert result.factorizations < both.factorizations
+
+
+def test_no_capacity_curve(monkeypatch):
+    scene = wall(coulomb(0.65))
+    with_curve = limit_load(replace(scene, output=OutputOptions(capacity=3)))
+    module = sys.modules["fenics_contact.limit_load"]  # the package has a function of that name
+    monkeypatch.setattr(module, "capacity_curve", None)  # not to be called
+    result = limit_load(replace(scene, output=OutputOptions(capacity=0)))
+    assert (len(with_curve.capacity), result.capacity) == (3, [])
+    assert result.load_factor == with_curve.load_factor
+    assert result.factorizations < with_curve.factorizations
+
+
+def test_bracket_is_solved_where_it_is_shown(monkeypatch, tmp_path):
+    output = OutputOptions(paraview=False, pictures=False, capacity=0)
+    scene = wall(coulomb(0.65), output=output)
+    programs = Calls(monkeypatch, RigidBlocks, "_solve")
+    result = limit_load(scene)
+    assert result.status == "limit"
+    assert programs.count == 1  # whether the dead load stands
+    assert "bracket" not in result.positive.certificate.residuals
+    factor, certificate = result.load_factor, result.positive.certificate
+    result.write(tmp_path)
+    assert programs.count == 3
+    assert result.bounds.upper == pytest.approx(0.64286, abs=5e-6)
+    assert programs.count == 3
+    assert (result.status, result.load_factor) == ("limit", factor)
+    assert result.positive.certificate.residuals == {**certificate.residuals, "bracket": 0.0}
+
+
+def test_load_factor_outside_its_bracket_is_no_limit_load(monkeypatch, tmp_path):
+    result = limit_load(wall(coulomb(0.65), output=OutputOptions(paraview=False, pictures=False)))
+    tight = replace(result.bounds, upper=0.99 * result.load_factor)
+    result.positive = replace(result.positive, program=lambda: tight)
+    result.write(tmp_path)
+    assert (result.status, result.positive.status) == ("not_converged", "not_converged")
+    assert list(result.positive.certificate.failures) == ["bracket"]
+
+
+def test_mode_that_certifies_needs_no_program(monkeypatch):
+    """The static and kinematic load factors meet without it, where the program says."""
+    certified = limit_load(wall(coulomb(0.65)))
+    certificate = certified.positive.certificate
+    blocks = RigidBlocks(
+        certified.structure.joints, certified.structure.bodies, certified.scene.comm
+    )
+    problem = certified.structure.problem
+    bound = certified.structure.all_points(problem.bound(certified.positive.state.pressure))
+    assert blocks.collapse(bound)[0] == pytest.approx(certified.load_factor, rel=1e-6)
+    assert certificate.static_factor == certified.load_factor
+    assert certificate.kinematic_factor == pytest.approx(certified.load_factor, rel=1e-6)
+    Calls(monkeypatch, RigidBlocks, "collapse", forbid=True)
+    assert limit_load(wall(coulomb(0.65))).load_factor == certified.load_factor
+
+
+@pytest.mark.parametrize(
+    ("output", "writer"),
+    [
+        (OutputOptions(paraview=False, pictures=False), "fenics_contact.output.write_paraview"),
+        (OutputOptions(paraview=False, pictures=False), "fenics_contact.plotting.draw_collapse"),
+    ],
+)
+def test_files_not_asked_for(output, writer, monkeypatch, tmp_path):
+    monkeypatch.setattr(writer, None)  # not to be called
+    limit_load(wall(coulomb(0.65), output=output)).write(tmp_path)
+    assert [path.name for path in tmp_path.iterdir() if path.suffix != ".csv"] == ["result.json"]
+
+
+def test_libraries_are_imported_where_they_are_used(tmp_path):
+    """A solve of a built mesh without pictures needs no matplotlib, and no gmsh but to mesh."""
+    program = f"""
+import sys
+from fenics_contact import OutputOptions, limit_load
+assert not {{"gmsh", "matplotlib", "scipy"}} & set(sys.modules), "imported with the package"
+from tests.unit.test_spared_work import wall, coulomb
+result = limit_load(wall(coulomb(0.65), output=OutputOptions(paraview=False, pictures=False)))
+result.write({str(tmp_path)!r})
+assert "matplotlib" not in sys.modules, "imported without pictures"
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
