@@ -17,7 +17,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -201,7 +201,8 @@ class CoulombFriction:
             monitor: Called after every iteration.
             load_factor: If given, lambda is prescribed, not the work.
             at_once: Whether to try the bound in the equations from the start.
-            attracting: Whether a state found so counts only if it attracts the fixed point.
+            attracting: Whether a state found so counts only if it attracts the fixed point; it is
+                looked for with friction that grows, where low states are met first.
         """
         self.control = control
         self.problem = control.problem
@@ -243,7 +244,7 @@ class CoulombFriction:
                 return point, history
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
-            point = self._monolithic(start, work, 1.0, anywhere, history)
+            point = self._monolithic(start, work, 1.0, anywhere, history, self.attracting)
             if point is not None and not (self.attracting and self._repels(point)):
                 return point, history
             point = None
@@ -293,10 +294,14 @@ class CoulombFriction:
             raise SolverError("no state next to the last one")
         return point, history
 
+    @property
+    def _interior(self) -> WorkControl:
+        """The solver as one that takes the bound into its equations, where that is asked for."""
+        return cast(WorkControl, self.control)
+
     def _repels(self, point: PathPoint) -> bool:
         """Whether the fixed point moves away from a state, which is then given up."""
-        assert isinstance(self.control, WorkControl)
-        repels = self.control.repels(point.state, point.bound, self.scales)
+        repels = self._interior.repels(point.state, point.bound, self.scales)
         if repels:
             _log.info("  monolithic step not used: the fixed point leaves its state")
             point.state.destroy()
@@ -364,16 +369,24 @@ class CoulombFriction:
         centring: float,
         allowed: tuple[float, float],
         history: FixedPointHistory,
+        growing: bool = False,
     ) -> PathPoint | None:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
-        assert isinstance(self.control, WorkControl)
         before = self.control.springs.factorizations
         # Where the load factor is given, nothing but the displacements tells how near the limit is.
         tolerance = self.final if self.load_factor is None else TOLERANCE_RANGE[0]
         settled = SETTLED * self.tolerance
         try:
-            found = self.control.solve(
-                None, work, start, self.scales, centring, tolerance, self.load_factor, settled
+            found = self._interior.solve(
+                None,
+                work,
+                start,
+                self.scales,
+                centring,
+                tolerance,
+                self.load_factor,
+                settled,
+                growing,
             )
         except SolverError as error:
             _log.info("  monolithic step not used: %s", error)

@@ -76,7 +76,7 @@ RESTING = 3
 #: The best iterate of a stalled solve is accepted up to this error where less was asked for.
 ACCEPTABLE = 1e-9
 
-#: At a cold start friction is (mean product / the first)^-(the second) of what it is, at most all.
+#: Friction that grows is (mean product / the first)^-(the second) of what it is, at most all.
 MOBILE_AT, MOBILE_POWER = 1e-3, 0.1
 
 #: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
@@ -244,6 +244,7 @@ class WorkControl:
         tolerance: float = 1e-12,
         load_factor: float | None = None,
         settled: float = np.inf,
+        growing: bool = False,
     ) -> PathPoint:
         """Solve for given work, or for a given load factor.
 
@@ -257,6 +258,7 @@ class WorkControl:
             load_factor: If given, lambda is prescribed, not the work.
             settled: Change that the load factor may still make as the products go to zero,
                 relative.
+            growing: Whether Coulomb friction grows to its full size as the products fall.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -266,7 +268,7 @@ class WorkControl:
         """
         run = _InteriorPoint(self, bound, work, scales, load_factor)
         patience = PATIENCE if centring < 1.0 else COLD_PATIENCE
-        if bound is None and centring >= 1.0:
+        if bound is None and growing:
             run.mobilise(centring)
         best = run.converge(run.centred(start, centring), patience, tolerance, settled)
         if not best.error <= max(tolerance, ACCEPTABLE):
@@ -362,7 +364,7 @@ class _InteriorPoint:
         self.scales = scales
         self._unit = scales.force * scales.displacement
         #: Coulomb's coefficient where the bound follows the pressure, `mobile` times that of the
-        #: problem: less at a cold start.
+        #: problem: less where it grows.
         self.friction = problem.friction if bound is None else np.zeros_like(bound)
         self.mobile = 1.0
         #: Points that transmit shear; the others' shear stays zero and their slip is free.

@@ -61,7 +61,7 @@ def _read_all(terminal: int) -> str:
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_piped_output_is_lines_printed_once(ranks, tmp_path):
-    write_scene(tmp_path, {"solve.direction": "both"})
+    write_scene(tmp_path, {"solve.direction": "both", "solve.method": "fixed-point"})
     found = run(["solve", "scene.toml"], tmp_path, ranks)
     assert found.code == 0
     assert "\r" not in found.out + found.err

@@ -157,9 +157,16 @@ def test_monolithic_from_the_start():
     assert [step.method for step in history] == ["monolithic"] * len(history)
     assert len(history[0].steps) == 1
     assert history[0].steps[0].change == 0.0
-    # With all of the friction from the start it would slide, at 1: a higher state.
-    assert result.load_factor == pytest.approx(5.0 / 7.0, rel=1e-6)
+    # Another state than the one that the fixed point finds; it is one all the same.
+    assert result.load_factor == pytest.approx(1.0, rel=1e-6)
     assert result.positive.certificate.passed
+
+
+def test_growing_friction_meets_the_low_state():
+    result = limit_load(bond(1.0))
+    assert result.positive.history[0].method == "monolithic"
+    assert len(result.positive.history[0].steps) == 1
+    assert result.load_factor == pytest.approx(5.0 / 7.0, rel=1e-6)
 
 
 def test_fixed_point_is_not_monolithic():
