@@ -55,7 +55,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -181,10 +180,14 @@ def rigid_lp(structure: Structure, deadline: float) -> Answer:
 
 
 class Gilbert:
-    """Linear programs with |r_T| <= c + xi F r_N, c = (1 - xi) F r_N of the program before."""
+    """Linear programs with |r_T| <= c + xi F r_N, c = (1 - xi) F r_N of the program before.
+
+    Variables: load factor, normal forces at both ends and shear force of every face.
+    """
 
     def __init__(self, structure: Structure) -> None:
         blocks = Blocks(structure)
+        self.upper = blocks.upper
         self.friction, self.strength = blocks.faces.friction, blocks.strength
         self.count = len(self.friction)
         first, last = blocks.faces.ends.T
@@ -198,54 +201,54 @@ class Gilbert:
             ]
         ).tocsr()
         self.dead = blocks.dead
-        free, compressed = (None, None), (0.0, None)
-        self.limits = [free] + [compressed] * (2 * self.count) + [free] * self.count
 
     def solve(self, deadline: float) -> Answer:
         """Iterate until the load factor stands still."""
+        if self.upper is None or math.isinf(self.upper):
+            return Answer("unstable" if self.upper is None else "unbounded")
         normal, slope, factors = np.zeros(self.count), 1.0, [math.inf]
         while len(factors) <= PROGRAMS:
             if time.perf_counter() > deadline:
                 return Answer("time-out")
-            answer = self._program(slope, normal)
-            if answer.status in (2, 3):
-                status = "unbounded" if answer.status == 3 else "unstable"
-                return Answer(status, math.inf if answer.status == 3 else math.nan)
-            if answer.status != 0:
+            found = self._program(slope, normal)
+            if found is None:
                 return Answer("not_converged")
-            forces = answer.x[1:].reshape(3, -1)
+            first, last, _ = found[1:].reshape(3, -1)
             weight = 1.0 if len(factors) <= PLAIN else 0.5
-            normal = weight * (forces[0] + forces[1]) + (1.0 - weight) * normal
-            factors.append(float(answer.x[0]))
+            normal = weight * (first + last) + (1.0 - weight) * normal
+            factors.append(float(found[0]))
             change = relative_error(factors[-1], factors[-2], 0.0)
             if slope == SLOPE and change <= STILL:
                 return Answer("limit", factors[-1], STILL, change)
             slope = max(0.5 * slope, SLOPE)
         return self.restless(factors[1:])
 
-    def _program(self, slope: float, normal: Array) -> Any:
-        """HiGHS' answer: load factor, normal forces at both ends, shear force of every face."""
+    def _program(self, slope: float, normal: Array) -> Array | None:
+        """The variables at the largest load factor; None if the program is not solved."""
         cohesion = self.strength + (1.0 - slope) * self.friction * normal
         column, inclined = csr_matrix((self.count, 1)), -diags(slope * self.friction)
         shear = identity(self.count)
         rows = [hstack([column, inclined, inclined, sign * shear]) for sign in (1.0, -1.0)]
         cost = np.zeros(1 + 3 * self.count)
         cost[0] = -1.0
-        return linprog(
+        free, compressed = (None, None), (0.0, None)
+        answer = linprog(
             cost,
             vstack(rows).tocsr(),
             np.tile(cohesion, 2),
             self.equilibrium,
             -self.dead,
-            self.limits,
+            [free] + [compressed] * (2 * self.count) + [free] * self.count,
             "highs-ds",
         )
+        return answer.x if answer.status == 0 else None
 
     def restless(self, factors: Sequence[float]) -> Answer:
         """Mean and half range of the last load factors."""
         last = np.array(factors[-LAST:])
-        mean, half = float(last.mean()), 0.5 * float(np.ptp(last))
-        return Answer("not_converged", mean, half / abs(mean), half / abs(mean))
+        mean = float(last.mean())
+        half = 0.5 * float(np.ptp(last)) / max(abs(mean), 1e-300)
+        return Answer("not_converged", mean, half, half)
 
 
 def gilbert(structure: Structure, deadline: float) -> Answer:

@@ -6,6 +6,7 @@ Programs that are not installed must say so; what they would have computed is th
 from __future__ import annotations
 
 import re
+import sys
 import time
 
 import numpy as np
@@ -57,6 +58,15 @@ def test_given_friction_is_one_program(peer):
 def test_given_friction_is_not_asked_of_programs_without_it(peer):
     expected = "not applicable" if peers.PEERS[peer].version() else "not installed"
     assert asked(peer, block(tresca(1000.0))).status == expected
+
+
+@pytest.mark.parametrize("peer", ["siconos", "calculix"])
+def test_program_that_is_missing_says_so(peer, monkeypatch):
+    monkeypatch.setattr(peers.shutil, "which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "siconos.numerics", None)
+    assert asked(peer, block(coulomb(0.3))).status == "not installed"
+    row = peers.run(peers.Task("wedge F=0.1", 2, peer, 1.0))
+    assert (row.case, row.method, row.status) == ("wedge F=0.1", peer, "not installed")
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.2])
