@@ -8,7 +8,7 @@ RUFF := ruff==0.15.0
 
 export OMP_NUM_THREADS := 1
 
-.PHONY: help setup packages demo test lint meshes bench clean
+.PHONY: help setup packages demo test lint meshes clean
 help:  ## say what there is
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 

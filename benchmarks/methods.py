@@ -25,7 +25,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.stability import Process, relative_error, worst_residual
+from benchmarks.stability import Process, number, relative_error, worst_residual
 from fenics_contact import JointLaw, Scene, SolveOptions, limit_load
 from fenics_contact.scene import METHODS
 from tests.regression.scenes import WALLS, arch_scene, wall_scene, wedge_scene
@@ -175,10 +175,6 @@ COLUMNS = "{:16} {:8} {:22} {:13} {:>12} {:>9} {:>5} {:>5} {:>7} {:>8} {}"
 
 def line(row: Row) -> str:
     """A row of the table."""
-
-    def number(value: float, form: str) -> str:
-        return "-" if math.isnan(value) else format(value, form)
-
     return COLUMNS.format(
         row.scene,
         row.law,

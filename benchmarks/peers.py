@@ -70,12 +70,10 @@ from benchmarks.run import (
     Case,
     References,
     Row,
-    append_row,
     case_named,
     line,
     listed,
     medians,
-    read_rows,
     selected,
 )
 from benchmarks.stability import Process, relative_error
@@ -689,13 +687,7 @@ def arguments() -> argparse.Namespace:
 def main() -> int:
     """Run what was asked for; exit code 1 if a peer that was asked has no load factor."""
     choice = arguments()
-
-    def record(row: Row) -> None:
-        if choice.csv:
-            append_row(choice.csv, row)
-
-    earlier = read_rows(choice.csv) if choice.csv and choice.csv.exists() else []
-    references = References(earlier, choice.time_out, record)
+    references = References.of_file(choice.csv, choice.time_out)
     rows = []
     print(HEAD)
     for case in selected(choice.only, listed(choice.elements, int)):
@@ -703,7 +695,7 @@ def main() -> int:
             for number in range(1, choice.repeat + 1):
                 task = Task(case.name, case.elements, peer, choice.time_out, number)
                 row = compared(run(task), case, references)
-                record(row)
+                references.record(row)
                 rows.append(row)
                 print(shown(row), flush=True)
                 if not row.seconds <= ONCE:

@@ -42,12 +42,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import scipy
 
-from benchmarks.stability import relative_error, wedge_factor
+from benchmarks.stability import number, relative_error, wedge_factor
 from fenics_contact import JointLaw, Scene, SolveOptions, limit_load
 from fenics_contact.certificate import TOLERANCES
 from fenics_contact.scene import METHODS
 from tests.regression.scenes import WALLS, arch_scene, wall_scene, wedge_scene
-from tests.system.program import environment, stop
+from tests.system.program import run_command
 
 #: References that are computed: the upper bound of the rigid-block programs; methods.
 PROGRAM, FIXED_POINT, AUTO = "program", "fixed-point", "auto"
@@ -402,23 +402,14 @@ def run(task: Task, time_out: float) -> Row:
         several = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(task.ranks)]
         line = several + line
     failed = task_row(case_named(task.case, task.elements), task)
-    with subprocess.Popen(
-        line,
-        env=environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            out, error = process.communicate(timeout=time_out)
-        except subprocess.TimeoutExpired:
-            stop(process)
-            return replace(failed, status="time-out")
-    rows = [line for line in out.splitlines() if line.startswith(MARK)]
-    if process.returncode == 0 and rows:
+    try:
+        done = run_command(line, Path.cwd(), time_out)
+    except subprocess.TimeoutExpired:
+        return replace(failed, status="time-out")
+    rows = [line for line in done.out.splitlines() if line.startswith(MARK)]
+    if done.code == 0 and rows:
         return Row(**json.loads(rows[-1].removeprefix(MARK)))
-    said = re.findall(r"^([\w.]+(?:Error|Exception)): (.*)", error, re.MULTILINE)
+    said = re.findall(r"^([\w.]+(?:Error|Exception)): (.*)", done.err, re.MULTILINE)
     if said:
         print(f"{task}: {said[-1][1]}", file=sys.stderr)
     return replace(failed, status=said[-1][0].split(".")[-1] if said else "crash")
@@ -435,15 +426,22 @@ class References:
         Args:
             rows: Earlier ones, whose references are taken over.
             time_out: Seconds for a run that computes a reference; 0 for none.
-            record: Is given the rows of such runs.
+            record: Is given the rows of such runs, and of others that go with them.
         """
         self.time_out = time_out
-        self.record = record
+        self.record = record or (lambda row: None)
         self.known: dict[tuple[str, int], tuple[float, str]] = {
             (row.case, row.elements): (row.reference, row.reference_kind)
             for row in rows
             if math.isfinite(row.reference)
         }
+
+    @classmethod
+    def of_file(cls, path: Path | None, time_out: float) -> References:
+        """Those of a file of rows, to which rows are added; without one they are not kept."""
+        if path is None:
+            return cls([], time_out)
+        return cls(read_rows(path) if path.exists() else [], time_out, partial(append_row, path))
 
     def of(self, case: Case) -> tuple[float, str]:
         """The reference of a case and its kind; nan and "none" if there is none."""
@@ -479,9 +477,8 @@ class References:
             if case.reference == PROGRAM:
                 value, kind = row.upper_bound, "rigid-block program"
             found = row.verified and math.isfinite(value)
-            if self.record:
-                known = {"reference": value, "reference_kind": kind} if found else {}
-                self.record(replace(row, **known))
+            known = {"reference": value, "reference_kind": kind} if found else {}
+            self.record(replace(row, **known))
             if found:
                 return value, kind
         return math.nan, "none"
@@ -519,10 +516,6 @@ HEAD = COLUMNS.format(
 
 def line(row: Row) -> str:
     """A row of the table."""
-
-    def number(value: float, form: str) -> str:
-        return "-" if math.isnan(value) else format(value, form)
-
     return COLUMNS.format(
         row.case,
         row.elements,
@@ -581,13 +574,7 @@ def main() -> int:
     for method in methods:
         for tolerance in tolerances:
             SolveOptions(method=method, tolerance=tolerance)
-
-    def record(row: Row) -> None:
-        if choice.csv:
-            append_row(choice.csv, row)
-
-    earlier = read_rows(choice.csv) if choice.csv and choice.csv.exists() else []
-    references = References(earlier, choice.time_out, record)
+    references = References.of_file(choice.csv, choice.time_out)
     rows = []
     print(HEAD)
     for case in chosen:
@@ -595,7 +582,7 @@ def main() -> int:
         ranks = listed(choice.ranks, int)
         for task in tasks(case, methods, tolerances, ranks, choice.repeat):
             row = references.compare(run(task, choice.time_out), case)
-            record(row)
+            references.record(row)
             rows.append(row)
             print(line(row), flush=True)
     print(f"\nmedians of verified runs\n{HEAD}")

@@ -760,10 +760,14 @@ class Process:
 COLUMNS = "{:38} {:11} {:13} {:>13} {:>13} {:>8} {:24} {:>5} {:>5} {:>6} {}"
 
 
+def number(value: float, form: str) -> str:
+    """A number in a table; a dash where there is none."""
+    return "-" if math.isnan(value) else format(value, form)
+
+
 def line(row: Row) -> str:
     """A row of the table."""
-    factor = "-" if math.isnan(row.load_factor) else f"{row.load_factor:.8g}"
-    error = "-" if math.isnan(row.error) else f"{row.error:.1e}"
+    factor, error = number(row.load_factor, ".8g"), number(row.error, ".1e")
     return COLUMNS.format(
         row.name,
         row.method,

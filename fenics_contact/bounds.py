@@ -15,6 +15,7 @@ and one shear force are enough, whatever the mesh.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,6 +29,8 @@ from fenics_contact.joints import GROUND, Joints
 from fenics_contact.rigid import RigidBodies
 
 Array = npt.NDArray[np.float64]
+
+_log = logging.getLogger("fenics_contact")
 
 #: Directions and offsets of faces on one line agree to this fraction.
 COLLINEAR = 1e-6
@@ -80,8 +83,8 @@ class LimitBounds:
 
     Attributes:
         lower: Frictionless, not below 0; None if the dead load needs friction to stand.
-        upper: Associative; infinite if nothing limits the load. (With the live load reversed, the
-            two change places and signs.)
+        upper: Associative; infinite if nothing limits the load, None if it is not known. (With the
+            live load reversed, the two change places and signs.)
         stands: Whether the dead load alone has an equilibrium with associative friction.
         stands_frictionless: Whether it has one without friction.
     """
@@ -101,6 +104,8 @@ class LimitBounds:
         )
 
     def __str__(self) -> str:
+        if self.lower is None and self.upper is None:
+            return "with unknown bounds"
         if self.lower is None:
             return f"at most {self.upper:.6g}"
         if self.upper is None:
@@ -122,8 +127,7 @@ class RigidBlocks:
         self._joints = joints
         self._bodies = bodies
         self._comm = comm
-        self._known: dict[bool, float | None] = {}
-        self._bounds: LimitBounds | None = None
+        self._known: dict[tuple[bool, bool], float | None] = {}
         force = np.abs(bodies.dead).max(initial=0.0) or joints.shear_strength.max(initial=0.0)
         self._force = float(force) or float(np.abs(bodies.live).max(initial=0.0)) or 1.0
         live = float(np.abs(bodies.live).max(initial=0.0))
@@ -138,7 +142,7 @@ class RigidBlocks:
         Returns:
             The load factor; infinite where nothing limits it, None where there is no equilibrium.
         """
-        return self._on_root(lambda: self._solve(self._faces(friction))[0])
+        return self._on_root(lambda: self._limit(friction))
 
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
         """Limit load and collapse mode with given friction at all joint points.
@@ -175,12 +179,14 @@ class RigidBlocks:
 
     def stands(self, friction: bool = True) -> bool:
         """Whether the dead load alone has an equilibrium."""
-        return self._on_root(lambda: self._stands(friction))
+        return self._on_root(lambda: self._limit(friction, dead_only=True)) is not None
 
-    def _stands(self, friction: bool) -> bool:
-        if friction not in self._known:
-            self._known[friction] = self._solve(self._faces(friction), dead_only=True)[0]
-        return self._known[friction] is not None
+    def _limit(self, friction: bool, dead_only: bool = False) -> float | None:
+        """Load factor of a program, solved once and on this rank alone."""
+        key = friction, dead_only
+        if key not in self._known:
+            self._known[key] = self._solve(self._faces(friction), dead_only)[0]
+        return self._known[key]
 
     def _faces(self, friction: bool) -> Faces:
         faces = straight_faces(self._joints, self._joints.shear_strength)
@@ -190,19 +196,28 @@ class RigidBlocks:
         return replace(faces, friction=none, strength=none)
 
     def bounds(self) -> LimitBounds:
-        """All bounds at once, solved on this rank alone, where and when they are shown."""
-        if self._bounds is None:
-            bare = self._stands(friction=False)
-            stands = bare or self._stands(friction=True)
-            upper = self._solve(self._faces(friction=True))[0] if stands else None
-            lower = self._solve(self._faces(friction=False))[0] if bare else None
-            self._bounds = LimitBounds(
-                lower=None if lower is None else max(lower, 0.0) + 0.0,
-                upper=np.inf if upper is None else upper + 0.0,
-                stands=stands,
-                stands_frictionless=bare,
-            )
-        return self._bounds
+        """All bounds at once, solved on this rank alone, where and when they are shown.
+
+        A program that fails leaves its bound unknown: by then there is a result to be shown.
+        """
+        bare = self._limit(friction=False, dead_only=True) is not None
+        stands = bare or self._limit(friction=True, dead_only=True) is not None
+        lower = self._shown(friction=False) if bare else None
+        upper = self._shown(friction=True) if stands else np.inf
+        return LimitBounds(
+            lower=None if lower is None else max(lower, 0.0) + 0.0,
+            upper=None if upper is None else upper + 0.0,
+            stands=stands,
+            stands_frictionless=bare,
+        )
+
+    def _shown(self, friction: bool) -> float | None:
+        """A load factor to be shown; None if the program fails."""
+        try:
+            return self._limit(friction)
+        except SolverError as error:
+            _log.warning("a bound on the load factor is not known: %s", error)
+            return None
 
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""

@@ -78,6 +78,7 @@ class Certificate:
             program's load factor, a static one, a lower bound on the limit load.
         static_factor: Load factor of the rigid-block program with the state's friction; or of the
             state, whose forces are a solution of that program, where the mode confirms it.
+        size: Load factor that differences of load factors are relative to.
     """
 
     residuals: Mapping[str, float]
@@ -85,6 +86,7 @@ class Certificate:
     worst_joint: WorstJoint | None = None
     kinematic_factor: float = float("nan")
     static_factor: float = float("nan")
+    size: float = 1.0
 
     @property
     def failures(self) -> dict[str, float]:
@@ -142,7 +144,7 @@ def certify(
         residuals["bracket"] = outside_bracket(state.load_factor, bounds, missed, factor)
     worst = None if points is None else worst_joint(problem, state, scales, points)
     kinematic = kinematic_factor(problem, state, mode)
-    return Certificate(residuals, missed, worst, kinematic, rigid_limit)
+    return Certificate(residuals, missed, worst, kinematic, rigid_limit, factor)
 
 
 def outside_bracket(load_factor: float, bounds: LimitBounds, missed: float, size: float) -> float:

@@ -70,7 +70,7 @@ SAFETY = 3.0
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
 #: Tolerance of a final monolithic state, and of its load factor, relative to the one asked for.
-FINAL_TOLERANCE, SETTLED = 1e-3, 1e-2
+FINAL_TOLERANCE, SETTLED = 1e-3, 1e-3
 
 #: Limits of both.
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
@@ -216,7 +216,13 @@ class CoulombFriction:
         self.attracting = attracting
 
     def solve(
-        self, start: State, bound: Array, work: float, warm: bool = False, growth: float = 0.0
+        self,
+        start: State,
+        bound: Array,
+        work: float,
+        warm: bool = False,
+        growth: float = 0.0,
+        follow: bool = True,
     ) -> tuple[PathPoint, FixedPointHistory]:
         """Iterate from a first bound.
 
@@ -226,6 +232,7 @@ class CoulombFriction:
             work: T.
             warm: Whether `start` is a state for a nearby bound and T.
             growth: By how much the load factor is expected to rise from that of `start`.
+            follow: Whether to look for a state next to a warm `start` first, as `go_on` does.
 
         Returns:
             The last state, and the history; see there whether it converged.
@@ -238,7 +245,7 @@ class CoulombFriction:
         coulomb = self.problem.max(self.problem.friction) > 0.0
         change, finish_at = (0.1 if warm else np.inf), FINISH_AT
         point: PathPoint | None = None
-        if warm and coulomb and self.monolithic:
+        if warm and follow and coulomb and self.monolithic:
             point = self._continue(start, work, growth, history)
             if point is not None:
                 return point, history

@@ -208,6 +208,30 @@ class _Best:
     steps: int
 
 
+@dataclass(frozen=True)
+class _Last:
+    """Load factor of the last iterate, its change, and the mean product."""
+
+    load_factor: float = np.inf
+    moved: float = 1.0
+    products: float = 1.0
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    """The equations next to a state, on the factor with this number.
+
+    `drive` is k_T (z1/s1 - z2/s2), `flexibility` f_L . A^-1 f_L.
+    """
+
+    state: State
+    factorization: int
+    run: _InteriorPoint
+    k_n: Array
+    drive: Array
+    flexibility: float
+
+
 class WorkControl:
     """Solves for states of one structure under prescribed work of the live load."""
 
@@ -226,6 +250,7 @@ class WorkControl:
         self._rest = problem.dead.duplicate()
         self._opening = problem.normal.createVecLeft()
         self._slip = problem.tangential.createVecLeft()
+        self._last: _Linearised | None = None
 
     def destroy(self) -> None:
         """Free the work vectors."""
@@ -258,7 +283,8 @@ class WorkControl:
             load_factor: If given, lambda is prescribed, not the work.
             settled: Change that the load factor may still make as the products go to zero,
                 relative.
-            growing: Whether Coulomb friction grows to its full size as the products fall.
+            growing: Whether Coulomb friction grows to its full size as the products fall; without
+                a given bound only.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -266,11 +292,10 @@ class WorkControl:
         Raises:
             SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
         """
-        run = _InteriorPoint(self, bound, work, scales, load_factor)
-        patience = PATIENCE if centring < 1.0 else COLD_PATIENCE
-        if bound is None and growing:
+        run = _InteriorPoint(self, bound, work, scales, load_factor, growing)
+        if growing:
             run.mobilise(centring)
-        best = run.converge(run.centred(start, centring), patience, tolerance, settled)
+        best = run.converge(run.centred(start, centring), centring >= 1.0, tolerance, settled)
         if not best.error <= max(tolerance, ACCEPTABLE):
             best.iterate.destroy()
             raise SolverError(
@@ -278,7 +303,8 @@ class WorkControl:
                 f" asked {tolerance:.1e}"
             )
         now = best.iterate
-        work = run.work if load_factor is None else self.problem.live.dot(now.u)
+        if load_factor is not None:
+            work = self.problem.live.dot(now.u)
         state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
         return PathPoint(state, run.bound(now), best.sizes, best.steps)
 
@@ -299,22 +325,16 @@ class WorkControl:
             scales: Typical sizes.
         """
         problem = self.problem
-        run = _InteriorPoint(self, bound, state.work, scales)
-        now = run.centred(state, MODE_CENTRING)
-        k_n, k_t, _ = run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
-        drive = k_t * (now.z1 / now.s1 - now.z2 / now.s2)
-        now.destroy()
-        live = problem.live
-        self.springs.solve(live, self._border)
-        flexibility = self._border.dot(live)
+        near = self._linearised(state, bound, scales)
 
         def change(bound_change: Array) -> Array:
             self._right.set(0.0)
-            run.add_joint_forces(self._right, np.zeros_like(drive), drive * bound_change)
+            shear = near.drive * bound_change
+            near.run.add_joint_forces(self._right, np.zeros_like(shear), shear)
             self.springs.solve(self._right, self._free)
-            self._free.axpy(-self._free.dot(live) / flexibility, self._border)
+            self._free.axpy(-self._free.dot(problem.live) / near.flexibility, self._border)
             problem.normal.mult(self._free, self._opening)
-            return -problem.friction * k_n * self._opening.array_r
+            return -problem.friction * near.k_n * self._opening.array_r
 
         values = _ritz_values(change, problem.friction * state.pressure, problem.sum)
         _log.info("  the fixed point's contraction: %s", np.round(values[:3], 4))
@@ -332,16 +352,29 @@ class WorkControl:
             du/dT, with f_L . du/dT = 1, and d lambda/dT. At the limit load the first is the
             collapse mode and the second zero.
         """
-        run = _InteriorPoint(self, bound, state.work, scales)
-        now = run.centred(state, MODE_CENTRING)
-        run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
-        now.destroy()
-        live = self.problem.live
-        self.springs.solve(live, self._border)
-        flexibility = self._border.dot(live)
+        flexibility = self._linearised(state, bound, scales).flexibility
         mode = self._border.copy()
         mode.scale(1.0 / flexibility)
         return mode, 1.0 / flexibility
+
+    def _linearised(self, state: State, bound: Array, scales: Scales) -> _Linearised:
+        """The equations next to a solution, factored, with A^-1 f_L in `_border`.
+
+        Asked for twice in a row they are factored once.
+        """
+        last, count = self._last, self.springs.factorizations
+        if last is not None and last.state is state and last.factorization == count:
+            return last
+        run = _InteriorPoint(self, bound, state.work, scales)
+        now = run.centred(state, MODE_CENTRING)
+        k_n, k_t, _ = run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
+        drive = k_t * (now.z1 / now.s1 - now.z2 / now.s2)
+        now.destroy()
+        self.springs.solve(self.problem.live, self._border)
+        flexibility = self._border.dot(self.problem.live)
+        factorization = self.springs.factorizations
+        self._last = _Linearised(state, factorization, run, k_n, drive, flexibility)
+        return self._last
 
 
 class _InteriorPoint:
@@ -354,6 +387,7 @@ class _InteriorPoint:
         work: float,
         scales: Scales,
         load_factor: float | None = None,
+        growing: bool = False,
     ) -> None:
         self.problem = problem = solver.problem
         self.springs = solver.springs
@@ -363,10 +397,12 @@ class _InteriorPoint:
         self.load_factor = load_factor
         self.scales = scales
         self._unit = scales.force * scales.displacement
-        #: Coulomb's coefficient where the bound follows the pressure, `mobile` times that of the
-        #: problem: less where it grows.
-        self.friction = problem.friction if bound is None else np.zeros_like(bound)
-        self.mobile = 1.0
+        #: Coulomb's coefficient where the bound follows the pressure: that of the problem, or
+        #: where it grows, the part `mobile` of it.
+        self.mobile = 0.0 if growing else 1.0
+        self.friction = np.zeros_like(problem.friction)
+        if bound is None:
+            self.friction = self.mobile * problem.friction
         #: Points that transmit shear; the others' shear stays zero and their slip is free.
         if bound is None:
             self.sticky = (problem.friction > 0.0) | (problem.strength > 0.0)
@@ -376,19 +412,19 @@ class _InteriorPoint:
         self.count = max(problem.sum(products), 1.0)
 
     def converge(
-        self, now: _Iterate, patience: int, tolerance: float, settled: float = np.inf
+        self, now: _Iterate, cold: bool, tolerance: float, settled: float = np.inf
     ) -> _Best:
         """Take steps until an iterate is good enough, or they no longer lead on.
 
         Args:
             now: First iterate, not to be used any more.
-            patience: Steps without progress after which the best iterate so far is returned.
+            cold: Whether it is far from a solution, so that more steps may go without progress.
             tolerance: As those of `WorkControl.solve`.
             settled: Likewise.
         """
-        best, last = _Best(now.copy(), {}, np.inf, 0), (np.inf, 1.0)
+        best, last = _Best(now.copy(), {}, np.inf, 0), _Last()
         best_step, errors = 0, []
-        window = COLD_SLOW_STEPS if patience == COLD_PATIENCE else SLOW_STEPS
+        patience, window = (COLD_PATIENCE, COLD_SLOW_STEPS) if cold else (PATIENCE, SLOW_STEPS)
         if self.load_factor is not None:  # slow close to the limit load, and no less a state
             window = MAX_STEPS
         for step in range(MAX_STEPS + 1):
@@ -404,14 +440,16 @@ class _InteriorPoint:
             errors.append(best.error)
             slow = step >= window and errors[step] > SLOW * errors[step - window]
             stalled = not np.isfinite(error) or slow or step - best_step >= patience
-            # The rest of the load factor's change is to the last one as the products are.
-            products = sizes["complementarity"]
-            rest = abs(now.load_factor - last[0]) * min(products / last[1], 1.0)
+            # The rest of the load factor's change is to the last one as that is to the one before,
+            # or as the products are.
+            products, moved = sizes["complementarity"], abs(now.load_factor - last.load_factor)
+            falls = max(products / last.products, moved / last.moved if last.moved else 0.0)
+            rest = moved * min(falls, 1.0)
             size = abs(now.load_factor) + ZERO_FACTOR * self.scales.load_factor
             rests = settled == np.inf or rest <= settled * size
             if (error <= tolerance and rests) or stalled or step == MAX_STEPS:
                 break
-            last = now.load_factor, products
+            last = _Last(now.load_factor, moved, products)
             try:
                 self.step(now, residual)
             except SolverError:
@@ -431,9 +469,8 @@ class _InteriorPoint:
         Returns:
             The change of the coefficient.
         """
-        before = self.friction if self.mobile < 1.0 else np.zeros_like(self.friction)
-        wanted = min((MOBILE_AT / products) ** MOBILE_POWER, 1.0)
-        self.mobile = wanted if self.mobile == 1.0 else max(self.mobile, wanted)
+        before = self.friction
+        self.mobile = max(self.mobile, min((MOBILE_AT / products) ** MOBILE_POWER, 1.0))
         self.friction = self.mobile * self.problem.friction
         return self.friction - before
 

@@ -109,11 +109,12 @@ class Collapse:
         """With the load factor's distance from its bracket in the certificate, and what follows."""
         if self.status != "limit" or self.certificate is None:
             return self
-        missed, gap = self.certificate.error_estimate, self.certificate.gap
-        size = missed / gap if gap else abs(self.load_factor) or 1.0
-        outside = outside_bracket(self.load_factor, self.bounds, missed, size)
-        residuals = {**self.certificate.residuals, "bracket": outside}
-        certificate = replace(self.certificate, residuals=residuals)
+        certificate = self.certificate
+        outside = outside_bracket(
+            self.load_factor, self.bounds, certificate.error_estimate, certificate.size
+        )
+        residuals = {**certificate.residuals, "bracket": outside}
+        certificate = replace(certificate, residuals=residuals)
         status = "limit" if certificate.passed else "not_converged"
         return replace(self, status=status, certificate=certificate)
 
@@ -188,7 +189,7 @@ class Search:
         self.monolithic = method in ("auto", "monolithic")
         self.patience = STRIDES_ALONG if self.monolithic else 0
         self.at_once = at_once and self.monolithic
-        self.part = 1.0
+        self.part = 1.0  # of a stride, as a power
         self.solver = new_solver(structure, problem, self.control, method)
         self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
@@ -239,33 +240,42 @@ class Search:
         Only where no state is verified yet, and none can be followed, is it iterated for afresh.
         """
         stride = self._stride(last)
+
+        def ahead(part: float, **how: bool) -> _Found | None:
+            ratio = min(last.ratio * stride**part, LAST_WORK)
+            return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound, **how)
+
         follow = last.history.converged and self.monolithic
         while follow and self.part >= SHORTEST_STRIDE:
-            ratio = min(last.ratio * stride**self.part, LAST_WORK)
-            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound, True)
+            found = ahead(self.part, iterate=False)
             if found is not None:
                 self.part = min(2.0 * self.part, 1.0)
                 return found
             self.part *= 0.5
-        if self.verified:
-            return None
-        ratio = min(last.ratio * stride, LAST_WORK)
-        return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
+        return None if self.verified else ahead(1.0, follow=not follow)
 
-    def at(self, ratio: float, start: State, bound: Array, follow: bool = False) -> _Found | None:
+    def at(
+        self,
+        ratio: float,
+        start: State,
+        bound: Array,
+        follow: bool = True,
+        iterate: bool = True,
+    ) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
         Args:
             ratio: T in units of the live load's work on the bonded structure.
             start: State to start from.
             bound: First g, where it is iterated for.
-            follow: Whether only a state next to `start` will do.
+            follow: Whether to look for a state next to `start`, unless that is the first.
+            iterate: Whether to iterate for one afresh if there is none.
         """
         work = ratio * self.per_ratio
         # Forces are judged by what the joints carry, which a locked structure lets grow.
-        growth = max(1.0, self.largest_factor / self.scales.load_factor)
+        larger = max(1.0, self.largest_factor / self.scales.load_factor)
         scales = replace(
-            self.scales, displacement=work / self.live_size, force=growth * self.scales.force
+            self.scales, displacement=work / self.live_size, force=larger * self.scales.force
         )
         friction = CoulombFriction(
             self.solver,
@@ -277,12 +287,11 @@ class Search:
             attracting=self.method == "auto",
         )
         try:
-            if follow:
-                point, history = friction.go_on(start, work, self._growth(work))
+            growth, warm = self._growth(work), bool(self.history)
+            if iterate:
+                point, history = friction.solve(start, bound, work, warm, growth, follow)
             else:
-                point, history = friction.solve(
-                    start, bound, work, bool(self.history), self._growth(work)
-                )
+                point, history = friction.go_on(start, work, growth)
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return None
@@ -345,7 +354,7 @@ class Search:
     @property
     def _no_upper(self) -> bool:
         """Whether associative friction does not limit the load."""
-        return self.problem.comm.bcast(self.blocks.bounds().upper == np.inf)
+        return self.blocks.limit() == np.inf
 
     @property
     def _unlimited(self) -> bool:

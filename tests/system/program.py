@@ -69,8 +69,12 @@ def run(arguments: Sequence[str | Path], folder: Path, ranks: int = 1) -> Run:
     return run_command(command(arguments, ranks), folder)
 
 
-def run_command(line: Sequence[str], folder: Path) -> Run:
-    """Run a command in a folder and the environment of the program."""
+def run_command(line: Sequence[str], folder: Path, time_out: float = TIMEOUT) -> Run:
+    """Run a command in a folder and the environment of the program.
+
+    Raises:
+        subprocess.TimeoutExpired: If it takes longer than `time_out` seconds; it is ended then.
+    """
     with subprocess.Popen(
         line,
         cwd=folder,
@@ -81,7 +85,7 @@ def run_command(line: Sequence[str], folder: Path) -> Run:
         text=True,
     ) as process:
         try:
-            out, err = process.communicate(timeout=TIMEOUT)
+            out, err = process.communicate(timeout=time_out)
         except subprocess.TimeoutExpired:
             stop(process)
             raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,7 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import JointLaw, OutputOptions, Scene, SolveOptions, limit_load
+from fenics_contact import (
+    JointLaw,
+    OutputOptions,
+    Scene,
+    SolveOptions,
+    SolverError,
+    limit_load,
+)
 from fenics_contact.bounds import RigidBlocks
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.plan import FIXED_POINT
@@ -145,6 +153,32 @@ def test_load_factor_outside_its_bracket_is_no_limit_load(monkeypatch, tmp_path)
     result.write(tmp_path)
     assert (result.status, result.positive.status) == ("not_converged", "not_converged")
     assert list(result.positive.certificate.failures) == ["bracket"]
+
+
+def test_bound_whose_program_fails_is_not_known(monkeypatch, tmp_path, caplog):
+    """The limit load has been found, and is written."""
+    result = limit_load(wall(coulomb(0.65), output=OutputOptions(paraview=False, pictures=False)))
+
+    def fails(*_args, **_options):
+        raise SolverError("no luck")
+
+    monkeypatch.setattr(RigidBlocks, "_solve", fails)
+    result.write(tmp_path)
+    assert result.status == "limit"
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["load_factor"] == result.load_factor
+    assert record["bounds"] == {"lower": None, "upper": None}
+    assert str(result.bounds) == "with unknown bounds"
+    assert "a bound on the load factor is not known: no luck" in caplog.text
+
+
+def test_state_is_linearised_once(monkeypatch):
+    """Whether it attracts the fixed point, and its mode, come from one factor."""
+    made = Calls(monkeypatch, SpringStiffness, "factor")
+    result = limit_load(wall(coulomb(0.65)))
+    steps = result.positive.history[0].steps[0].steps
+    assert len(result.positive.history) == 1
+    assert made.count == 1 + steps + 1  # bonded, the steps, the mode
 
 
 def test_mode_that_certifies_needs_no_program(monkeypatch):
