@@ -21,7 +21,7 @@ from fenics_contact.certificate import (
 from fenics_contact.continuation import LoadPath
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import PathPoint, Scales, State, WorkControl
+from fenics_contact.interior_point import ZERO_FACTOR, PathPoint, Scales, State, WorkControl
 from fenics_contact.problem import ContactProblem
 from fenics_contact.splitting import JointForces, SplittingHistory
 from fenics_contact.structure import Structure
@@ -39,8 +39,14 @@ WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
 #: The same for methods on joint forces, in units of the work at the upper bound.
 FIRST_JOINT_WORK = 30.0
 
-#: Where there is no state so far ahead the stride is halved, as a power, down to this.
+#: Where there is no state so far ahead the stride is halved, as a power, down to this; it is
+#: doubled again when it did twice in a row.
 SHORTEST_STRIDE = 0.125
+
+#: A state is taken for that of the collapse at a gap of this part of the tolerance: the gap is
+#: that of its own friction bound, and as this follows the load factor still changes by 10 to 40
+#: times as much.
+COLLAPSED = 1e-2
 
 #: Strides that may be taken along a state without a smaller gap.
 STRIDES_ALONG = 3
@@ -130,6 +136,7 @@ class _Found:
     history: FixedPointHistory
     bound: Array
     slope: float = 0.0  # d lambda/dT
+    rest: float = 0.0  # what lambda is still to change by, relative
 
     @property
     def state(self) -> State:
@@ -188,8 +195,9 @@ class Search:
         self.method = method
         self.monolithic = method in ("auto", "monolithic")
         self.patience = STRIDES_ALONG if self.monolithic else 0
+        self.gap_asked = self.options.tolerance * (COLLAPSED if self.monolithic else 1.0)
         self.at_once = at_once and self.monolithic
-        self.part = 1.0  # of a stride, as a power
+        self.part, self.kept = 1.0, True  # of a stride, as a power; whether the last one was
         self.solver = new_solver(structure, problem, self.control, method)
         self.best: _Found | None = None
         self.history: list[FixedPointHistory] = []
@@ -245,11 +253,14 @@ class Search:
             ratio = min(last.ratio * stride**part, LAST_WORK)
             return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound, **how)
 
-        follow = last.history.converged and self.monolithic
+        follow, first = last.history.converged and self.monolithic, self.part
         while follow and self.part >= SHORTEST_STRIDE:
             found = ahead(self.part, iterate=False)
             if found is not None:
-                self.part = min(2.0 * self.part, 1.0)
+                kept = self.part == first
+                if kept and self.kept:
+                    self.part = min(2.0 * self.part, 1.0)
+                self.kept = kept
                 return found
             self.part *= 0.5
         return None if self.verified else ahead(1.0, follow=not follow)
@@ -297,7 +308,8 @@ class Search:
             return None
         mode, slope, certificate = self._verify(point, scales)
         new_bound = self.problem.bound(point.state.pressure)
-        found = _Found(ratio, point, mode, certificate, history, new_bound, slope)
+        rest = self._rest(work, point.state.load_factor)
+        found = _Found(ratio, point, mode, certificate, history, new_bound, slope, rest)
         self.slope = slope
         self.history.append(history)
         self.path.append((work, point.state.load_factor))
@@ -307,7 +319,11 @@ class Search:
             point.state.load_factor,
             certificate.gap,
         )
-        if self.best is None or found.gap < self.best.gap or not self.best.history.converged:
+        if (
+            self.best is None
+            or found.gap < max(self.best.gap, self.gap_asked)
+            or not self.best.history.converged
+        ):
             self.best = found
         return found
 
@@ -375,7 +391,10 @@ class Search:
     def settled(self) -> bool:
         """Whether it is one to the tolerance asked for."""
         return (
-            self.best is not None and self.best.verified and self.best.gap <= self.options.tolerance
+            self.best is not None
+            and self.best.verified
+            and self.best.gap <= self.gap_asked
+            and self.best.rest <= self.options.tolerance
         )
 
     @property
@@ -401,6 +420,17 @@ class Search:
             first, low = self.path[-2]
             slope = (high - low) / (last - first)
         return max(slope * (work - last), 0.0)
+
+    def _rest(self, work: float, factor: float) -> float:
+        """What a load factor is still to change by if that falls like 1/T, relative.
+
+        Zero where there is none at less work to tell.
+        """
+        if not self.path or not self.path[-1][0] < work:
+            return 0.0
+        last, before = self.path[-1]
+        size = abs(factor) + ZERO_FACTOR * self.scales.load_factor
+        return abs(factor - before) / (work / last - 1.0) / size
 
     @property
     def growing(self) -> bool:
