@@ -556,11 +556,9 @@ class _InteriorPoint:
     def step(self, now: _Iterate, residual: _Residual) -> None:
         """One predictor-corrector step on one factor."""
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
-        if self.load_factor is None:
-            self.springs.solve(self.problem.live, self.workspace._border)
         here = self._products(now)
         y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
-        affine = self._direction(now, residual, springs, -y * r, -s1 * z1, -s2 * z2)
+        affine = self._direction(now, residual, springs, -y * r, -s1 * z1, -s2 * z2, first=True)
         ahead = now.copy()
         ahead.move(self._length(now, affine), affine)
         target = here / self.count * max(self._products(ahead) / here, 0.0) ** 3
@@ -585,8 +583,12 @@ class _InteriorPoint:
         c_n: Array,
         c_1: Array,
         c_2: Array,
+        first: bool = False,
     ) -> _Iterate:
-        """Newton direction towards products changed by c_n, c_1, c_2 (module docstring)."""
+        """Newton direction towards products changed by c_n, c_1, c_2 (module docstring).
+
+        The first one on a factor finds A^-1 f_L too.
+        """
         k_n, k_t, q = springs
         right, free, border = self.workspace._right, self.workspace._free, self.workspace._border
         residual.equilibrium.copy(right)
@@ -594,10 +596,13 @@ class _InteriorPoint:
         push = c_n / now.y + k_n * residual.opening
         drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
         self.add_joint_forces(right, push, k_t * drive + q * push)
-        self.springs.solve(right, free)
+        live = self.problem.live
+        if first and self.load_factor is None:
+            self.springs.solve_pair((right, live), (free, border))
+        else:
+            self.springs.solve(right, free)
         u, load_factor = free.copy(), 0.0
         if self.load_factor is None:
-            live = self.problem.live
             load_factor = (-residual.work - free.dot(live)) / border.dot(live)
             u.axpy(load_factor, border)
         opening, slip = self._joint_displacements(u)

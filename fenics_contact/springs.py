@@ -44,6 +44,7 @@ class SpringStiffness:
         self._coupling = tangential[:, :, None] * normal[:, None, :]
         self._elastic = self._with_spring_pattern(stiffness)
         self._factors: dict[str, tuple[PETSc.Mat, PETSc.KSP]] = {}
+        self._pair: tuple[PETSc.Mat, ...] = ()
         self._current = ""
         diagonal = stiffness.getDiagonal()
         self.mean_diagonal = diagonal.sum() / diagonal.getSize()
@@ -83,10 +84,30 @@ class SpringStiffness:
         """Solve A x = b with the last factor."""
         self._factors[self._current][1].solve(right, solution)
 
+    def solve_pair(
+        self, rights: tuple[PETSc.Vec, PETSc.Vec], solutions: tuple[PETSc.Vec, PETSc.Vec]
+    ) -> None:
+        """Solve A x = b for two b at once, which reads the factor only once."""
+        if not self._pair:
+            (rows, _), comm = self._elastic.getSizes(), self._elastic.comm
+            columns = (2 if comm.rank == 0 else 0, 2)
+            self._pair = tuple(PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
+            for matrix in self._pair:
+                matrix.setUp()
+                matrix.assemble()
+        right, solution = self._pair
+        for column, vector in enumerate(rights):
+            right.getDenseArray()[:, column] = vector.array_r
+        self._factors[self._current][1].getPC().getFactorMatrix().matSolve(right, solution)
+        for column, vector in enumerate(solutions):
+            vector.array[:] = solution.getDenseArray()[:, column]
+
     def destroy(self) -> None:
         """Free the matrices and factors, which PETSc would otherwise keep for long."""
         for kind in list(self._factors):
             self._drop(kind)
+        for matrix in self._pair:
+            matrix.destroy()
         self._elastic.destroy()
 
     def _drop(self, kind: str) -> None:

@@ -327,7 +327,7 @@ def test_buttress_holds_its_wall_on_one_side_only(friction):
     for end in (result.positive, result.negative):
         assert end.status == "limit"
         assert end.certificate.passed
-        slack = 1e-9 * abs(end.load_factor)
+        slack = 1e-8 * abs(end.load_factor)  # digits that springs leave, whatever the BLAS
         assert end.bounds.lower - slack <= end.load_factor <= end.bounds.upper + slack
     assert result.load_factor_negative == pytest.approx(-1.0 / 3.0, rel=1e-6)
     assert result.load_factor > 0.36

@@ -125,7 +125,7 @@ def joints_of(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     part = piece(folder / "joints.vtu")
     values, points = arrays(part.find("PointData")), arrays(part.find("Points"))["points"]
     # The lowest point of a joint between two blocks is at that height too.
-    return values, (points[:, 1] == 0.0) & (np.abs(values["normal"][:, 1]) > 0.5)
+    return values, (np.abs(points[:, 1]) < 1e-12) & (np.abs(values["normal"][:, 1]) > 0.5)
 
 
 def at(record: dict[str, Any], key: str) -> Any:

@@ -30,7 +30,7 @@ REACHED = {
 TOO_MUCH = {
     "free variables and a fixed one": ("gpcg",),
     "singular": ("bnls", "bntr", "vinewtonrsls"),
-    "singular, free variables": ("gpcg", "bqpip"),
+    "singular, free variables": ("bntr", "gpcg", "bqpip"),
 }
 
 #: Back ends that a start far outside the bounds may throw off.
