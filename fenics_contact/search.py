@@ -483,6 +483,9 @@ class Search:
             )
         if status == "not_converged":
             _log.warning("not verified: %s", found.certificate.failures or "not converged")
+        known = max(found.gap, found.rest)
+        if status == "limit" and known > self.options.tolerance:
+            _log.warning("the load factor is known to %.1e, not to the tolerance asked", known)
         return Collapse(
             status,
             np.inf if status == "unbounded" else found.state.load_factor,
