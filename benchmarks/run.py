@@ -352,7 +352,7 @@ def peak_memory(scene: Scene) -> float:
 
 
 def versions() -> str:
-    """Of this package and what it stands on; MUMPS as far as its library's name says it."""
+    """Of this package and what it stands on; MUMPS and BLAS as far as their libraries say it."""
     import dolfinx
     from petsc4py import PETSc
 
@@ -361,11 +361,13 @@ def versions() -> str:
     maps = Path("/proc/self/maps")
     libraries = maps.read_text() if maps.exists() else ""
     mumps = re.search(r"libdmumps[^/\s]*?-([0-9.]*[0-9])\.so", libraries)
+    blas = re.search(r"([\w-]+)/libblas\.so", libraries)
     known = {
         "fenics_contact": __version__,
         "dolfinx": dolfinx.__version__,
         "PETSc": ".".join(map(str, PETSc.Sys.getVersion())),
         "MUMPS": mumps[1] if mumps else "",
+        "BLAS": blas[1] if blas else "",
         "scipy": scipy.__version__,
         "numpy": np.__version__,
         "Python": platform.python_version(),
