@@ -335,8 +335,8 @@ class Search:
         """
 
         def certified(mode: PETSc.Vec, limit: float) -> Certificate:
-            points = self.structure.operators.points
-            return certify(self.problem, point.state, mode, scales, None, limit, points)
+            points, tolerance = self.structure.operators.points, self.options.tolerance
+            return certify(self.problem, point.state, mode, scales, None, limit, points, tolerance)
 
         mode: PETSc.Vec | None = None
         slope, rigid_limit = 0.0, np.nan
@@ -483,9 +483,8 @@ class Search:
             )
         if status == "not_converged":
             _log.warning("not verified: %s", found.certificate.failures or "not converged")
-        known = max(found.gap, found.rest)
-        if status == "limit" and known > self.options.tolerance:
-            _log.warning("the load factor is known to %.1e, not to the tolerance asked", known)
+        elif status == "limit" and found.gap > self.options.tolerance:
+            _log.warning("the load factor is known to %.1e, not to the tolerance asked", found.gap)
         return Collapse(
             status,
             np.inf if status == "unbounded" else found.state.load_factor,
