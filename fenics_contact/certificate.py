@@ -40,8 +40,8 @@ TOLERANCES: Mapping[str, float] = {
     "mode_elastic": 1e-4,
     "mode_power": 1e-4,
     # Of the state's own friction bound: as the bound follows, the load factor may still change by
-    # 10 to 1 000 times as much. A larger one counts where a larger tolerance is asked for.
-    "limit": 1e-6,
+    # 10 to 1 000 times as much. A larger gap counts where a larger tolerance is asked for.
+    "limit": 3e-6,
     "bracket": 1e-6,
 }
 

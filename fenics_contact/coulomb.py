@@ -62,7 +62,8 @@ FINISH_NEAR = 5.0
 #: Contractions closer to one than this count as this in the estimate of the error.
 SLOWEST = 0.999
 
-#: Secants see the slowest direction among others: what they promise is multiplied by this.
+#: The slowest direction hides among others: what secants and last changes promise is multiplied by
+#: this.
 SAFETY = 3.0
 
 
@@ -169,12 +170,25 @@ class FixedPointHistory:
 
     @property
     def error(self) -> float:
-        """Estimate of the error of the load factor from its last changes."""
-        factors = [step.load_factor for step in self.steps[-4:]]
-        if len(factors) < 2:
+        """Estimate of the error of the load factor from its last changes.
+
+        Where these keep their sign they are a series of their own: what creeps may be hidden in
+        the bound by what converges faster.
+        """
+        steps = self.steps[-4:]
+        changes = np.diff([step.load_factor for step in steps])
+        if len(changes) == 0:
             return np.inf
-        last = float(np.abs(np.diff(factors)).max())
-        return last * self.series if len(factors) > 2 else last
+        last = float(np.abs(changes).max())
+        if len(changes) == 1:
+            return last
+        creeps = 0.0
+        if np.all(changes > 0.0) or np.all(changes < 0.0):
+            omega = np.array([step.relaxation for step in steps[:-1]])
+            rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
+            secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
+            creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
+        return max(last * self.series, SAFETY * creeps)
 
 
 class CoulombFriction:
