@@ -33,7 +33,7 @@ rigid-lp and gilbert need scipy alone. The others, on Debian 12 (calculix-ccx 2.
 
     apt-get install --no-install-recommends calculix-ccx python3-siconos
 
-Siconos brings OpenBLAS, which then becomes the BLAS of all programs unless another one has been
+Siconos brings OpenBLAS with threads, which becomes the BLAS of all programs unless another one is
 chosen by `update-alternatives --config libblas.so.3-x86_64-linux-gnu` (liblapack.so.3 likewise):
 times taken before and after do not compare.
 """

@@ -319,13 +319,17 @@ class Search:
             point.state.load_factor,
             certificate.gap,
         )
-        if (
-            self.best is None
-            or found.gap < max(self.best.gap, self.gap_asked)
-            or not self.best.history.converged
-        ):
+        if self.best is None or self._better(found, self.best):
             self.best = found
         return found
+
+    def _better(self, found: _Found, best: _Found) -> bool:
+        """Whether a state is to be reported rather than one found before."""
+        if not best.history.converged:
+            return True
+        if best.verified and not found.verified:  # more work costs digits
+            return False
+        return found.gap < max(best.gap, self.gap_asked)
 
     def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, float, Certificate]:
         """The collapse mode of a state, d lambda/dT along it, and the state's certificate.

@@ -524,3 +524,13 @@ def test_static_factor_is_that_of_the_program(collapse):
     assert certificate.static_factor == 0.25
     missed = abs(0.25 - collapse.state.load_factor)
     assert certificate.error_estimate == pytest.approx(missed, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("gap", "tolerance", "passed"),
+    [(1e-6, 1e-6, True), (1e-5, 1e-6, False), (1e-5, 1e-4, True), (1e-3, 1e-4, False)],
+)
+def test_gap_counts_from_the_tolerance_asked_for(gap, tolerance, passed):
+    certificate = Certificate({"limit": gap, "work": 0.0}, gap, tolerance=tolerance)
+    assert certificate.passed is passed
+    assert list(certificate.failures) == ([] if passed else ["limit"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,13 @@ from fenics_contact.coulomb import FixedPointStep
 from fenics_contact.interior_point import Scales
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.scene import CONTROLS, DIRECTIONS, METHODS, SLIPS, STATES
-from fenics_contact.search import FIRST_JOINT_WORK, FIRST_WORK, CollapseState, first_work
+from fenics_contact.search import (
+    FIRST_JOINT_WORK,
+    FIRST_WORK,
+    CollapseState,
+    Search,
+    first_work,
+)
 from tests.helpers import GRAVITY, STONE, Drawing, coulomb, mesh_of, on_ground, tresca
 from tests.regression.scenes import wedge_scene
 
@@ -323,3 +330,33 @@ def test_monitor_is_told_the_steps_of_both_directions(control):
         last = [step for history in end.history for step in history.steps]
         assert mine[-len(last) :] == last
         assert (len(mine) > len(last)) == (control == "load")
+
+
+@pytest.mark.parametrize(
+    ("before", "expected"),
+    [([], 0.0), ([(4.0, 0.9)], 0.0), ([(1.0, 0.9)], 0.1), ([(0.5, 1.1)], 0.1 / 3.0)],
+)
+def test_rest_of_a_load_factor_that_falls_like_one_over_the_work(before, expected):
+    """lambda = 1 +- c/T: what is missing at T = 2 follows from the state before."""
+    search = SimpleNamespace(path=before, scales=Scales(1.0, 1.0, 0.0))
+    assert Search._rest(search, 2.0, 1.0) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("found", "best", "expected"),
+    [
+        ((1e-9, True), (1e-12, True), True),  # both small enough: the one at more work
+        ((1e-7, True), (1e-6, True), True),
+        ((1e-6, True), (1e-7, True), False),
+        ((1e-12, False), (1e-6, True), False),  # digits lost
+        ((1e-7, True), (1e-9, False), False),
+        ((1e-7, False), (1e-6, False), True),
+    ],
+)
+def test_state_to_be_reported(found, best, expected):
+    def state(gap: float, verified: bool) -> SimpleNamespace:
+        converged = SimpleNamespace(converged=True)
+        return SimpleNamespace(gap=gap, verified=verified, history=converged)
+
+    search = SimpleNamespace(gap_asked=1e-8)
+    assert Search._better(search, state(*found), state(*best)) is expected

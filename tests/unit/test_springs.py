@@ -198,3 +198,22 @@ def test_bonded_structure_hardly_opens(structure):
     pressure = structure.all_points(bonded.live_pressure)
     expected = np.maximum(-stiff * (b_n @ response), 0.0)
     assert pressure == pytest.approx(expected, abs=1e-8 * expected.max())
+
+
+def test_two_right_hand_sides_at_once(structure):
+    springs = structure.springs
+    springs.factor(*random_springs(structure, 5))
+    size = structure.problem.live.getSize()
+    rights = tuple(
+        vector_like(structure.problem.live, np.random.default_rng(k).normal(size=size))
+        for k in (1, 2)
+    )
+    apart = [right.duplicate() for right in rights]
+    for right, solution in zip(rights, apart, strict=True):
+        springs.solve(right, solution)
+    for _ in range(2):  # the second time in the same matrices
+        together = rights[0].duplicate(), rights[1].duplicate()
+        springs.solve_pair(rights, together)
+        for one, other in zip(apart, together, strict=True):
+            assert one.norm() > 0.0
+            assert other.array == pytest.approx(one.array, rel=1e-9, abs=1e-12 * one.norm())
