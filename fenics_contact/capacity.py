@@ -10,7 +10,8 @@ from petsc4py import PETSc
 
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import Scales, State, WorkControl
+from fenics_contact.interior_point import WorkControl
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import SpringStiffness
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.bounds import LimitBounds
-from fenics_contact.interior_point import Scales, State
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]

@@ -18,7 +18,7 @@ from petsc4py import PETSc
 
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import Scales, State
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]

@@ -16,14 +16,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import ACCEPTABLE, PathPoint, Scales, State, WorkControl
+from fenics_contact.interior_point import ACCEPTABLE, PathPoint, WorkControl
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import SpringStiffness
 
@@ -268,6 +269,10 @@ class CoulombFriction:
             point = self._monolithic(start, work, 1.0, anywhere, history, self.attracting)
             if point is not None and not (self.attracting and self._repels(point)):
                 return point, history
+            if point is None:
+                point = self._follow(start, work, anywhere, history)
+                if point is not None:
+                    return point, history
             point = None
         for _ in range(MAX_ITERATIONS):
             try:
@@ -302,15 +307,29 @@ class CoulombFriction:
         return point, history
 
     def go_on(
-        self, start: State, work: float, growth: float = 0.0
+        self,
+        start: State,
+        work: float,
+        growth: float = 0.0,
+        afresh: State | None = None,
     ) -> tuple[PathPoint, FixedPointHistory]:
-        """Follow a converged state to a larger T, without iterating afresh if that fails.
+        """Follow a converged state to a larger T, without iterating for one if that fails.
+
+        Args:
+            start: The state, moved to T.
+            work: T.
+            growth: By how much the load factor is expected to rise from that of `start`.
+            afresh: If given, the central path is followed from here where that fails; the state
+                at its end counts if it is near `start` too.
 
         Raises:
             SolverError: If there is no state next to it.
         """
         history = FixedPointHistory()
         point = self._continue(start, work, growth, history) if self.monolithic else None
+        if point is None and self.monolithic and afresh is not None:
+            afresh = replace(afresh, load_factor=start.load_factor)
+            point = self._follow(afresh, work, self._near(start, growth), history)
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -363,13 +382,18 @@ class CoulombFriction:
         self, start: State, work: float, growth: float, history: FixedPointHistory
     ) -> PathPoint | None:
         """The monolithic state next to one at a smaller T, if there is one."""
-        near = CONTINUE_NEAR * (abs(start.load_factor) + growth)
+        allowed = self._near(start, growth)
         rising = growth > RISING * abs(start.load_factor)
         for centring in (*CONTINUE_CENTRINGS, *(RISING_CENTRING,) * rising):
-            found = self._monolithic(start, work, centring, (near, near + RISES * growth), history)
+            found = self._monolithic(start, work, centring, allowed, history)
             if found is not None:
                 return found
         return None
+
+    def _near(self, start: State, growth: float) -> tuple[float, float]:
+        """How far the load factor may fall and rise from that of a state at a smaller T."""
+        near = CONTINUE_NEAR * (abs(start.load_factor) + growth)
+        return near, near + RISES * growth
 
     def _finish(
         self, point: PathPoint, work: float, history: FixedPointHistory
@@ -393,12 +417,11 @@ class CoulombFriction:
         growing: bool = False,
     ) -> PathPoint | None:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
-        before = self.control.springs.factorizations
         # Where the load factor is given, nothing but the displacements tells how near the limit is.
         tolerance = self.final if self.load_factor is None else TOLERANCE_RANGE[0]
-        settled = SETTLED * self.tolerance
-        try:
-            found = self._interior.solve(
+
+        def solve() -> PathPoint:
+            return self._interior.solve(
                 None,
                 work,
                 start,
@@ -406,19 +429,47 @@ class CoulombFriction:
                 centring,
                 tolerance,
                 self.load_factor,
-                settled,
+                SETTLED * self.tolerance,
                 growing,
             )
+
+        return self._taken(solve, "monolithic step", start.load_factor, allowed, history)
+
+    def _follow(
+        self, start: State, work: float, allowed: tuple[float, float], history: FixedPointHistory
+    ) -> PathPoint | None:
+        """The same along the central path past its folds; only under work control."""
+        if self.load_factor is not None:
+            return None
+
+        def solve() -> PathPoint:
+            settled = SETTLED * self.tolerance
+            return self._interior.follow(work, start, self.scales, self.final, settled)
+
+        return self._taken(solve, "central path", start.load_factor, allowed, history)
+
+    def _taken(
+        self,
+        solve: Callable[[], PathPoint],
+        name: str,
+        before: float,
+        allowed: tuple[float, float],
+        history: FixedPointHistory,
+    ) -> PathPoint | None:
+        """The state that a solver with the bound in its equations finds, if it is as allowed."""
+        spent = self.control.springs.factorizations
+        try:
+            found = solve()
         except SolverError as error:
-            _log.info("  monolithic step not used: %s", error)
+            _log.info("  %s not used: %s", name, error)
             return None
         factor = found.state.load_factor
-        rise = factor - start.load_factor if self.load_factor is None else 0.0
+        rise = factor - before if self.load_factor is None else 0.0
         if not -allowed[0] <= rise <= allowed[1]:
-            _log.info("  monolithic step not used: it ends elsewhere, at %.6g", factor)
+            _log.info("  %s not used: it ends elsewhere, at %.6g", name, factor)
             found.state.destroy()
             return None
-        steps = self.control.springs.factorizations - before
+        steps = self.control.springs.factorizations - spent
         history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))
         history.method, history.converged = "monolithic", True
         self._report(history)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.interior_point import State
+from fenics_contact.path_equations import State
 from fenics_contact.structure import Structure
 
 Array = npt.NDArray[np.float64]

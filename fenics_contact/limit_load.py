@@ -19,7 +19,8 @@ from fenics_contact.capacity import CapacityPoint, capacity_curve
 from fenics_contact.continuation import LoadPath, follow_load
 from fenics_contact.coulomb import CoulombFriction, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import Scales, State, WorkControl
+from fenics_contact.interior_point import WorkControl
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.plan import Plan
 from fenics_contact.problem import ContactProblem
 from fenics_contact.scene import Scene

@@ -21,7 +21,8 @@ from fenics_contact.certificate import (
 from fenics_contact.continuation import LoadPath
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import ZERO_FACTOR, PathPoint, Scales, State, WorkControl
+from fenics_contact.interior_point import ZERO_FACTOR, PathPoint, WorkControl
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.splitting import JointForces, SplittingHistory
 from fenics_contact.structure import Structure
@@ -207,6 +208,7 @@ class Search:
     def run(self, start: State, bound: Array) -> Collapse:
         """Look for a verified collapse state at more work, then at less."""
         first_ratio = start.work / self.per_ratio
+        self.start = start  # where a path that is followed afresh begins
         first = self.at(first_ratio, start, bound)
         if not self.settled and self._unlimited:
             return self.result("unbounded")
@@ -255,7 +257,7 @@ class Search:
 
         follow, first = last.history.converged and self.monolithic, self.part
         while follow and self.part >= SHORTEST_STRIDE:
-            found = ahead(self.part, iterate=False)
+            found = ahead(self.part, iterate=False, afresh=self.part == 1.0)
             if found is not None:
                 kept = self.part == first
                 if kept and self.kept:
@@ -272,6 +274,7 @@ class Search:
         bound: Array,
         follow: bool = True,
         iterate: bool = True,
+        afresh: bool = False,
     ) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
@@ -280,7 +283,8 @@ class Search:
             start: State to start from.
             bound: First g, where it is iterated for.
             follow: Whether to look for a state next to `start`, unless that is the first.
-            iterate: Whether to iterate for one afresh if there is none.
+            iterate: Whether to iterate for one if there is none.
+            afresh: Whether else to follow the central path from where the search began.
         """
         work = ratio * self.per_ratio
         # Forces are judged by what the joints carry, which a locked structure lets grow.
@@ -302,7 +306,8 @@ class Search:
             if iterate:
                 point, history = friction.solve(start, bound, work, warm, growth, follow)
             else:
-                point, history = friction.go_on(start, work, growth)
+                beginning = self._beginning(work) if afresh else None
+                point, history = friction.go_on(start, work, growth, beginning)
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return None
@@ -453,6 +458,12 @@ class Search:
             strained = self.problem.strained(found.mode)
             strained.aypx(work - found.state.work, found.state.strained)
         return replace(found.state, displacement=displacement, work=work, strained=strained)
+
+    def _beginning(self, work: float) -> State:
+        """Where the search began, scaled to another T."""
+        displacement = self.start.displacement.copy()
+        displacement.scale(work / self.start.work)
+        return replace(self.start, displacement=displacement, work=work, strained=None)
 
     def _onset(self, found: _Found) -> State:
         """A state moved back along its mode to where the collapse began.

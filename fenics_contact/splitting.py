@@ -30,9 +30,10 @@ from petsc4py import PETSc
 from fenics_contact.bound_qp import BoundQP, BoundQPOptions
 from fenics_contact.certificate import state_residuals
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import PathPoint, Scales, State
+from fenics_contact.interior_point import PathPoint
 from fenics_contact.joint_operator import JointOperator
 from fenics_contact.joints import JointOperators
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import SpringStiffness
 

@@ -80,6 +80,14 @@ class SpringStiffness:
             self._drop(self._current)
             raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
 
+    @property
+    def determinant_sign(self) -> float:
+        """Sign of the determinant of the last A with coupling; without, A is positive definite."""
+        if self._current != PETSc.PC.Type.LU:
+            return 1.0
+        factor = self._factors[self._current][1].getPC().getFactorMatrix()
+        return float(np.sign(factor.getMumpsRinfog(12)))
+
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solve A x = b with the last factor."""
         self._factors[self._current][1].solve(right, solution)
@@ -131,6 +139,7 @@ class SpringStiffness:
             factor = preconditioner.getFactorMatrix()
             factor.setMumpsIcntl(6, 0)
             factor.setMumpsCntl(1, 0.0)
+            factor.setMumpsIcntl(33, 1)  # the determinant
         return matrix, solver
 
     def _add(

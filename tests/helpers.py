@@ -12,10 +12,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
-from fenics_contact.interior_point import Scales, State
 from fenics_contact.limit_load import typical_sizes
 from fenics_contact.mesh import GmshMesh
 from fenics_contact.meshing import model_from_arrays
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.structure import Bonded, Structure
 
 Array = npt.NDArray[np.float64]

@@ -18,8 +18,9 @@ from fenics_contact.certificate import (
     worst_joint,
 )
 from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.interior_point import Scales, State, WorkControl
+from fenics_contact.interior_point import WorkControl
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.path_equations import Scales, State
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import (
     Array,

@@ -16,8 +16,9 @@ from fenics_contact.coulomb import (
     FixedPointStep,
     _Relaxation,
 )
-from fenics_contact.interior_point import PathPoint, State, WorkControl
+from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.path_equations import State
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import Loaded, coulomb, on_ground, tresca, whole
 

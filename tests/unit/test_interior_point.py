@@ -9,8 +9,9 @@ import pytest
 
 from fenics_contact import JointLaw, Load, Scene, SolverError
 from fenics_contact.bounds import RigidBlocks
-from fenics_contact.interior_point import State, WorkControl
+from fenics_contact.interior_point import WorkControl
 from fenics_contact.meshing import polygons, running_bond, wall
+from fenics_contact.path_equations import State
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import (
     GRAVITY,

@@ -11,8 +11,8 @@ import pytest
 from fenics_contact import InputError, LimitLoad, Load, Scene, SolveOptions, limit_load
 from fenics_contact.bounds import LimitBounds
 from fenics_contact.coulomb import FixedPointStep
-from fenics_contact.interior_point import Scales
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.path_equations import Scales
 from fenics_contact.scene import CONTROLS, DIRECTIONS, METHODS, SLIPS, STATES
 from fenics_contact.search import (
     FIRST_JOINT_WORK,

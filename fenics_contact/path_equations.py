@@ -1,0 +1,369 @@
+"""The equations of one state under work control, as Newton's method sees them.
+
+Prescribe the work of the live load, f_L.u = T; its multiplier is the load factor. With given
+friction g this is a convex problem,
+
+    min 1/2 u.Ku - f_D.u + g.|B_T u|   subject to   B_N u >= 0,   f_L.u = T;
+
+with Coulomb friction, g = F r_N, only its optimality conditions remain. With slacks y = B_N u,
+s1 = g - r_T, s2 = g + r_T and slip split as B_T u = -z1 + z2 they are
+
+    K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   f_L.u = T,
+    y r_N = mu,   s1 z1 = mu,   s2 z2 = mu,   all six >= 0,
+
+with products mu = 0. The solutions for mu > 0 are the central path. Eliminating all but
+(u, lambda), every Newton step is an elastic solve in which the joints are springs, bordered by
+f_L:
+
+    k_N = r_N / y,    k_T = 1 / (z1/s1 + z2/s2),    coupling  q k_N,  q = F k_T (z1/s1 - z2/s2),
+
+the coupling with Coulomb friction only.
+
+The motion of a mechanism may be so much larger than what strains the blocks that u has no digits
+left for K u. So the part of u without rigid motions of blocks is summed up step by step for itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from fenics_contact.problem import ContactProblem
+from fenics_contact.springs import SpringStiffness
+
+Array = npt.NDArray[np.float64]
+
+#: Largest spring, in units of the mean diagonal of K; larger ones would cancel digits.
+LARGEST_SPRING = 1e10
+
+#: Springs that resist the steps, not the slip, of points that transmit no shear, in units of force
+#: over displacement: without them blocks on frictionless joints would have no stiffness.
+PROXIMAL_SPRING = 1e-8
+
+#: Bisections that leave an interval of the logarithm of 1e-15 of its length.
+BISECTIONS = 50
+
+#: Points whose bound is below this fraction of the typical force transmit no shear.
+NO_FRICTION = 1e-12
+
+#: Friction that grows is (mean product / the first)^-(the second) of what it is, at most all.
+MOBILE_AT, MOBILE_POWER = 1e-3, 0.1
+
+#: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
+#: still move; it recovers as they come to rest.
+EQUILIBRIUM_WEIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical sizes, so that no tolerance depends on units.
+
+    Attributes:
+        displacement: m.
+        force: Nodal joint force, N/m.
+        load_factor: Typical load factor.
+    """
+
+    displacement: float
+    force: float
+    load_factor: float
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacements and joint forces of a structure under work control.
+
+    Attributes:
+        displacement: u, in the supports' coordinates.
+        load_factor: lambda.
+        pressure: r_N at this rank's points, N/m.
+        shear: r_T, likewise.
+        work: T = f_L . u.
+        strained: u without rigid motions of blocks, if more digits of it are known than u holds.
+    """
+
+    displacement: PETSc.Vec
+    load_factor: float
+    pressure: Array
+    shear: Array
+    work: float
+    strained: PETSc.Vec | None = None
+
+    def destroy(self) -> None:
+        """Free the vectors."""
+        self.displacement.destroy()
+        if self.strained is not None:
+            self.strained.destroy()
+
+
+@dataclass
+class Iterate:
+    """Variables of the interior point method, or a direction in their space.
+
+    `strained` is u without rigid motions of blocks, with digits that u itself has lost.
+    """
+
+    u: PETSc.Vec
+    strained: PETSc.Vec
+    load_factor: float
+    y: Array
+    pressure: Array
+    shear: Array
+    s1: Array
+    s2: Array
+    z1: Array
+    z2: Array
+
+    def move(self, length: float, direction: Iterate) -> None:
+        """Take a step along a direction."""
+        self.u.axpy(length, direction.u)
+        self.strained.axpy(length, direction.strained)
+        for field in fields(self)[2:]:
+            here, there = getattr(self, field.name), getattr(direction, field.name)
+            setattr(self, field.name, here + length * there)
+
+    def copy(self) -> Iterate:
+        """A copy with arrays of its own."""
+        rest = (getattr(self, field.name) for field in fields(self)[3:])
+        vectors = self.u.copy(), self.strained.copy()
+        return Iterate(*vectors, self.load_factor, *(array.copy() for array in rest))
+
+    def destroy(self) -> None:
+        """Free the vectors, which PETSc would otherwise keep for long."""
+        self.u.destroy()
+        self.strained.destroy()
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What is left of the linear optimality conditions at an iterate."""
+
+    equilibrium: PETSc.Vec
+    opening: Array
+    slip: Array
+    work: float
+
+
+class Workspace:
+    """Vectors that all equations of one structure share."""
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self.right = problem.dead.duplicate()
+        self.free = problem.dead.duplicate()
+        self.border = problem.dead.duplicate()
+        self.rest = problem.dead.duplicate()
+        self.opening = problem.normal.createVecLeft()
+        self.slip = problem.tangential.createVecLeft()
+
+    def destroy(self) -> None:
+        """Free the vectors."""
+        for vector in (self.right, self.free, self.border, self.rest, self.opening, self.slip):
+            vector.destroy()
+
+
+class PathEquations:
+    """The equations of one solve: one bound, and one T or load factor."""
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        springs: SpringStiffness,
+        workspace: Workspace,
+        bound: Array | None,
+        work: float,
+        scales: Scales,
+        load_factor: float | None = None,
+        growing: bool = False,
+    ) -> None:
+        self.problem = problem
+        self.springs = springs
+        self.workspace = workspace
+        self.given = bound
+        self.work = work
+        self.load_factor = load_factor
+        self.scales = scales
+        self.unit = scales.force * scales.displacement
+        #: Coulomb's coefficient where the bound follows the pressure: that of the problem, or
+        #: where it grows, the part `mobile` of it.
+        self.mobile = 0.0 if growing else 1.0
+        self.friction = np.zeros_like(problem.friction)
+        if bound is None:
+            self.friction = self.mobile * problem.friction
+        #: Points that transmit shear; the others' shear stays zero and their slip is free.
+        if bound is None:
+            self.sticky = (problem.friction > 0.0) | (problem.strength > 0.0)
+        else:
+            self.sticky = bound > NO_FRICTION * scales.force
+        products = np.ones(len(self.sticky)) + 2.0 * self.sticky
+        self.count = max(problem.sum(products), 1.0)
+
+    def mobilise(self, products: float) -> Array:
+        """Raise Coulomb's coefficient to what the mean product calls for.
+
+        Collapse states are not unique, and those met with little friction first are low ones.
+
+        Returns:
+            The change of the coefficient.
+        """
+        before = self.friction
+        self.mobile = max(self.mobile, min((MOBILE_AT / products) ** MOBILE_POWER, 1.0))
+        self.friction = self.mobile * self.problem.friction
+        return self.friction - before
+
+    def bound(self, now: Iterate) -> Array:
+        """Bound g of an iterate."""
+        return self.problem.bound(now.pressure) if self.given is None else self.given
+
+    def centred(self, start: State, centring: float, strained: PETSc.Vec | None = None) -> Iterate:
+        """The point on the central path next to a state, all products equal to `centring`.
+
+        Its part without rigid motions is `strained`, if given, else that of the displacements.
+
+        With p = r_N/f - w_N/d the pair y/d, r_N/f = (sqrt(p^2 + 4 mu) -+ p) / 2 has product mu and
+        keeps r_N/f - y/d. Shear rho with rho - (z2 - z1)/d = r_T/f - w_T/d = q is the distance s
+        from the bound gamma that it is nearer to, s + mu/(2 gamma - s) - mu/s = gamma - |q|.
+        """
+        d, f = self.scales.displacement, self.scales.force
+        opening, slip = self.joint_displacements(start.displacement)
+        slip -= self.problem.slip_origin
+        p = start.pressure / f - opening / d
+        large = 0.5 * (np.sqrt(p**2 + 4.0 * centring) + np.abs(p))
+        small = centring / large
+        y, pressure = np.where(p > 0.0, small, large) * d, np.where(p > 0.0, large, small) * f
+
+        bound = self.friction * pressure + self.problem.strength
+        if self.given is not None:
+            bound = self.given
+        gamma = np.where(self.sticky, bound / f, 1.0)
+        q = start.shear / f - slip / d
+        near = _distance(np.abs(q), gamma, centring)
+        far = 2.0 * gamma - near
+        s1, s2 = np.where(q > 0.0, near, far) * f, np.where(q > 0.0, far, near) * f
+        z1, z2 = centring * f * d / s1, centring * f * d / s2
+        shear = np.where(self.sticky, 0.5 * (s2 - s1), 0.0)
+        u = start.displacement.copy()
+        load_factor = start.load_factor if self.load_factor is None else self.load_factor
+        if strained is None:
+            strained = self.problem.strained(u)
+        return Iterate(u, strained, load_factor, y, pressure, shear, s1, s2, z1, z2)
+
+    def residual(self, now: Iterate) -> Residual:
+        """What is left of the linear conditions; its vector is shared and soon overwritten."""
+        problem, equilibrium = self.problem, self.workspace.rest
+        problem.stiffness.mult(now.strained, equilibrium)
+        equilibrium.axpy(-1.0, problem.dead)
+        equilibrium.axpy(-now.load_factor, problem.live)
+        self.add_joint_forces(equilibrium, -now.pressure, -now.shear)
+        opening, slip = self.joint_displacements(now.u)
+        slip -= problem.slip_origin
+        work = problem.live.dot(now.u) - self.work if self.load_factor is None else 0.0
+        return Residual(equilibrium, now.y - opening, now.z2 - now.z1 - slip, work)
+
+    def sizes(self, now: Iterate, residual: Residual) -> dict[str, float]:
+        """Relative sizes of residuals and mean product."""
+        d, f = self.scales.displacement, self.scales.force
+        problem, sticky = self.problem, self.sticky
+        equilibrium = problem.max(np.abs(residual.equilibrium.array_r)) / f
+        return {
+            "equilibrium": EQUILIBRIUM_WEIGHT * equilibrium,
+            "opening": problem.max(np.abs(residual.opening)) / d,
+            "slip": problem.max(np.abs(residual.slip[sticky])) / d,
+            "work": abs(residual.work) / abs(self.work) if residual.work else 0.0,
+            "complementarity": self.products(now) / (self.count * self.unit),
+        }
+
+    def factor(self, now: Iterate, largest: float, free: float) -> tuple[Array, Array, Array]:
+        """Factor A with the springs of an iterate, and springs `free` where there is no friction.
+
+        Returns:
+            k_N, k_T (zero where there is no friction) and q.
+        """
+        k_n = np.minimum(now.pressure / now.y, largest)
+        lower, upper = now.z1 / now.s1, now.z2 / now.s2
+        k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
+        q = self.friction * k_t * (lower - upper)
+        unit = self.scales.force / self.scales.displacement
+        self.springs.factor(
+            k_n, np.where(self.sticky, k_t, free * unit), q * k_n if self.given is None else None
+        )
+        return k_n, k_t, q
+
+    def direction(
+        self,
+        now: Iterate,
+        residual: Residual,
+        springs: tuple[Array, Array, Array],
+        c_n: Array,
+        c_1: Array,
+        c_2: Array,
+        first: bool = False,
+    ) -> Iterate:
+        """Newton direction towards products changed by c_n, c_1, c_2 (module docstring).
+
+        The first one on a factor finds A^-1 f_L too.
+        """
+        k_n, k_t, q = springs
+        right, free, border = self.workspace.right, self.workspace.free, self.workspace.border
+        residual.equilibrium.copy(right)
+        right.scale(-1.0)
+        push = c_n / now.y + k_n * residual.opening
+        drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
+        self.add_joint_forces(right, push, k_t * drive + q * push)
+        live = self.problem.live
+        if first and self.load_factor is None:
+            self.springs.solve_pair((right, live), (free, border))
+        else:
+            self.springs.solve(right, free)
+        u, load_factor = free.copy(), 0.0
+        if self.load_factor is None:
+            load_factor = (-residual.work - free.dot(live)) / border.dot(live)
+            u.axpy(load_factor, border)
+        opening, slip = self.joint_displacements(u)
+        y = opening - residual.opening
+        pressure = c_n / now.y - k_n * y
+        shear = k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure
+        s1, s2 = self.friction * pressure - shear, self.friction * pressure + shear
+        z1 = np.where(self.sticky, (c_1 - now.z1 * s1) / now.s1, 0.0)
+        z2 = np.where(self.sticky, (c_2 - now.z2 * s2) / now.s2, 0.0)
+        s1, s2 = np.where(self.sticky, s1, 0.0), np.where(self.sticky, s2, 0.0)
+        return Iterate(u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2)
+
+    def products(self, now: Iterate) -> float:
+        """Sum of all complementarity products, N m per metre of thickness."""
+        slip = np.where(self.sticky, now.s1 * now.z1 + now.s2 * now.z2, 0.0)
+        return self.problem.sum(now.y * now.pressure + slip)
+
+    def joint_displacements(self, u: PETSc.Vec) -> tuple[Array, Array]:
+        """B_N u and B_T u at this rank's points."""
+        opening, slip = self.workspace.opening, self.workspace.slip
+        self.problem.normal.mult(u, opening)
+        self.problem.tangential.mult(u, slip)
+        return opening.array.copy(), slip.array.copy()
+
+    def add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
+        """Add B_N^T r_N + B_T^T r_T."""
+        opening, slip = self.workspace.opening, self.workspace.slip
+        opening.array[:] = pressure
+        slip.array[:] = shear
+        self.problem.normal.multTransposeAdd(opening, vector, vector)
+        self.problem.tangential.multTransposeAdd(slip, vector, vector)
+
+
+def _distance(q: Array, gamma: Array, products: float) -> Array:
+    """Solve s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
+
+    Args:
+        q: At least 0.
+        gamma: Above 0.
+        products: The number mu.
+    """
+    low, high = products / (q + products / gamma), gamma.copy()
+    low = np.minimum(low, high)
+    for _ in range(BISECTIONS):  # of the logarithm: the left-hand side increases
+        s = np.sqrt(low * high)
+        above = s - products / s + products / (2.0 * gamma - s) > gamma - q
+        low, high = np.where(above, low, s), np.where(above, s, high)
+    return np.asarray(np.sqrt(low * high))
