@@ -266,13 +266,13 @@ class CoulombFriction:
                 return point, history
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
-            point = self._monolithic(start, work, 1.0, anywhere, history, self.attracting)
-            if point is not None and not (self.attracting and self._repels(point)):
+            point = self._monolithic(
+                start, work, 1.0, anywhere, history, self.attracting, past_folds=True
+            )
+            # Which state a step across folds meets is chance; the path has a beginning.
+            asked = self.attracting and point is not None and not point.followed
+            if point is not None and not (asked and self._repels(point)):
                 return point, history
-            if point is None:
-                point = self._follow(start, work, anywhere, history)
-                if point is not None:
-                    return point, history
             point = None
         for _ in range(MAX_ITERATIONS):
             try:
@@ -415,6 +415,7 @@ class CoulombFriction:
         allowed: tuple[float, float],
         history: FixedPointHistory,
         growing: bool = False,
+        past_folds: bool = False,
     ) -> PathPoint | None:
         """Solve with the bound in the equations; the load factor may fall and rise as allowed."""
         # Where the load factor is given, nothing but the displacements tells how near the limit is.
@@ -431,6 +432,7 @@ class CoulombFriction:
                 self.load_factor,
                 SETTLED * self.tolerance,
                 growing,
+                past_folds and self.load_factor is None,
             )
 
         return self._taken(solve, "monolithic step", start.load_factor, allowed, history)

@@ -51,15 +51,18 @@ PATIENCE, COLD_PATIENCE = 6, 25
 #: Steps, warm and cold, over which the error has to fall to this part of itself.
 SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 
+#: The same where the central path can be followed instead, and for the last steps after it was.
+FOLD_STEPS, FINISH_STEPS = 8, 4
+
 #: The same after an iterate that is good enough, but whose load factor still changes.
 RESTING = 3
 
 #: The best iterate of a stalled solve is accepted up to this error where less was asked for.
 ACCEPTABLE = 1e-9
 
-#: Error of the interior point method from which on the central path is followed past its folds,
-#: and products at which the interior point method finishes, or if need be is tried again.
-FOLLOW_AT, FOLLOW_TO = 1e-3, (1e-7, 1e-9, 1e-11)
+#: Error of an interior point iterate from which on the central path is followed past its folds, and
+#: products at which the interior point method finishes, or if need be is tried again.
+HALFWAY, FOLLOW_TO = 1e-3, (1e-7, 1e-8, 1e-9, 1e-10)
 
 #: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
 #: eigenvalue from which on a state repels.
@@ -78,26 +81,42 @@ class PathPoint:
         bound: g at this rank's points, N/m.
         residuals: Of the optimality conditions, relative to `Scales`, recomputed at the end.
         steps: Interior point steps, each one factorisation.
+        followed: Whether the central path was followed past its folds.
     """
 
     state: State
     bound: Array
     residuals: dict[str, float]
     steps: int
+    followed: bool = False
 
 
 @dataclass
 class _Best:
-    """The best iterate of some steps, its residuals, the largest of them, and their number."""
+    """What some steps have led to.
+
+    Attributes:
+        iterate: The best one.
+        sizes: Its residuals.
+        error: The largest of them.
+        steps: Number of steps.
+        halfway: The first iterate with an error of `HALFWAY`, or else the best.
+    """
 
     iterate: Iterate
     sizes: dict[str, float]
     error: float
     steps: int
+    halfway: Iterate
 
-    def state(self, work: float) -> State:
-        """The iterate as a state."""
-        now = self.iterate
+    def destroy(self) -> None:
+        """Free the vectors."""
+        self.iterate.destroy()
+        self.halfway.destroy()
+
+    def state(self, work: float, halfway: bool = False) -> State:
+        """One of the iterates as a state."""
+        now = self.halfway if halfway else self.iterate
         return State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
 
 
@@ -160,6 +179,7 @@ class WorkControl:
         load_factor: float | None = None,
         settled: float = np.inf,
         growing: bool = False,
+        past_folds: bool = False,
     ) -> PathPoint:
         """Solve for given work, or for a given load factor.
 
@@ -175,6 +195,8 @@ class WorkControl:
                 relative.
             growing: Whether Coulomb friction grows to its full size as the products fall; without
                 a given bound only.
+            past_folds: Whether to go on along the central path where the interior point method
+                stalls, with Coulomb friction under work control.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -185,8 +207,19 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, bound, work, scales, load_factor, growing)
         if growing:
             run.mobilise(centring)
-        best = run.converge(run.centred(start, centring), centring >= 1.0, tolerance, settled)
-        return self._point(run, best, tolerance)
+        cold = centring >= 1.0
+        window = FOLD_STEPS if past_folds else 0
+        best = run.converge(run.centred(start, centring), cold, tolerance, settled, window)
+        if not past_folds or best.error <= max(tolerance, ACCEPTABLE):
+            return self._point(run, best, tolerance)
+        try:
+            best = self._past_folds(run, best, tolerance, settled)
+            return self._point(run, best, tolerance, followed=True)
+        except SolverError as error:
+            _log.info("  central path: %s", error)
+        return self.solve(
+            bound, work, start, scales, centring, tolerance, load_factor, settled, growing
+        )
 
     def follow(
         self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf
@@ -208,30 +241,43 @@ class WorkControl:
         Raises:
             SolverError: If the path leads to none.
         """
-        before = self.springs.factorizations
         run = _InteriorPoint(*self._shared, None, work, scales)
-        path = CentralPath(*self._shared, None, work, scales)
-        best = run.converge(run.centred(start, 1.0), True, FOLLOW_AT)
-        products = best.sizes["complementarity"]
-        now = path.centred(best.state(work), products)
-        best.iterate.destroy()
+        best = run.converge(run.centred(start, 1.0), True, HALFWAY)
+        best = self._past_folds(run, best, tolerance, settled)
+        return self._point(run, best, tolerance, followed=True)
+
+    def _past_folds(
+        self, run: _InteriorPoint, best: _Best, tolerance: float, settled: float
+    ) -> _Best:
+        """What the central path leads to from halfway.
+
+        Raises:
+            SolverError: If that is nowhere.
+        """
+        before = self.springs.factorizations
+        path = CentralPath(*self._shared, None, run.work, run.scales)
+        products = path.mean_product(best.halfway)
+        now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
+        best.destroy()
         for end in FOLLOW_TO:
             now, products = path.follow(now, products, end)
-            best = run.converge(now.copy(), False, tolerance, settled)
-            if best.error <= max(tolerance, ACCEPTABLE):
+            best = run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS)
+            if best.error <= max(tolerance, ACCEPTABLE) or end == FOLLOW_TO[-1]:
                 break
-            if end != FOLLOW_TO[-1]:
-                best.iterate.destroy()
+            best.destroy()
         now.destroy()
-        best.steps = self.springs.factorizations - before
-        return self._point(run, best, tolerance)
+        best.steps = steps + self.springs.factorizations - before
+        return best
 
-    def _point(self, run: _InteriorPoint, best: _Best, tolerance: float) -> PathPoint:
+    def _point(
+        self, run: _InteriorPoint, best: _Best, tolerance: float, followed: bool = False
+    ) -> PathPoint:
         """The point of the load path that some steps have led to.
 
         Raises:
             SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
         """
+        best.halfway.destroy()
         if not best.error <= max(tolerance, ACCEPTABLE):
             best.iterate.destroy()
             raise SolverError(
@@ -239,7 +285,8 @@ class WorkControl:
                 f" asked {tolerance:.1e}"
             )
         work = run.work if run.load_factor is None else self.problem.live.dot(best.iterate.u)
-        return PathPoint(best.state(work), run.bound(best.iterate), best.sizes, best.steps)
+        bound = run.bound(best.iterate)
+        return PathPoint(best.state(work), bound, best.sizes, best.steps, followed)
 
     def repels(self, state: State, bound: Array, scales: Scales) -> bool:
         """Whether the iteration g -> F r_N(g) leaves the neighbourhood of a state.
@@ -315,7 +362,12 @@ class _InteriorPoint(PathEquations):
     """Steps of the interior point method on the equations of one solve."""
 
     def converge(
-        self, now: Iterate, cold: bool, tolerance: float, settled: float = np.inf
+        self,
+        now: Iterate,
+        cold: bool,
+        tolerance: float,
+        settled: float = np.inf,
+        window: int = 0,
     ) -> _Best:
         """Take steps until an iterate is good enough, or they no longer lead on.
 
@@ -324,12 +376,17 @@ class _InteriorPoint(PathEquations):
             cold: Whether it is far from a solution, so that more steps may go without progress.
             tolerance: As those of `WorkControl.solve`.
             settled: Likewise.
+            window: Steps over which the error has to halve where there is another way; 0: as long
+                as there may be hope.
         """
-        best, last = _Best(now.copy(), {}, np.inf, 0), _Last()
-        best_step, errors = 0, []
-        patience, window = (COLD_PATIENCE, COLD_SLOW_STEPS) if cold else (PATIENCE, SLOW_STEPS)
+        best, last = _Best(now.copy(), {}, np.inf, 0, now.copy()), _Last()
+        errors: list[float] = []
+        best_step = 0
+        patience, slow_steps = (COLD_PATIENCE, COLD_SLOW_STEPS) if cold else (PATIENCE, SLOW_STEPS)
+        if window:
+            patience, slow_steps = min(patience, window), window
         if self.load_factor is not None:  # slow close to the limit load, and no less a state
-            window = MAX_STEPS
+            slow_steps = MAX_STEPS
         for step in range(MAX_STEPS + 1):
             residual = self.residual(now)
             sizes = self.sizes(now, residual)
@@ -337,11 +394,14 @@ class _InteriorPoint(PathEquations):
             _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
             if error < best.error:
                 best.iterate.destroy()
-                best, best_step = _Best(now.copy(), sizes, error, step), step
+                best.iterate, best.sizes, best.error, best_step = now.copy(), sizes, error, step
+                if not errors or errors[-1] > HALFWAY:
+                    best.halfway.destroy()
+                    best.halfway = now.copy()
             if best.error <= tolerance:
                 patience = min(patience, RESTING)
             errors.append(best.error)
-            slow = step >= window and errors[step] > SLOW * errors[step - window]
+            slow = step >= slow_steps and errors[step] > SLOW * errors[step - slow_steps]
             stalled = not np.isfinite(error) or slow or step - best_step >= patience
             # The rest of the load factor's change is to the last one as that is to the one before,
             # or as the products are.
@@ -358,7 +418,7 @@ class _InteriorPoint(PathEquations):
             except SolverError:
                 break
             if self.mobile < 1.0:
-                more = self.mobilise(self.products(now) / (self.count * self.unit)) * now.pressure
+                more = self.mobilise(self.mean_product(now)) * now.pressure
                 now.s1, now.s2 = now.s1 + more, now.s2 + more
         best.steps = step
         now.destroy()

@@ -301,7 +301,7 @@ class _Driver:
         search = Search(
             self.structure, problem, blocks, scales, per_ratio, method, monitor, at_once
         )
-        ratio = first_work(method, blocks.bounds, scales)
+        ratio = first_work(method, blocks.bounds, scales, len(self.structure.bodies.centre))
         if path is None or path.direction is None:
             sign = 1.0 if problem is self.structure.problem else -1.0
             factor, pressure = sign * ratio * scales.load_factor, bonded.dead_pressure

@@ -43,6 +43,9 @@ LARGEST_SPRING = 1e10
 #: over displacement: without them blocks on frictionless joints would have no stiffness.
 PROXIMAL_SPRING = 1e-8
 
+#: Distance of shear from its bound at the start of a solve, at least, in parts of the bound.
+NEAREST = 1e-9
+
 #: Bisections that leave an interval of the logarithm of 1e-15 of its length.
 BISECTIONS = 50
 
@@ -240,6 +243,8 @@ class PathEquations:
         gamma = np.where(self.sticky, bound / f, 1.0)
         q = start.shear / f - slip / d
         near = _distance(np.abs(q), gamma, centring)
+        if strained is None:  # a cold start, or a mode: no spring may vanish
+            near = np.maximum(near, NEAREST * gamma)
         far = 2.0 * gamma - near
         s1, s2 = np.where(q > 0.0, near, far) * f, np.where(q > 0.0, far, near) * f
         z1, z2 = centring * f * d / s1, centring * f * d / s2
@@ -272,7 +277,7 @@ class PathEquations:
             "opening": problem.max(np.abs(residual.opening)) / d,
             "slip": problem.max(np.abs(residual.slip[sticky])) / d,
             "work": abs(residual.work) / abs(self.work) if residual.work else 0.0,
-            "complementarity": self.products(now) / (self.count * self.unit),
+            "complementarity": self.mean_product(now),
         }
 
     def factor(self, now: Iterate, largest: float, free: float) -> tuple[Array, Array, Array]:
@@ -335,6 +340,10 @@ class PathEquations:
         """Sum of all complementarity products, N m per metre of thickness."""
         slip = np.where(self.sticky, now.s1 * now.z1 + now.s2 * now.z2, 0.0)
         return self.problem.sum(now.y * now.pressure + slip)
+
+    def mean_product(self, now: Iterate) -> float:
+        """Mean of the products, in units of force times displacement."""
+        return self.products(now) / (self.count * self.unit)
 
     def joint_displacements(self, u: PETSc.Vec) -> tuple[Array, Array]:
         """B_N u and B_T u at this rank's points."""
