@@ -52,6 +52,9 @@ LEFT, REDUCED, SHORTER = 0.7, 0.7, 6
 #: No step is taken along the tangent where more than this is left; largest corrector.
 FAR, LARGEST_CORRECTOR = 2.0, 4.0
 
+#: At the end no more than this is left, or so many steps were taken across the path alone.
+CLOSE, CORRECTIONS = 0.1, 6
+
 #: Largest change of log mu in a step.
 LARGEST_CHANGE = 3.0
 
@@ -84,10 +87,12 @@ class CentralPath(PathEquations):
         Raises:
             SolverError: If the path leads back, or does not end in `MAX_STEPS` steps.
         """
-        length, left = FIRST_LENGTH, self._left(now)
+        length, left, since = FIRST_LENGTH, self._left(now), 0
         for step in range(MAX_STEPS):
-            if products <= end:
+            there = products <= end
+            if there and (left <= CLOSE or since == CORRECTIONS):
                 return now, products
+            since += there
             if not products <= BACK:
                 now.destroy()
                 raise SolverError(f"central path: leads back after {step} steps")
@@ -99,7 +104,7 @@ class CentralPath(PathEquations):
             across = self._largest(_Rate(change.p + back * rate.p, change.q + back * rate.q))
             part = min(1.0, LARGEST_CORRECTOR / across) if across > 0.0 else 1.0
             for shortened in range(SHORTER + 1):
-                ahead = sign * length / steepness if left < FAR else 0.0
+                ahead = sign * length / steepness if left < FAR and not there else 0.0
                 turn = float(np.clip(part * back + ahead, -LARGEST_CHANGE, LARGEST_CHANGE))
                 new, new_products = self._moved(now, products, part, to_path, turn, tangent)
                 new_left = self._left(new)

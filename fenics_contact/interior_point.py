@@ -68,6 +68,9 @@ HALFWAY, FOLLOW_TO = 1e-3, (1e-7, 1e-8, 1e-9, 1e-10)
 #: eigenvalue from which on a state repels.
 KRYLOV, REPELS = 15, 1.0 + 1e-3
 
+#: The same at the end of a path that was followed: what it is worth the certificate tells.
+FOLLOWED = 1e-7
+
 #: Load factors below this fraction of the typical one are zero.
 ZERO_FACTOR = 1e-3
 
@@ -259,15 +262,23 @@ class WorkControl:
         products = path.mean_product(best.halfway)
         now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
         best.destroy()
+        found: list[_Best] = []
         for end in FOLLOW_TO:
-            now, products = path.follow(now, products, end)
-            best = run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS)
-            if best.error <= max(tolerance, ACCEPTABLE) or end == FOLLOW_TO[-1]:
+            try:
+                now, products = path.follow(now, products, end)
+            except SolverError:
+                if not found:
+                    raise
                 break
-            best.destroy()
-        now.destroy()
-        best.steps = steps + self.springs.factorizations - before
-        return best
+            found.append(run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS))
+            if found[-1].error <= max(tolerance, ACCEPTABLE) or end == FOLLOW_TO[-1]:
+                now.destroy()
+                break
+        found.sort(key=lambda reached: reached.error)
+        for other in found[1:]:
+            other.destroy()
+        found[0].steps = steps + self.springs.factorizations - before
+        return found[0]
 
     def _point(
         self, run: _InteriorPoint, best: _Best, tolerance: float, followed: bool = False
@@ -275,10 +286,10 @@ class WorkControl:
         """The point of the load path that some steps have led to.
 
         Raises:
-            SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
+            SolverError: If neither the tolerance nor `ACCEPTABLE`, or `FOLLOWED`, is reached.
         """
         best.halfway.destroy()
-        if not best.error <= max(tolerance, ACCEPTABLE):
+        if not best.error <= max(tolerance, FOLLOWED if followed else ACCEPTABLE):
             best.iterate.destroy()
             raise SolverError(
                 f"interior point: residual {best.error:.1e} after {best.steps} steps,"

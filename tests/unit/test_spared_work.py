@@ -20,6 +20,7 @@ from fenics_contact import (
 )
 from fenics_contact.bounds import RigidBlocks
 from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.interior_point import WorkControl
 from fenics_contact.plan import FIXED_POINT
 from fenics_contact.springs import SpringStiffness
 from fenics_contact.structure import Structure
@@ -66,11 +67,20 @@ def test_state_that_attracts_the_fixed_point_needs_no_iteration(monkeypatch):
     assert not any(item.startswith(FIXED_POINT) for item in iterated.plan.skipped)
 
 
-def test_state_that_repels_it_does():
+def test_fixed_point_where_the_path_leads_nowhere(monkeypatch):
+    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
     assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
     assert len(result.positive.history[0].steps) > 3
     assert not any(item.startswith(FIXED_POINT) for item in result.plan.skipped)
+
+
+def test_state_past_a_fold_needs_no_iteration(monkeypatch):
+    Calls(monkeypatch, CoulombFriction, "_given_friction", forbid=True)
+    Calls(monkeypatch, WorkControl, "repels", forbid=True)
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert len(result.positive.history[0].steps) == 1
 
 
 def test_one_block_takes_one_solve():

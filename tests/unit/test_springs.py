@@ -200,6 +200,19 @@ def test_bonded_structure_hardly_opens(structure):
     assert pressure == pytest.approx(expected, abs=1e-8 * expected.max())
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_sign_of_the_determinant(structure, seed):
+    """That of a coupled matrix, which a large coupling turns; without coupling it is positive."""
+    random = np.random.default_rng(seed)
+    stiff = np.full(len(structure.problem.friction), structure.springs.mean_diagonal)
+    coupling = stiff * random.normal(scale=20.0, size=len(stiff))
+    structure.springs.factor(stiff, stiff, coupling)
+    sign, _ = np.linalg.slogdet(formula(structure, stiff, stiff, coupling))
+    assert structure.springs.determinant_sign == sign
+    structure.springs.factor(stiff, stiff)
+    assert structure.springs.determinant_sign == 1.0
+
+
 def test_two_right_hand_sides_at_once(structure):
     springs = structure.springs
     springs.factor(*random_springs(structure, 5))

@@ -1,0 +1,137 @@
+"""The central path: products equal at every point, folds passed, and where it ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import SolverError, limit_load
+from fenics_contact.central_path import BACK, CentralPath
+from fenics_contact.interior_point import PathPoint, WorkControl
+from fenics_contact.path_equations import Iterate, Workspace, _distance
+from fenics_contact.search import FIRST_WORK, FIRST_WORK_OF_MANY, first_work
+from fenics_contact.springs import SpringStiffness
+from tests.helpers import Loaded, coulomb
+from tests.regression.scenes import wall_scene
+
+
+@pytest.fixture(scope="module")
+def folded() -> Loaded:
+    """A wall with so much friction that its path turns back."""
+    return Loaded.of(wall_scene("W1", coulomb(1.0), elements=2))
+
+
+@pytest.fixture(scope="module")
+def plain() -> Loaded:
+    """A wall whose path has no folds."""
+    return Loaded.of(wall_scene("W4", coulomb(0.4), elements=1))
+
+
+def path_of(loaded: Loaded, ratio: float = FIRST_WORK) -> tuple[CentralPath, Iterate]:
+    """Path equations, and their centred start."""
+    structure = loaded.structure
+    start, scales = loaded.start(ratio)
+    workspace = Workspace(structure.problem)
+    path = CentralPath(structure.problem, structure.springs, workspace, None, start.work, scales)
+    return path, path.centred(start, 1.0)
+
+
+def solved(loaded: Loaded, way: str, **options: object) -> PathPoint:
+    start, scales = loaded.start(FIRST_WORK)
+    control = WorkControl(loaded.structure.problem, loaded.structure.springs)
+    if way == "follow":
+        return control.follow(start.work, start, scales, 1e-9, 1e-9)
+    return control.solve(None, start.work, start, scales, tolerance=1e-9, settled=1e-9, **options)
+
+
+def test_all_products_are_equal_along_the_path(plain):
+    path, now = path_of(plain)
+    now, products = path.follow(now, 1.0, 1e-4)
+    assert 1e-6 < products <= 1e-4
+    mu = products * path.unit
+    for first, second in (("y", "pressure"), ("s1", "z1"), ("s2", "z2")):
+        product = getattr(now, first) * getattr(now, second)
+        assert product == pytest.approx(np.full_like(product, mu), rel=1e-9)
+    assert now.s1 + now.s2 == pytest.approx(2.0 * path.friction * now.pressure, rel=1e-12)
+    residual = path.residual(now)
+    assert np.abs(residual.opening).max() < 0.1 * np.sqrt(products) * path.scales.displacement
+    assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
+
+
+def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
+    direct, followed = solved(plain, "solve"), solved(plain, "follow")
+    assert not direct.followed and followed.followed
+    assert followed.state.load_factor == pytest.approx(direct.state.load_factor, rel=1e-8)
+    assert max(followed.residuals.values()) <= 1e-9
+
+
+def test_interior_point_method_stalls_at_a_fold_that_the_path_passes(folded):
+    with pytest.raises(SolverError, match="interior point: residual"):
+        solved(folded, "solve")
+    before = folded.structure.springs.factorizations
+    point = solved(folded, "solve", past_folds=True)
+    assert point.followed
+    assert point.steps <= folded.structure.springs.factorizations - before
+    assert max(point.residuals.values()) <= 1e-9
+    assert point.state.load_factor == pytest.approx(0.645963, abs=1e-6)
+    assert solved(folded, "follow").state.load_factor == pytest.approx(0.645963, abs=1e-6)
+
+
+def test_limit_load_past_folds_is_verified():
+    result = limit_load(wall_scene("W1", coulomb(1.0), elements=2))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(0.645963, abs=1e-6)
+    assert result.positive.certificate.passed
+    assert len(result.positive.history[0].steps) == 1
+
+
+def test_products_rise_where_the_determinant_is_negative(plain, monkeypatch):
+    path, now = path_of(plain)
+    monkeypatch.setattr(SpringStiffness, "determinant_sign", property(lambda _: -1.0))
+    with pytest.raises(SolverError, match="leads back"):
+        path.follow(now, 0.5 * BACK, 1e-4)
+
+
+def test_path_that_does_not_end(plain, monkeypatch):
+    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 2)
+    path, now = path_of(plain)
+    with pytest.raises(SolverError, match="after 2 steps"):
+        path.follow(now, 1.0, 1e-4)
+
+
+def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain, monkeypatch):
+    """It was too impatient the first time."""
+    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
+    monkeypatch.setattr("fenics_contact.interior_point.FOLD_STEPS", 1)
+    point = solved(plain, "solve", past_folds=True)
+    assert not point.followed
+    assert point.state.load_factor == solved(plain, "solve").state.load_factor
+
+
+@pytest.mark.parametrize("products", [1.0, 1e-6, 1e-12])
+def test_distance_of_shear_from_its_bound(products):
+    gamma, q = (array.ravel() for array in np.meshgrid([1e-6, 1e-2, 1.0, 50.0], [0.0, 1e-3, 1, 9]))
+    s = _distance(q, gamma, products)
+    assert np.all(s > 0.0) and np.all(s <= gamma)
+    left = s - products / s + products / (2.0 * gamma - s)
+    size = products / s + gamma + q
+    assert (gamma - q - left) / size == pytest.approx(np.zeros_like(s), abs=1e-12)
+
+
+@pytest.mark.parametrize(("method", "many"), [("auto", True), ("fixed-point", False)])
+def test_many_blocks_start_further_along(method, many):
+    scales = replace(path_scales())
+    assert first_work(method, never, scales, 201) == (FIRST_WORK_OF_MANY if many else FIRST_WORK)
+    assert first_work(method, never, scales, 200) == FIRST_WORK
+
+
+def never() -> None:
+    raise AssertionError("no bound is needed")
+
+
+def path_scales():
+    from fenics_contact.path_equations import Scales
+
+    return Scales(1.0, 1.0, 0.5)
