@@ -271,7 +271,8 @@ class WorkControl:
                     raise
                 break
             found.append(run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS))
-            if found[-1].error <= max(tolerance, ACCEPTABLE) or end == FOLLOW_TO[-1]:
+            enough = ACCEPTABLE if end == FOLLOW_TO[0] else FOLLOWED
+            if found[-1].error <= max(tolerance, enough) or end == FOLLOW_TO[-1]:
                 now.destroy()
                 break
         found.sort(key=lambda reached: reached.error)

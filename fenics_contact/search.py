@@ -37,8 +37,9 @@ MONOLITHIC = ("auto", "monolithic")
 #: First work of the live load in units of its work on the bonded structure, and largest.
 FIRST_WORK, LAST_WORK = 300.0, 1e12
 
-#: The load factor of structures of more than so many blocks still rises there: their first work.
-MANY_BLOCKS, FIRST_WORK_OF_MANY = 200, 3e4
+#: The load factor of structures of more than so many blocks still rises there: their first work is
+#: this times the square of their number.
+MANY_BLOCKS, WORK_OF_MANY = 200, 0.2
 
 #: Growth of the work, and by how much more at once where the load factor rises slowly.
 WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
@@ -544,7 +545,7 @@ def first_work(
     """
     if method not in ("splitting", "active-set"):
         many = blocks > MANY_BLOCKS and method in MONOLITHIC
-        return FIRST_WORK_OF_MANY if many else FIRST_WORK
+        return WORK_OF_MANY * blocks**2 if many else FIRST_WORK
     upper = program().upper
     upper = np.inf if upper is None else upper
     return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))

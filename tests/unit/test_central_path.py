@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
 from fenics_contact.central_path import BACK, CentralPath
 from fenics_contact.interior_point import PathPoint, WorkControl
-from fenics_contact.path_equations import Iterate, Workspace, _distance
-from fenics_contact.search import FIRST_WORK, FIRST_WORK_OF_MANY, first_work
+from fenics_contact.path_equations import Iterate, Scales, Workspace, _distance
+from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
 from fenics_contact.springs import SpringStiffness
 from tests.helpers import Loaded, coulomb
 from tests.regression.scenes import wall_scene
@@ -122,16 +120,10 @@ def test_distance_of_shear_from_its_bound(products):
 
 @pytest.mark.parametrize(("method", "many"), [("auto", True), ("fixed-point", False)])
 def test_many_blocks_start_further_along(method, many):
-    scales = replace(path_scales())
-    assert first_work(method, never, scales, 201) == (FIRST_WORK_OF_MANY if many else FIRST_WORK)
+    def never() -> None:
+        raise AssertionError("no bound is needed")
+
+    scales = Scales(1.0, 1.0, 0.5)
+    expected = WORK_OF_MANY * 201**2 if many else FIRST_WORK
+    assert first_work(method, never, scales, 201) == expected > FIRST_WORK * (2 if many else 0.5)
     assert first_work(method, never, scales, 200) == FIRST_WORK
-
-
-def never() -> None:
-    raise AssertionError("no bound is needed")
-
-
-def path_scales():
-    from fenics_contact.path_equations import Scales
-
-    return Scales(1.0, 1.0, 0.5)
