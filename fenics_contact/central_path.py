@@ -39,7 +39,7 @@ from fenics_contact.path_equations import (
 
 _log = logging.getLogger("fenics_contact")
 
-MAX_STEPS = 400
+MAX_STEPS = 250
 
 #: Steps are measured by the largest relative change of p and q. Length of the first and of the
 #: shortest and longest step, and by how much the length grows after one that was not shortened.

@@ -238,6 +238,7 @@ class CoulombFriction:
         warm: bool = False,
         growth: float = 0.0,
         follow: bool = True,
+        iterate: bool = True,
     ) -> tuple[PathPoint, FixedPointHistory]:
         """Iterate from a first bound.
 
@@ -248,12 +249,13 @@ class CoulombFriction:
             warm: Whether `start` is a state for a nearby bound and T.
             growth: By how much the load factor is expected to rise from that of `start`.
             follow: Whether to look for a state next to a warm `start` first, as `go_on` does.
+            iterate: Whether to iterate where the bound in the equations leads to no state.
 
         Returns:
             The last state, and the history; see there whether it converged.
 
         Raises:
-            SolverError: If not even the first state was found.
+            SolverError: If not even the first state was found, or not without iterating.
         """
         history = FixedPointHistory()
         relaxed = _Relaxation(self.problem.sum)
@@ -273,6 +275,8 @@ class CoulombFriction:
             asked = self.attracting and point is not None and not point.followed
             if point is not None and not (asked and self._repels(point)):
                 return point, history
+            if point is None and not iterate:
+                raise SolverError("none at once")
             point = None
         for _ in range(MAX_ITERATIONS):
             try:

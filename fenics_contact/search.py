@@ -219,7 +219,14 @@ class Search:
         """Look for a verified collapse state at more work, then at less."""
         first_ratio = start.work / self.per_ratio
         self.start = start  # where a path that is followed afresh begins
-        first = self.at(first_ratio, start, bound)
+        first = None
+        if len(self.structure.bodies.centre) > MANY_BLOCKS and self.at_once:
+            # With many blocks the fixed point takes very long: sooner less work.
+            for ratio in (first_ratio, WORK_DECREASE * first_ratio):
+                beginning = self._beginning(ratio * self.per_ratio)
+                first = first or self.at(ratio, beginning, bound, fixed_point=False)
+        first = first or self.at(first_ratio, start, bound)
+        first_ratio = first_ratio if first is None else first.ratio
         if not self.settled and self._unlimited:
             return self.result("unbounded")
         if first is None:
@@ -285,6 +292,7 @@ class Search:
         follow: bool = True,
         iterate: bool = True,
         afresh: bool = False,
+        fixed_point: bool = True,
     ) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
@@ -294,6 +302,7 @@ class Search:
             bound: First g, where it is iterated for.
             follow: Whether to look for a state next to `start`, unless that is the first.
             iterate: Whether to iterate for one if there is none.
+            fixed_point: Whether the fixed point may be used for that.
             afresh: Whether else to follow the central path from where the search began.
         """
         work = ratio * self.per_ratio
@@ -314,7 +323,9 @@ class Search:
         try:
             growth, warm = self._growth(work), bool(self.history)
             if iterate:
-                point, history = friction.solve(start, bound, work, warm, growth, follow)
+                point, history = friction.solve(
+                    start, bound, work, warm, growth, follow, fixed_point
+                )
             else:
                 beginning = self._beginning(work) if afresh else None
                 point, history = friction.go_on(start, work, growth, beginning)

@@ -7,6 +7,7 @@ import pytest
 
 from fenics_contact import SolverError, limit_load
 from fenics_contact.central_path import BACK, CentralPath
+from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.path_equations import Iterate, Scales, Workspace, _distance
 from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
@@ -127,3 +128,24 @@ def test_many_blocks_start_further_along(method, many):
     expected = WORK_OF_MANY * 201**2 if many else FIRST_WORK
     assert first_work(method, never, scales, 201) == expected > FIRST_WORK * (2 if many else 0.5)
     assert first_work(method, never, scales, 200) == FIRST_WORK
+
+
+def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
+    """Here a wall of few blocks that counts as one of many, and whose first path leads nowhere."""
+    monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
+    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
+    tried = []
+    original = CoulombFriction._monolithic
+
+    def fails_first(self, start, work, *rest, **options):
+        tried.append(work)
+        if len(tried) == 1:
+            return None
+        return original(self, start, work, *rest, **options)
+
+    monkeypatch.setattr(CoulombFriction, "_monolithic", fails_first)
+    monkeypatch.setattr(CoulombFriction, "_given_friction", None)
+    result = limit_load(wall_scene("W1", coulomb(0.4), elements=1))
+    assert result.status == "limit"
+    assert tried[1] == pytest.approx(0.1 * tried[0])
+    assert result.positive.work_ratio >= 1e3 * (1.0 - 1e-12)
