@@ -205,6 +205,7 @@ class CoulombFriction:
         load_factor: float | None = None,
         at_once: bool = False,
         attracting: bool = False,
+        past_folds: bool = True,
     ) -> None:
         """Choose how to iterate.
 
@@ -218,6 +219,7 @@ class CoulombFriction:
             at_once: Whether to try the bound in the equations from the start.
             attracting: Whether a state found so counts only if it attracts the fixed point; it is
                 looked for with friction that grows, where low states are met first.
+            past_folds: Whether its path may be followed past folds, to wherever it ends.
         """
         self.control = control
         self.problem = control.problem
@@ -229,6 +231,7 @@ class CoulombFriction:
         self.load_factor = load_factor
         self.at_once = at_once
         self.attracting = attracting
+        self.past_folds = past_folds
 
     def solve(
         self,
@@ -269,7 +272,7 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             point = self._monolithic(
-                start, work, 1.0, anywhere, history, self.attracting, past_folds=True
+                start, work, 1.0, anywhere, history, self.attracting, self.past_folds
             )
             # Which state a step across folds meets is chance; the path has a beginning.
             asked = self.attracting and point is not None and not point.followed

@@ -299,7 +299,15 @@ class _Driver:
         method = method or self.scene.solve.method
         monitor = self._steps(direction)
         search = Search(
-            self.structure, problem, blocks, scales, per_ratio, method, monitor, at_once
+            self.structure,
+            problem,
+            blocks,
+            scales,
+            per_ratio,
+            method,
+            monitor,
+            at_once,
+            past_folds=path is None,  # the state sought is the one at the end of that path
         )
         ratio = first_work(method, blocks.bounds, scales, len(self.structure.bodies.centre))
         if path is None or path.direction is None:

@@ -181,6 +181,7 @@ class Search:
         method: str,
         monitor: Callable[[FixedPointStep], None] | None,
         at_once: bool = True,
+        past_folds: bool = True,
     ) -> None:
         """Prepare to solve.
 
@@ -193,6 +194,8 @@ class Search:
             method: As in the scene's options.
             monitor: Called after every fixed-point iteration.
             at_once: Whether to try the monolithic step before the fixed point.
+            past_folds: Whether to follow its path past folds, to a state that may be far from the
+                first one.
         """
         self.structure = structure
         self.problem = problem
@@ -208,6 +211,7 @@ class Search:
         self.patience = STRIDES_ALONG if self.monolithic else 0
         self.gap_asked = self.options.tolerance * (COLLAPSED if self.monolithic else 1.0)
         self.at_once = at_once and self.monolithic
+        self.past_folds = past_folds
         self.part, self.kept = 1.0, True  # of a stride, as a power; whether the last one was
         self.solver = new_solver(structure, problem, self.control, method)
         self.best: _Found | None = None
@@ -274,7 +278,7 @@ class Search:
 
         follow, first = last.history.converged and self.monolithic, self.part
         while follow and self.part >= SHORTEST_STRIDE:
-            found = ahead(self.part, iterate=False, afresh=self.part == 1.0)
+            found = ahead(self.part, iterate=False, afresh=self.past_folds and self.part == 1.0)
             if found is not None:
                 kept = self.part == first
                 if kept and self.kept:
@@ -319,6 +323,7 @@ class Search:
             self.monitor,
             at_once=self.at_once,
             attracting=self.method == "auto",
+            past_folds=self.past_folds,
         )
         try:
             growth, warm = self._growth(work), bool(self.history)
