@@ -17,7 +17,8 @@ t = dx/dlog mu. A step goes along the tangent, and towards the path at right ang
 
     dx = c + a t + ds t,   a = -(t.c)/(t.t),
 
-with mu falling where the determinant of the equations is positive, and rising where it is not.
+(products of the relative changes of p and q at all points, with log mu counted once per point), mu
+falling where the determinant of the equations is positive, and rising where it is not.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from fenics_contact.path_equations import (
     Array,
     Iterate,
     PathEquations,
+    Residual,
     State,
 )
 
@@ -131,7 +133,7 @@ class CentralPath(PathEquations):
         residual = self.residual(now)
         to_path = self.direction(now, residual, springs, none, none, none, first=True)
         residual.equilibrium.set(0.0)
-        residual = type(residual)(residual.equilibrium, none, none, 0.0)
+        residual = Residual(residual.equilibrium, none, none, 0.0)
         mu = np.full_like(now.y, products * self.unit)
         tangent = self.direction(now, residual, springs, mu, mu, mu)
         # The determinant of A bordered by f_L is that of A times -f_L.A^-1 f_L.

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol, cast
 
 import numpy as np
@@ -335,8 +335,9 @@ class CoulombFriction:
         history = FixedPointHistory()
         point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None and self.monolithic and afresh is not None:
-            afresh = replace(afresh, load_factor=start.load_factor)
-            point = self._follow(afresh, work, self._near(start, growth), history)
+            point = self._follow(
+                afresh, work, start.load_factor, self._near(start, growth), history
+            )
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -439,23 +440,26 @@ class CoulombFriction:
                 self.load_factor,
                 SETTLED * self.tolerance,
                 growing,
-                past_folds and self.load_factor is None,
+                past_folds,
             )
 
         return self._taken(solve, "monolithic step", start.load_factor, allowed, history)
 
     def _follow(
-        self, start: State, work: float, allowed: tuple[float, float], history: FixedPointHistory
+        self,
+        start: State,
+        work: float,
+        before: float,
+        allowed: tuple[float, float],
+        history: FixedPointHistory,
     ) -> PathPoint | None:
-        """The same along the central path past its folds; only under work control."""
-        if self.load_factor is not None:
-            return None
+        """The same along the central path past its folds, from a load factor `before`."""
 
         def solve() -> PathPoint:
             settled = SETTLED * self.tolerance
             return self._interior.follow(work, start, self.scales, self.final, settled)
 
-        return self._taken(solve, "central path", start.load_factor, allowed, history)
+        return self._taken(solve, "central path", before, allowed, history)
 
     def _taken(
         self,

@@ -51,14 +51,17 @@ PATIENCE, COLD_PATIENCE = 6, 25
 #: Steps, warm and cold, over which the error has to fall to this part of itself.
 SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 
-#: The same where the central path can be followed instead, and for the last steps after it was.
+#: Both where the central path can be followed instead, and for the last steps after it was.
 FOLD_STEPS, FINISH_STEPS = 8, 4
 
-#: The same after an iterate that is good enough, but whose load factor still changes.
+#: Steps without progress after an iterate that is good enough, but whose load factor still changes.
 RESTING = 3
 
 #: The best iterate of a stalled solve is accepted up to this error where less was asked for.
 ACCEPTABLE = 1e-9
+
+#: The same at the end of a path that was followed: what it is worth the certificate tells.
+FOLLOWED = 1e-7
 
 #: Error of an interior point iterate from which on the central path is followed past its folds, and
 #: products at which the interior point method finishes, or if need be is tried again.
@@ -67,9 +70,6 @@ HALFWAY, FOLLOW_TO = 1e-3, (1e-7, 1e-8, 1e-9, 1e-10)
 #: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
 #: eigenvalue from which on a state repels.
 KRYLOV, REPELS = 15, 1.0 + 1e-3
-
-#: The same at the end of a path that was followed: what it is worth the certificate tells.
-FOLLOWED = 1e-7
 
 #: Load factors below this fraction of the typical one are zero.
 ZERO_FACTOR = 1e-3

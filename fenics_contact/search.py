@@ -221,21 +221,22 @@ class Search:
 
     def run(self, start: State, bound: Array) -> Collapse:
         """Look for a verified collapse state at more work, then at less."""
-        first_ratio = start.work / self.per_ratio
         self.start = start  # where a path that is followed afresh begins
-        first = None
-        if len(self.structure.bodies.centre) > MANY_BLOCKS and self.at_once:
+        first_ratio, first = start.work / self.per_ratio, None
+        if self.at_once and len(self.structure.bodies.centre) > MANY_BLOCKS:
             # With many blocks the fixed point takes very long: sooner less work.
             for ratio in (first_ratio, WORK_DECREASE * first_ratio):
-                beginning = self._beginning(ratio * self.per_ratio)
-                first = first or self.at(ratio, beginning, bound, fixed_point=False)
-        first = first or self.at(first_ratio, start, bound)
-        first_ratio = first_ratio if first is None else first.ratio
+                if first is None:
+                    beginning = self._beginning(ratio * self.per_ratio)
+                    first = self.at(ratio, beginning, bound, iterate=False)
+            self.at_once = first is not None
+        if first is None:
+            first = self.at(first_ratio, start, bound)
         if not self.settled and self._unlimited:
             return self.result("unbounded")
         if first is None:
             return self.result("not_converged")
-        last, ratio, worse = first, first_ratio, 0
+        last, ratio, worse = first, first.ratio, 0
         while not self.settled and ratio < LAST_WORK:
             found = self._further(last)
             if self.growing and self._no_upper:
@@ -249,7 +250,7 @@ class Search:
             if worse > self.patience:
                 break
             last, ratio = found, found.ratio
-        last, ratio = first, first_ratio
+        last, ratio = first, first.ratio
         for _ in range(DECREASES if self.best is first else 0):
             if self.settled:
                 break
@@ -296,7 +297,6 @@ class Search:
         follow: bool = True,
         iterate: bool = True,
         afresh: bool = False,
-        fixed_point: bool = True,
     ) -> _Found | None:
         """Find and verify the state at one T; None if there is none.
 
@@ -306,7 +306,6 @@ class Search:
             bound: First g, where it is iterated for.
             follow: Whether to look for a state next to `start`, unless that is the first.
             iterate: Whether to iterate for one if there is none.
-            fixed_point: Whether the fixed point may be used for that.
             afresh: Whether else to follow the central path from where the search began.
         """
         work = ratio * self.per_ratio
@@ -327,10 +326,8 @@ class Search:
         )
         try:
             growth, warm = self._growth(work), bool(self.history)
-            if iterate:
-                point, history = friction.solve(
-                    start, bound, work, warm, growth, follow, fixed_point
-                )
+            if iterate or not warm:
+                point, history = friction.solve(start, bound, work, warm, growth, follow, iterate)
             else:
                 beginning = self._beginning(work) if afresh else None
                 point, history = friction.go_on(start, work, growth, beginning)
@@ -554,7 +551,7 @@ def new_solver(
 def first_work(
     method: str, program: Callable[[], LimitBounds], scales: Scales, blocks: int = 1
 ) -> float:
-    """First T in units of the live load's work on the bonded structure.
+    """First T in units of the live load's work on the bonded structure, by number of blocks.
 
     Joint forces, unlike interior points, take many steps to a state far along the mode: they start
     at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.

@@ -149,3 +149,19 @@ def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
     assert result.status == "limit"
     assert tried[1] == pytest.approx(0.1 * tried[0])
     assert result.positive.work_ratio >= 1e3 * (1.0 - 1e-12)
+
+
+def test_many_blocks_try_no_path_twice(monkeypatch):
+    """Two attempts with the bound in the equations, then the fixed point."""
+    monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
+    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
+    tried = []
+
+    def fails(self, start, work, centring, *rest, **options):
+        tried.append(centring)
+
+    monkeypatch.setattr(CoulombFriction, "_monolithic", fails)
+    monkeypatch.setattr(CoulombFriction, "_follow", lambda *_: None)
+    result = limit_load(wall_scene("W1", coulomb(0.4), elements=1))
+    assert result.positive.history[0].method == "fixed-point"
+    assert [centring for centring in tried if centring == 1.0] == [1.0, 1.0]

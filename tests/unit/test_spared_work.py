@@ -67,6 +67,15 @@ def test_state_that_attracts_the_fixed_point_needs_no_iteration(monkeypatch):
     assert not any(item.startswith(FIXED_POINT) for item in iterated.plan.skipped)
 
 
+def test_state_that_repels_the_fixed_point_is_iterated_for(monkeypatch):
+    at_once = limit_load(wall(coulomb(0.65)))
+    monkeypatch.setattr(WorkControl, "repels", lambda *_: True)
+    result = limit_load(wall(coulomb(0.65)))
+    assert result.load_factor == pytest.approx(at_once.load_factor, rel=1e-6)
+    assert len(result.positive.history[0].steps) > 3
+    assert not any(item.startswith(FIXED_POINT) for item in result.plan.skipped)
+
+
 def test_fixed_point_where_the_path_leads_nowhere(monkeypatch):
     monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
