@@ -271,6 +271,10 @@ class CoulombFriction:
                 return point, history
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
+            if self.past_folds:
+                point = self._from_modes(start, work, anywhere, history)
+            if point is not None:
+                return point, history
             point = self._monolithic(
                 start, work, 1.0, anywhere, history, self.attracting, self.past_folds
             )
@@ -460,6 +464,17 @@ class CoulombFriction:
             return self._interior.follow(work, start, self.scales, self.final, settled)
 
         return self._taken(solve, "central path", before, allowed, history)
+
+    def _from_modes(
+        self, start: State, work: float, allowed: tuple[float, float], history: FixedPointHistory
+    ) -> PathPoint | None:
+        """The same from where the modes of the blocks lead."""
+
+        def solve() -> PathPoint:
+            settled = SETTLED * self.tolerance
+            return self._interior.from_modes(work, start, self.scales, self.final, settled)
+
+        return self._taken(solve, "modes of the blocks", start.load_factor, allowed, history)
 
     def _taken(
         self,

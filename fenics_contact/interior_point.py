@@ -16,6 +16,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.block_modes import BlockModes
 from fenics_contact.central_path import CentralPath
 from fenics_contact.errors import SolverError
 from fenics_contact.path_equations import (
@@ -65,7 +66,11 @@ FOLLOWED = 1e-7
 
 #: Error of an interior point iterate from which on the central path is followed past its folds, and
 #: products at which the interior point method finishes, or if need be is tried again.
-HALFWAY, FOLLOW_TO = 1e-3, (1e-7, 1e-8, 1e-9, 1e-10)
+HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
+
+#: Products, in units of force times elastic displacement, at which the path of the blocks' modes is
+#: left for that of the structure.
+TRANSFER = 3e-2
 
 #: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
 #: eigenvalue from which on a state repels.
@@ -150,16 +155,23 @@ class _Linearised:
 class WorkControl:
     """Solves for states of one structure under prescribed work of the live load."""
 
-    def __init__(self, problem: ContactProblem, springs: SpringStiffness) -> None:
+    def __init__(
+        self,
+        problem: ContactProblem,
+        springs: SpringStiffness,
+        block_modes: Callable[[], BlockModes] | None = None,
+    ) -> None:
         """Prepare work vectors.
 
         Args:
             problem: The structure.
             springs: Its stiffness with joint springs.
+            block_modes: Reduces it to modes of its blocks, where `from_modes` is used.
         """
         self.problem = problem
         self.springs = springs
         self.workspace = Workspace(problem)
+        self.block_modes = block_modes
         self._last: _Linearised | None = None
 
     @property
@@ -249,6 +261,60 @@ class WorkControl:
         best = self._past_folds(run, best, tolerance, settled)
         return self._point(run, best, tolerance, followed=True)
 
+    def from_modes(
+        self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf
+    ) -> PathPoint:
+        """Solve with Coulomb friction from where blocks that only move, stretch and bend lead.
+
+        Args:
+            work: T.
+            start: State to start from, however far from a solution.
+            scales: Typical sizes.
+            tolerance: As in `solve`.
+            settled: Likewise.
+
+        Returns:
+            The solution, with the residuals recomputed.
+
+        Raises:
+            SolverError: If the path of the modes leads to no state, or that of the structure from
+                there to none.
+        """
+        if self.block_modes is None:
+            raise SolverError("modes of the blocks: there are none")
+        modes = self.block_modes()
+        coarse = WorkControl(modes.of(self.problem), modes.springs)
+        run = _InteriorPoint(*self._shared, None, work, scales)
+        path = CentralPath(*self._shared, None, work, scales)
+        before = self.springs.factorizations
+        try:
+            near, products = coarse._near(work, modes.restricted(start), scales)
+            state = modes.prolonged(near)
+            now = path.centred(state, products, state.strained)
+            state.displacement.destroy()
+            near.destroy()
+        finally:
+            coarse.destroy()
+        best = self._to_end(run, path, now, products, tolerance, settled)
+        best.steps = self.springs.factorizations - before
+        return self._point(run, best, tolerance, followed=True)
+
+    def _near(self, work: float, start: State, scales: Scales) -> tuple[State, float]:
+        """A state near the central path at products `TRANSFER`, and these.
+
+        Raises:
+            SolverError: If the path does not lead so far.
+        """
+        run = _InteriorPoint(*self._shared, None, work, scales)
+        best = run.converge(run.centred(start, 1.0), True, HALFWAY)
+        path = CentralPath(*self._shared, None, work, scales)
+        products = path.mean_product(best.halfway)
+        now = path.centred(best.state(work, halfway=True), products)
+        best.destroy()
+        now, products = path.follow(now, products, TRANSFER * scales.elastic_part)
+        state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
+        return state, products
+
     def _past_folds(
         self, run: _InteriorPoint, best: _Best, tolerance: float, settled: float
     ) -> _Best:
@@ -262,10 +328,20 @@ class WorkControl:
         products = path.mean_product(best.halfway)
         now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
         best.destroy()
+        found = self._to_end(run, path, now, products, tolerance, settled)
+        found.steps = steps + self.springs.factorizations - before
+        return found
+
+    def _to_end(self, run: _InteriorPoint, path: CentralPath, now: Iterate, products: float, tolerance: float, settled: float) -> _Best:
+        """What the central path leads to from a point near it.
+
+        Raises:
+            SolverError: If that is nowhere.
+        """
         found: list[_Best] = []
         for end in FOLLOW_TO:
             try:
-                now, products = path.follow(now, products, end)
+                now, products = path.follow(now, products, end * run.scales.elastic_part)
             except SolverError:
                 if not found:
                     raise
@@ -278,7 +354,6 @@ class WorkControl:
         found.sort(key=lambda reached: reached.error)
         for other in found[1:]:
             other.destroy()
-        found[0].steps = steps + self.springs.factorizations - before
         return found[0]
 
     def _point(

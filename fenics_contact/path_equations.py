@@ -68,11 +68,18 @@ class Scales:
         displacement: m.
         force: Nodal joint force, N/m.
         load_factor: Typical load factor.
+        elastic: Displacement that strains the blocks, m; 0: as large as all.
     """
 
     displacement: float
     force: float
     load_factor: float
+    elastic: float = 0.0
+
+    @property
+    def elastic_part(self) -> float:
+        """Part of the displacements that strains the blocks."""
+        return min(self.elastic / self.displacement, 1.0) if self.elastic > 0.0 else 1.0
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,7 @@ class Search:
         self.live_size = problem.live.norm(PETSc.NormType.N1)
         self.options = structure.scene.solve
         self.monitor = monitor
-        self.control = WorkControl(problem, structure.springs)
+        self.control = WorkControl(problem, structure.springs, lambda: structure.block_modes)
         self.method = method
         self.monolithic = method in MONOLITHIC
         self.patience = STRIDES_ALONG if self.monolithic else 0
@@ -312,7 +312,8 @@ class Search:
         # Forces are judged by what the joints carry, which a locked structure lets grow.
         larger = max(1.0, self.largest_factor / self.scales.load_factor)
         scales = replace(
-            self.scales, displacement=work / self.live_size, force=larger * self.scales.force
+            self.scales, displacement=work / self.live_size, force=larger * self.scales.force,
+            elastic=self.scales.displacement
         )
         friction = CoulombFriction(
             self.solver,

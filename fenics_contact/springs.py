@@ -10,6 +10,7 @@ analysed for either kind, once per scene.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,65 @@ from fenics_contact.joints import JointOperators
 Array = npt.NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class JointRows:
+    """Rows of B_N and B_T at this rank's joint points, those on the same displacements together.
+
+    Attributes:
+        dofs: Global dofs of every group, -1: none, shape (groups, n).
+        normal: Coefficients of B_N on those dofs, shape (groups, points of a group, n); zero where
+            a group has fewer points than another.
+        tangential: Coefficients of B_T, likewise.
+        place: Place of every point among those of all groups in a row.
+    """
+
+    dofs: npt.NDArray[np.int32]
+    normal: Array
+    tangential: Array
+    place: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, joints: JointOperators) -> JointRows:
+        """Every joint point for itself."""
+        normal, tangential = joints.normal_rows, joints.tangential_rows
+        return cls(joints.dofs, normal[:, None], tangential[:, None], np.arange(len(normal)))
+
+    @classmethod
+    def grouped(
+        cls, dofs: npt.NDArray[np.int64], normal: Array, tangential: Array
+    ) -> JointRows:
+        """Group points that have the same dofs.
+
+        Args:
+            dofs: Global dofs of every point, -1: none, shape (points, n).
+            normal: Coefficients of B_N on those dofs, shape (points, n).
+            tangential: Coefficients of B_T, likewise.
+        """
+        _, first, group, count = np.unique(
+            dofs, axis=0, return_index=True, return_inverse=True, return_counts=True
+        )
+        order = np.argsort(group.ravel(), kind="stable")
+        # Groups of a middling size, so that one long joint does not make all others as large.
+        most = int(np.ceil(count.mean())) if len(count) else 1
+        parts = -(-count // most)
+        within = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+        place = np.empty_like(order)
+        place[order] = most * np.repeat(np.cumsum(parts) - parts, count) + within
+        rows = []
+        for values in (normal, tangential):
+            padded = np.zeros((most * int(parts.sum()), values.shape[1]))
+            padded[place] = values
+            rows.append(padded.reshape(-1, most, values.shape[1]))
+        return cls(np.repeat(dofs[first], parts, axis=0), rows[0], rows[1], place)
+
+    def spread(self, values: Array) -> Array:
+        """Values of points as factors of the groups' rows."""
+        groups, points, _ = self.normal.shape
+        spread = np.zeros(groups * points)
+        spread[self.place] = values
+        return spread.reshape(groups, points, 1)
+
+
 class SpringStiffness:
     """A with its factor.
 
@@ -30,18 +90,17 @@ class SpringStiffness:
         seconds: Time spent in them, s.
     """
 
-    def __init__(self, stiffness: PETSc.Mat, joints: JointOperators) -> None:
+    def __init__(self, stiffness: PETSc.Mat, rows: JointRows) -> None:
         """Lay out A.
 
         Args:
             stiffness: K in the supports' coordinates.
-            joints: Joint rows.
+            rows: Joint rows.
         """
-        self._dofs = np.ascontiguousarray(joints.dofs, dtype=PETSc.IntType)
-        normal, tangential = joints.normal_rows, joints.tangential_rows
-        self._normal = normal[:, :, None] * normal[:, None, :]
-        self._tangential = tangential[:, :, None] * tangential[:, None, :]
-        self._coupling = tangential[:, :, None] * normal[:, None, :]
+        self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
+        self._rows = rows
+        both = np.concatenate([rows.normal, rows.tangential], axis=1)
+        self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
         self._elastic = self._with_spring_pattern(stiffness)
         self._factors: dict[str, tuple[PETSc.Mat, PETSc.KSP]] = {}
         self._pair: tuple[PETSc.Mat, ...] = ()
@@ -145,9 +204,12 @@ class SpringStiffness:
     def _add(
         self, matrix: PETSc.Mat, normal: Array, tangential: Array, coupling: Array | None = None
     ) -> None:
-        blocks = self._normal * normal[:, None, None] + self._tangential * tangential[:, None, None]
+        rows = self._rows
+        shear = rows.spread(tangential) * rows.tangential
         if coupling is not None:
-            blocks += self._coupling * coupling[:, None, None]
+            shear += rows.spread(coupling) * rows.normal
+        forces = np.concatenate([rows.spread(normal) * rows.normal, shear], axis=1)
+        blocks = np.matmul(self._transposed, forces)
         if len(blocks):  # petsc4py divides by the number of blocks
             matrix.setValuesRCV(self._dofs, self._dofs, blocks, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
@@ -156,10 +218,11 @@ class SpringStiffness:
         springs = PETSc.Mat().create(stiffness.comm)
         springs.setSizes(stiffness.getSizes())
         springs.setType(PETSc.Mat.Type.AIJ)
-        # A node has at most a handful of joint points, each with four displacements.
-        springs.setPreallocationNNZ((24, 24))
+        # A node, or a block, is joined to a handful of others.
+        most = 6 * self._dofs.shape[1]
+        springs.setPreallocationNNZ((most, most))
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        zero = np.zeros(len(self._dofs))
+        zero = np.zeros(len(self._rows.place))
         self._add(springs, zero, zero)
         padded = stiffness.copy()
         padded.axpy(1.0, springs, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

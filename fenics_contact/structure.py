@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.block_modes import BlockModes, modes
 from fenics_contact.boundary import Boundary, collect_boundary
 from fenics_contact.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.errors import InputError
@@ -17,7 +19,7 @@ from fenics_contact.joints import JointOperators, Joints, find_joints, joint_ope
 from fenics_contact.problem import ContactProblem
 from fenics_contact.rigid import RigidBodies, check_held, motions, rigid_bodies
 from fenics_contact.scene import Scene
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.springs import JointRows, SpringStiffness
 from fenics_contact.supports import Supports, find_supports
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
@@ -105,7 +107,7 @@ class Structure:
             joints.shear_strength[operators.points],
             _rigid_motions(elasticity, bodies),
         )
-        springs = SpringStiffness(elasticity.stiffness, operators)
+        springs = SpringStiffness(elasticity.stiffness, JointRows.of(operators))
         seconds = time.perf_counter() - start
         return cls(
             scene,
@@ -144,6 +146,20 @@ class Structure:
         live.scale(-1.0)
         return replace(self.problem, live=live, slip_origin=np.zeros_like(self.problem.friction))
 
+    @cached_property
+    def block_modes(self) -> BlockModes:
+        """The structure whose blocks only move, stretch and bend; made when first asked for."""
+        nodes = self.problem.dead.getLocalSize() // 2
+        first = self.problem.dead.getOwnershipRange()[0] // 2
+        body = self.elasticity.node_body[:nodes]
+        position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
+        directions = self.supports.free_directions(first + np.arange(nodes))
+        shapes = np.einsum(
+            "nji,njk->nik", directions, modes(position - self.bodies.centre[body])
+        )
+        sides = self.joints.bodies[self.operators.points]
+        return BlockModes.build(self.problem, shapes, body, len(self.bodies.centre), sides)
+
     def bodies_area(self) -> float:
         """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
         points = self.boundary.points[:, :2].mean(axis=1)
@@ -175,6 +191,8 @@ class Structure:
 
     def destroy(self) -> None:
         """Free the PETSc objects, which would otherwise be kept for long."""
+        if "block_modes" in self.__dict__:
+            self.block_modes.destroy()
         self.springs.destroy()
         problem = self.problem
         for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from fenics_contact import Scene, SolverError
 from fenics_contact.joints import JointOperators, Slots
 from fenics_contact.meshing import wall
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.springs import JointRows, SpringStiffness
 from fenics_contact.structure import Structure
 from tests.helpers import (
     PUSH,
@@ -75,7 +75,7 @@ def factor(structure: Structure, springs: SpringStiffness, *values: np.ndarray) 
 @pytest.fixture
 def springs(structure):
     """A fresh factorisation, with its counter at zero."""
-    made = SpringStiffness(structure.problem.stiffness, structure.operators)
+    made = SpringStiffness(structure.problem.stiffness, JointRows.of(structure.operators))
     yield made
     made.destroy()
 
@@ -149,7 +149,7 @@ def loose_node() -> tuple[SpringStiffness, PETSc.Vec]:
     )
     load = stiffness.createVecLeft()
     load.array[:] = [0.0, 0.0, 0.0, 6.0]
-    return SpringStiffness(stiffness, point), load
+    return SpringStiffness(stiffness, JointRows.of(point)), load
 
 
 NONE, SOME = np.array([0.0]), np.array([2.0])

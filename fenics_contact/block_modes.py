@@ -1,0 +1,187 @@
+"""A structure whose blocks only move, stretch and bend: where the search for a state begins.
+
+Displacements u = P a, with the rigid motions, uniform strains and pure bendings of every block as
+columns of P, turn the structure into one with eight unknowns per block and the same joint points,
+
+    K_P = P^T K P,   f_P = P^T f,   B_P = B P,
+
+whose central path (`central_path`) leads through the same folds at little cost: which joints open
+and slide hangs on how blocks move, and how forces spread among the others on how they strain as a
+whole. Its state, with the same joint forces, is where the path of the structure itself is taken up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from fenics_contact.path_equations import State
+from fenics_contact.problem import ContactProblem
+from fenics_contact.springs import JointRows, SpringStiffness
+
+Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+#: Motions of a block in the plane: three rigid ones, three strains, two bendings.
+MODES = 8
+
+#: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
+DEPENDENT = 1e-10
+
+
+@dataclass(frozen=True)
+class BlockModes:
+    """Modes of all blocks, and the structure that moves in these alone.
+
+    Attributes:
+        basis: P with orthonormal columns, eight for every block, in the supports' coordinates;
+            columns that are linear combinations of others are zero.
+        full: The structure that it reduces.
+        reduced: That of the modes; modes that are none have the mean diagonal of K_P.
+        springs: K_P with joint springs.
+    """
+
+    basis: PETSc.Mat
+    full: ContactProblem
+    reduced: ContactProblem
+    springs: SpringStiffness
+
+    @classmethod
+    def build(
+        cls, problem: ContactProblem, shapes: Array, body: Integers, blocks: int, sides: Integers
+    ) -> BlockModes:
+        """Reduce a structure.
+
+        Args:
+            problem: The structure.
+            shapes: Displacements of this rank's nodes in every mode of their block, as `modes`
+                gives them, zero where held, shape (nodes, 2, 8).
+            body: Block of every node of this rank.
+            blocks: Number of blocks.
+            sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+        """
+        basis = _orthonormal_columns(problem, shapes, body, blocks)
+        stiffness = problem.stiffness.ptap(basis)
+        diagonal = stiffness.getDiagonal()
+        stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
+        none = diagonal.array_r <= 0.0
+        first, _ = stiffness.getOwnershipRange()
+        mean = diagonal.sum() / diagonal.getSize()
+        for row in first + np.flatnonzero(none):
+            stiffness.setValue(row, row, mean)
+        stiffness.assemble()
+        diagonal.destroy()
+        reduced = ContactProblem(
+            stiffness,
+            _restricted(basis, problem.dead),
+            _restricted(basis, problem.live),
+            problem.normal.matMult(basis),
+            problem.tangential.matMult(basis),
+            problem.friction,
+            problem.strength,
+            basis.transposeMatMult(problem.rigid),
+            problem.slip_origin,
+        )
+        springs = SpringStiffness(stiffness, _rows(reduced, sides))
+        return cls(basis, problem, reduced, springs)
+
+    def of(self, problem: ContactProblem) -> ContactProblem:
+        """The reduced structure with the live load of `problem`, which may be reversed."""
+        if problem is self.full:
+            return self.reduced
+        live = _restricted(self.basis, problem.live)
+        return replace(self.reduced, live=live, slip_origin=problem.slip_origin)
+
+    def restricted(self, state: State) -> State:
+        """A state in the modes: their part of the displacements, the same joint forces."""
+        return replace(
+            state, displacement=_restricted(self.basis, state.displacement), strained=None
+        )
+
+    def prolonged(self, state: State) -> State:
+        """A state of the reduced structure as one of the structure itself."""
+        vectors = []
+        for modes in (state.displacement, state.strained):
+            if modes is None:
+                vectors.append(None)
+                continue
+            u = self.basis.createVecLeft()
+            self.basis.mult(modes, u)
+            vectors.append(u)
+        return replace(state, displacement=vectors[0], strained=vectors[1])
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, which would otherwise be kept for long."""
+        self.springs.destroy()
+        problem = self.reduced
+        for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
+            item.destroy()
+        for vector in (problem.dead, problem.live):
+            vector.destroy()
+        self.basis.destroy()
+
+
+def modes(arm: Array) -> Array:
+    """Displacements in every mode at points `arm` from a block's centre, shape (points, 2, 8).
+
+    In pure bending with curvature 1, u = (xy, -x^2/2); contraction across is left out.
+    """
+    x, y = arm.T
+    shapes = np.zeros((len(arm), 2, MODES))
+    shapes[:, 0, 0] = shapes[:, 1, 1] = 1.0
+    shapes[:, 0, 2], shapes[:, 1, 2] = -y, x
+    shapes[:, 0, 3], shapes[:, 1, 4] = x, y
+    shapes[:, 0, 5], shapes[:, 1, 5] = y, x
+    shapes[:, 0, 6], shapes[:, 1, 6] = x * y, -0.5 * x**2
+    shapes[:, 0, 7], shapes[:, 1, 7] = -0.5 * y**2, x * y
+    return shapes
+
+
+def _orthonormal_columns(
+    problem: ContactProblem, shapes: Array, body: Integers, blocks: int
+) -> PETSc.Mat:
+    """P, of which a block's columns span its modes."""
+    comm = problem.comm
+    gram = np.zeros((blocks, MODES, MODES))
+    order = np.argsort(body, kind="stable")
+    present, start = np.unique(body[order], return_index=True)
+    squares = np.matmul(np.swapaxes(shapes, 1, 2), shapes)[order]
+    if len(present):
+        gram[present] = np.add.reduceat(squares, start)
+    gram = comm.allreduce(gram)
+    # Modes of unit length first: their sizes are powers of the block's.
+    length = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
+    scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+    size, direction = np.linalg.eigh(gram * scale[:, :, None] * scale[:, None, :])
+    independent = size > DEPENDENT
+    columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
+    values = np.einsum("nik,nkl->nil", shapes, columns[body])
+    first, last = (MODES * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
+    sizes = problem.dead.getSizes(), (last - first, MODES * blocks)
+    indices = np.repeat(MODES * body[:, None] + np.arange(MODES), 2, axis=0)
+    csr = [a.astype(PETSc.IntType) for a in (MODES * np.arange(2 * len(body) + 1), indices.ravel())]
+    return PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
+
+
+def _restricted(basis: PETSc.Mat, vector: PETSc.Vec) -> PETSc.Vec:
+    """P^T f."""
+    restricted = basis.createVecRight()
+    basis.multTranspose(vector, restricted)
+    return restricted
+
+
+def _rows(reduced: ContactProblem, sides: Integers) -> JointRows:
+    """Rows of B_P, joint by joint: the points between the same two blocks together."""
+    per_point = []
+    for matrix in (reduced.normal, reduced.tangential):
+        start, columns, values = matrix.getValuesCSR()
+        point = np.repeat(np.arange(len(sides)), np.diff(start))
+        second = columns // MODES == sides[point, 1]
+        rows = np.zeros((len(sides), 2 * MODES))
+        rows[point, columns % MODES + MODES * second] = values
+        per_point.append(rows)
+    dofs = np.where(sides[:, :, None] < 0, -1, MODES * sides[:, :, None] + np.arange(MODES))
+    return JointRows.grouped(dofs.reshape(-1, 2 * MODES), *per_point)
