@@ -35,7 +35,6 @@ from fenics_contact.path_equations import (
     Array,
     Iterate,
     PathEquations,
-    Residual,
     State,
 )
 
@@ -45,7 +44,9 @@ MAX_STEPS = 250
 
 #: Steps are measured by the largest relative change of p and q. Length of the first and of the
 #: shortest and longest step, and by how much the length grows after one that was not shortened.
-FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 10.0), 2.5
+FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 10.0
+GOAL = 1e300
+FLOOR = 1e-3
 
 #: A step is shortened, at most so often, where it leaves more than this of p or q, relative, and
 #: more than so much of what was left before.
@@ -84,10 +85,10 @@ class CentralPath(PathEquations):
             end: mu at which to stop.
 
         Returns:
-            An iterate near the path, and mu.
+            An iterate near the path, and mu, which is larger than `end` after `MAX_STEPS` steps.
 
         Raises:
-            SolverError: If the path leads back, or does not end in `MAX_STEPS` steps.
+            SolverError: If the path leads back, or is lost.
         """
         length, left, since = FIRST_LENGTH, self._left(now), 0
         for step in range(MAX_STEPS):
@@ -120,22 +121,17 @@ class CentralPath(PathEquations):
                 new.destroy()
                 raise SolverError(f"central path: lost after {step + 1} steps")
             now, products, left = new, new_products, new_left
-            length = max(length * (GROWTH if shortened == 0 else 1.0), LENGTHS[0])
-            length = min(length, LENGTHS[1])
+            if shortened == 0:
+                length *= float(np.clip(np.sqrt(GOAL / max(left, 1e-300)), 1.0, GROWTH))
+            length = min(max(length, LENGTHS[0]), LENGTHS[1])
             _log.debug("    %3d  %.12g  mu %.2e, left %.1e", step, now.load_factor, products, left)
-        now.destroy()
-        raise SolverError(f"central path: products {products:.1e} after {MAX_STEPS} steps")
+        return now, products
 
     def _directions(self, now: Iterate, products: float) -> tuple[Iterate, Iterate, float]:
         """Both c and t, and the sign of dmu/ds, on one factor."""
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
-        none = np.zeros_like(now.y)
-        residual = self.residual(now)
-        to_path = self.direction(now, residual, springs, none, none, none, first=True)
-        residual.equilibrium.set(0.0)
-        residual = Residual(residual.equilibrium, none, none, 0.0)
         mu = np.full_like(now.y, products * self.unit)
-        tangent = self.direction(now, residual, springs, mu, mu, mu)
+        to_path, tangent = self.two_directions(now, self.residual(now), springs, (mu, mu, mu))
         # The determinant of A bordered by f_L is that of A times -f_L.A^-1 f_L.
         flexibility = self.problem.live.dot(self.workspace.border)
         return to_path, tangent, -self.springs.determinant_sign * float(np.sign(flexibility))
@@ -151,7 +147,7 @@ class CentralPath(PathEquations):
     def _sizes(self, now: Iterate) -> tuple[Array, Array]:
         d, f = self.scales.displacement, self.scales.force
         size_q = 0.5 * (now.s1 + now.s2) / f + np.abs(now.z2 - now.z1) / d
-        return now.pressure / f + now.y / d, size_q
+        return np.maximum(now.pressure / f + now.y / d, FLOOR), np.maximum(size_q, FLOOR)
 
     def _largest(self, rate: _Rate) -> float:
         return self.problem.max(np.maximum(np.abs(rate.p), np.abs(rate.q)))

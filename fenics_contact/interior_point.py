@@ -300,10 +300,10 @@ class WorkControl:
         return self._point(run, best, tolerance, followed=True)
 
     def _near(self, work: float, start: State, scales: Scales) -> tuple[State, float]:
-        """A state near the central path at products `TRANSFER`, and these.
+        """A state near the central path at products `TRANSFER` or as far as it leads, and these.
 
         Raises:
-            SolverError: If the path does not lead so far.
+            SolverError: If the path leads nowhere.
         """
         run = _InteriorPoint(*self._shared, None, work, scales)
         best = run.converge(run.centred(start, 1.0), True, HALFWAY)
@@ -342,6 +342,9 @@ class WorkControl:
         for end in FOLLOW_TO:
             try:
                 now, products = path.follow(now, products, end * run.scales.elastic_part)
+                if products > end * run.scales.elastic_part:
+                    now.destroy()
+                    raise SolverError(f"central path: products {products:.1e} after all steps")
             except SolverError:
                 if not found:
                     raise
@@ -467,7 +470,7 @@ class _InteriorPoint(PathEquations):
                 as there may be hope.
         """
         best, last = _Best(now.copy(), {}, np.inf, 0, now.copy()), _Last()
-        errors: list[float] = []
+        errors: list[float] = []  # smallest so far, of all but what cancels digits of equilibrium
         best_step = 0
         patience, slow_steps = (COLD_PATIENCE, COLD_SLOW_STEPS) if cold else (PATIENCE, SLOW_STEPS)
         if window:
@@ -480,14 +483,19 @@ class _InteriorPoint(PathEquations):
             error = float(np.max(list(sizes.values())))  # nan where any is nan
             _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
             if error < best.error:
-                best.iterate.destroy()
-                best.iterate, best.sizes, best.error, best_step = now.copy(), sizes, error, step
-                if not errors or errors[-1] > HALFWAY:
+                if best.error > HALFWAY:
                     best.halfway.destroy()
                     best.halfway = now.copy()
+                best.iterate.destroy()
+                best.iterate, best.sizes, best.error, best_step = now.copy(), sizes, error, step
             if best.error <= tolerance:
                 patience = min(patience, RESTING)
-            errors.append(best.error)
+            joints = max(value for name, value in sizes.items() if name != "equilibrium")
+            if not errors or joints < errors[-1]:
+                errors.append(joints)
+                best_step = step
+            else:
+                errors.append(errors[-1])
             slow = step >= slow_steps and errors[step] > SLOW * errors[step - slow_steps]
             stalled = not np.isfinite(error) or slow or step - best_step >= patience
             # The rest of the load factor's change is to the last one as that is to the one before,
@@ -516,18 +524,16 @@ class _InteriorPoint(PathEquations):
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         here = self.products(now)
         y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
-        affine = self.direction(now, residual, springs, -y * r, -s1 * z1, -s2 * z2, first=True)
+        affine = self.direction(now, residual, springs, (-y * r, -s1 * z1, -s2 * z2), first=True)
         ahead = now.copy()
         ahead.move(self._length(now, affine), affine)
         target = here / self.count * max(self.products(ahead) / here, 0.0) ** 3
-        corrected = self.direction(
-            now,
-            residual,
-            springs,
+        changes = (
             target - y * r - affine.y * affine.pressure,
             target - s1 * z1 - affine.s1 * affine.z1,
             target - s2 * z2 - affine.s2 * affine.z2,
         )
+        corrected = self.direction(now, residual, springs, changes)
         length = STEP_FRACTION * self._length(now, corrected)
         now.move(min(1.0, length), corrected)
         for iterate in (affine, ahead, corrected):

@@ -46,8 +46,8 @@ PROXIMAL_SPRING = 1e-8
 #: Distance of shear from its bound at the start of a solve, at least, in parts of the bound.
 NEAREST = 1e-9
 
-#: Bisections that leave an interval of the logarithm of 1e-15 of its length.
-BISECTIONS = 50
+#: Newton steps that leave nothing but rounding of a distance from the bound.
+NEWTON_STEPS = 6
 
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
@@ -162,15 +162,18 @@ class Workspace:
 
     def __init__(self, problem: ContactProblem) -> None:
         self.right = problem.dead.duplicate()
+        self.second_right = problem.dead.duplicate()
         self.free = problem.dead.duplicate()
+        self.second_free = problem.dead.duplicate()
         self.border = problem.dead.duplicate()
         self.rest = problem.dead.duplicate()
+        self.zero = problem.dead.duplicate()  # duplicates are zero
         self.opening = problem.normal.createVecLeft()
         self.slip = problem.tangential.createVecLeft()
 
     def destroy(self) -> None:
         """Free the vectors."""
-        for vector in (self.right, self.free, self.border, self.rest, self.opening, self.slip):
+        for vector in vars(self).values():
             vector.destroy()
 
 
@@ -308,27 +311,90 @@ class PathEquations:
         now: Iterate,
         residual: Residual,
         springs: tuple[Array, Array, Array],
-        c_n: Array,
-        c_1: Array,
-        c_2: Array,
+        changes: tuple[Array, Array, Array],
         first: bool = False,
     ) -> Iterate:
-        """Newton direction towards products changed by c_n, c_1, c_2 (module docstring).
+        """Newton direction towards other products, and no residual.
 
         The first one on a factor finds A^-1 f_L too.
+
+        Args:
+            now: Where.
+            residual: What is left there of the linear conditions.
+            springs: As `factor` gave them.
+            changes: c_n, c_1, c_2: changes of y r_N, s1 z1, s2 z2.
+            first: Whether it is the first one.
         """
-        k_n, k_t, q = springs
-        right, free, border = self.workspace.right, self.workspace.free, self.workspace.border
+        workspace, live = self.workspace, self.problem.live
+        drive = self._right(now, residual, springs, changes, workspace.right)
+        if first and self.load_factor is None:
+            self.springs.solve_together(
+                (workspace.right, live), (workspace.free, workspace.border)
+            )
+        else:
+            self.springs.solve(workspace.right, workspace.free)
+        return self._found(now, residual, springs, changes, drive, workspace.free)
+
+    def two_directions(
+        self,
+        now: Iterate,
+        residual: Residual,
+        springs: tuple[Array, Array, Array],
+        changes: tuple[Array, Array, Array],
+    ) -> tuple[Iterate, Iterate]:
+        """Newton directions towards no residual, and towards other products, under work control.
+
+        Both, and A^-1 f_L, are solved for at once.
+
+        Args:
+            now: Where.
+            residual: What is left there of the linear conditions.
+            springs: As `factor` gave them.
+            changes: Of the products, as those of `direction`.
+        """
+        workspace, none = self.workspace, np.zeros_like(now.y)
+        same = none, none, none
+        given = self._right(now, residual, springs, same, workspace.right)
+        nothing = Residual(workspace.zero, none, none, 0.0)
+        drive = self._right(now, nothing, springs, changes, workspace.second_right)
+        self.springs.solve_together(
+            (workspace.right, workspace.second_right, self.problem.live),
+            (workspace.free, workspace.second_free, workspace.border),
+        )
+        return (
+            self._found(now, residual, springs, same, given, workspace.free),
+            self._found(now, nothing, springs, changes, drive, workspace.second_free),
+        )
+
+    def _right(
+        self,
+        now: Iterate,
+        residual: Residual,
+        springs: tuple[Array, Array, Array],
+        changes: tuple[Array, Array, Array],
+        right: PETSc.Vec,
+    ) -> Array:
+        """Set a right-hand side; returns what drives slip."""
+        (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
         residual.equilibrium.copy(right)
         right.scale(-1.0)
         push = c_n / now.y + k_n * residual.opening
         drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
         self.add_joint_forces(right, push, k_t * drive + q * push)
-        live = self.problem.live
-        if first and self.load_factor is None:
-            self.springs.solve_pair((right, live), (free, border))
-        else:
-            self.springs.solve(right, free)
+        return drive
+
+    def _found(
+        self,
+        now: Iterate,
+        residual: Residual,
+        springs: tuple[Array, Array, Array],
+        changes: tuple[Array, Array, Array],
+        drive: Array,
+        free: PETSc.Vec,
+    ) -> Iterate:
+        """The direction of a solution, with A^-1 f_L in `workspace.border`."""
+        (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
+        live, border = self.problem.live, self.workspace.border
         u, load_factor = free.copy(), 0.0
         if self.load_factor is None:
             load_factor = (-residual.work - free.dot(live)) / border.dot(live)
@@ -376,10 +442,13 @@ def _distance(q: Array, gamma: Array, products: float) -> Array:
         gamma: Above 0.
         products: The number mu.
     """
-    low, high = products / (q + products / gamma), gamma.copy()
-    low = np.minimum(low, high)
-    for _ in range(BISECTIONS):  # of the logarithm: the left-hand side increases
-        s = np.sqrt(low * high)
-        above = s - products / s + products / (2.0 * gamma - s) > gamma - q
-        low, high = np.where(above, low, s), np.where(above, s, high)
-    return np.asarray(np.sqrt(low * high))
+    # Without the third term s is larger, and the first step goes too far: the left-hand side is
+    # concave. From there Newton's method climbs to the solution and never passes it.
+    rest = gamma - q
+    large = 0.5 * (np.sqrt(rest**2 + 4.0 * products) + np.abs(rest))
+    s = np.minimum(np.where(rest > 0.0, large, products / large), gamma)
+    for _ in range(NEWTON_STEPS):
+        near, far = products / s, products / (2.0 * gamma - s)
+        slope = 1.0 + near / s + far / (2.0 * gamma - s)
+        s = s - (s - near + far - rest) / slope
+    return np.asarray(np.minimum(s, gamma))

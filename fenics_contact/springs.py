@@ -10,6 +10,7 @@ analysed for either kind, once per scene.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,7 +104,7 @@ class SpringStiffness:
         self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
         self._elastic = self._with_spring_pattern(stiffness)
         self._factors: dict[str, tuple[PETSc.Mat, PETSc.KSP]] = {}
-        self._pair: tuple[PETSc.Mat, ...] = ()
+        self._together: dict[int, tuple[PETSc.Mat, ...]] = {}
         self._current = ""
         diagonal = stiffness.getDiagonal()
         self.mean_diagonal = diagonal.sum() / diagonal.getSize()
@@ -151,18 +152,18 @@ class SpringStiffness:
         """Solve A x = b with the last factor."""
         self._factors[self._current][1].solve(right, solution)
 
-    def solve_pair(
-        self, rights: tuple[PETSc.Vec, PETSc.Vec], solutions: tuple[PETSc.Vec, PETSc.Vec]
-    ) -> None:
-        """Solve A x = b for two b at once, which reads the factor only once."""
-        if not self._pair:
+    def solve_together(self, rights: Sequence[PETSc.Vec], solutions: Sequence[PETSc.Vec]) -> None:
+        """Solve A x = b for several b at once, which reads the factor only once."""
+        count = len(rights)
+        if count not in self._together:
             (rows, _), comm = self._elastic.getSizes(), self._elastic.comm
-            columns = (2 if comm.rank == 0 else 0, 2)
-            self._pair = tuple(PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
-            for matrix in self._pair:
+            columns = (count if comm.rank == 0 else 0, count)
+            pair = tuple(PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
+            for matrix in pair:
                 matrix.setUp()
                 matrix.assemble()
-        right, solution = self._pair
+            self._together[count] = pair
+        right, solution = self._together[count]
         for column, vector in enumerate(rights):
             right.getDenseArray()[:, column] = vector.array_r
         self._factors[self._current][1].getPC().getFactorMatrix().matSolve(right, solution)
@@ -173,8 +174,9 @@ class SpringStiffness:
         """Free the matrices and factors, which PETSc would otherwise keep for long."""
         for kind in list(self._factors):
             self._drop(kind)
-        for matrix in self._pair:
-            matrix.destroy()
+        for matrices in self._together.values():
+            for matrix in matrices:
+                matrix.destroy()
         self._elastic.destroy()
 
     def _drop(self, kind: str) -> None:

@@ -226,7 +226,7 @@ def test_two_right_hand_sides_at_once(structure):
         springs.solve(right, solution)
     for _ in range(2):  # the second time in the same matrices
         together = rights[0].duplicate(), rights[1].duplicate()
-        springs.solve_pair(rights, together)
+        springs.solve_together(rights, together)
         for one, other in zip(apart, together, strict=True):
             assert one.norm() > 0.0
             assert other.array == pytest.approx(one.array, rel=1e-9, abs=1e-12 * one.norm())
