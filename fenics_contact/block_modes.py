@@ -23,7 +23,7 @@ from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import JointRows, SpringStiffness
 
 Array = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int32]
 
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
 MODES = 8
@@ -103,15 +103,14 @@ class BlockModes:
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""
-        vectors = []
-        for modes in (state.displacement, state.strained):
-            if modes is None:
-                vectors.append(None)
-                continue
-            u = self.basis.createVecLeft()
-            self.basis.mult(modes, u)
-            vectors.append(u)
-        return replace(state, displacement=vectors[0], strained=vectors[1])
+        strained = None if state.strained is None else self._prolonged(state.strained)
+        return replace(state, displacement=self._prolonged(state.displacement), strained=strained)
+
+    def _prolonged(self, amplitudes: PETSc.Vec) -> PETSc.Vec:
+        """The displacements P a."""
+        u = self.basis.createVecLeft()
+        self.basis.mult(amplitudes, u)
+        return u
 
     def destroy(self) -> None:
         """Free the PETSc objects, which would otherwise be kept for long."""

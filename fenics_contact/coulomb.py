@@ -472,7 +472,9 @@ class CoulombFriction:
 
         def solve() -> PathPoint:
             settled = SETTLED * self.tolerance
-            return self._interior.from_modes(work, start, self.scales, self.final, settled)
+            return self._interior.from_modes(
+                work, start, self.scales, self.final, settled, self.attracting
+            )
 
         return self._taken(solve, "modes of the blocks", start.load_factor, allowed, history)
 
@@ -485,7 +487,7 @@ class CoulombFriction:
         history: FixedPointHistory,
     ) -> PathPoint | None:
         """The state that a solver with the bound in its equations finds, if it is as allowed."""
-        spent = self.control.springs.factorizations
+        spent = self._interior.factorizations
         try:
             found = solve()
         except SolverError as error:
@@ -497,7 +499,7 @@ class CoulombFriction:
             _log.info("  %s not used: it ends elsewhere, at %.6g", name, factor)
             found.state.destroy()
             return None
-        steps = self.control.springs.factorizations - spent
+        steps = self._interior.factorizations - spent
         history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))
         history.method, history.converged = "monolithic", True
         self._report(history)

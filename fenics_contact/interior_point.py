@@ -172,12 +172,18 @@ class WorkControl:
         self.springs = springs
         self.workspace = Workspace(problem)
         self.block_modes = block_modes
+        self._of_modes = 0
         self._last: _Linearised | None = None
 
     @property
     def _shared(self) -> tuple[ContactProblem, SpringStiffness, Workspace]:
         """What all equations of this structure have in common."""
         return self.problem, self.springs, self.workspace
+
+    @property
+    def factorizations(self) -> int:
+        """Numeric factorisations so far, those of the blocks' modes among them."""
+        return self.springs.factorizations + self._of_modes
 
     def destroy(self) -> None:
         """Free the work vectors."""
@@ -262,7 +268,13 @@ class WorkControl:
         return self._point(run, best, tolerance, followed=True)
 
     def from_modes(
-        self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf
+        self,
+        work: float,
+        start: State,
+        scales: Scales,
+        tolerance: float,
+        settled: float = np.inf,
+        growing: bool = False,
     ) -> PathPoint:
         """Solve with Coulomb friction from where blocks that only move, stretch and bend lead.
 
@@ -272,6 +284,7 @@ class WorkControl:
             scales: Typical sizes.
             tolerance: As in `solve`.
             settled: Likewise.
+            growing: Likewise, on the way to the path.
 
         Returns:
             The solution, with the residuals recomputed.
@@ -286,26 +299,31 @@ class WorkControl:
         coarse = WorkControl(modes.of(self.problem), modes.springs)
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = CentralPath(*self._shared, None, work, scales)
-        before = self.springs.factorizations
+        before, of_modes = self.factorizations, modes.springs.factorizations
         try:
-            near, products = coarse._near(work, modes.restricted(start), scales)
+            near, products = coarse._near(work, modes.restricted(start), scales, growing)
             state = modes.prolonged(near)
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
             near.destroy()
         finally:
             coarse.destroy()
+            self._of_modes += modes.springs.factorizations - of_modes
         best = self._to_end(run, path, now, products, tolerance, settled)
-        best.steps = self.springs.factorizations - before
+        best.steps = self.factorizations - before
         return self._point(run, best, tolerance, followed=True)
 
-    def _near(self, work: float, start: State, scales: Scales) -> tuple[State, float]:
+    def _near(
+        self, work: float, start: State, scales: Scales, growing: bool
+    ) -> tuple[State, float]:
         """A state near the central path at products `TRANSFER` or as far as it leads, and these.
 
         Raises:
             SolverError: If the path leads nowhere.
         """
-        run = _InteriorPoint(*self._shared, None, work, scales)
+        run = _InteriorPoint(*self._shared, None, work, scales, growing=growing)
+        if growing:
+            run.mobilise(1.0)
         best = run.converge(run.centred(start, 1.0), True, HALFWAY)
         path = CentralPath(*self._shared, None, work, scales)
         products = path.mean_product(best.halfway)
@@ -332,7 +350,15 @@ class WorkControl:
         found.steps = steps + self.springs.factorizations - before
         return found
 
-    def _to_end(self, run: _InteriorPoint, path: CentralPath, now: Iterate, products: float, tolerance: float, settled: float) -> _Best:
+    def _to_end(
+        self,
+        run: _InteriorPoint,
+        path: CentralPath,
+        now: Iterate,
+        products: float,
+        tolerance: float,
+        settled: float,
+    ) -> _Best:
         """What the central path leads to from a point near it.
 
         Raises:

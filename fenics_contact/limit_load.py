@@ -48,6 +48,7 @@ class LimitLoad:
         plan: What the scene did not need.
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.
+        mode_factorizations: Those of them that were of the blocks' modes only.
         capacity: Points of the capacity curve.
     """
 
@@ -59,6 +60,7 @@ class LimitLoad:
     plan: Plan
     seconds: dict[str, float]
     factorizations: int
+    mode_factorizations: int = 0
     capacity: list[CapacityPoint] = field(default_factory=list)
 
     @property
@@ -213,7 +215,7 @@ class _Driver:
             reverse = asked[0] == "negative"
             result.capacity = self._capacity(ends[0], reverse, bonded, scales)
             self.seconds["capacity"] = time.perf_counter() - start
-            result.factorizations = self.structure.springs.factorizations
+            result.factorizations = self.structure.factorizations
         return result
 
     def _capacity(
@@ -257,7 +259,8 @@ class _Driver:
             negative,
             plan,
             self.seconds,
-            self.structure.springs.factorizations,
+            self.structure.factorizations,
+            self.structure.mode_factorizations,
         )
 
     def _collapse(

@@ -86,11 +86,11 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
         "method": None,
         "error_estimate": None,
         "residuals": None,
-        "iterations": {"fixed_point": 0, "factorizations": result.factorizations},
+        "iterations": {"fixed_point": 0, **_counts(result)},
     }
     if collapse is not None and collapse.history:
         record |= _iteration_record(result, collapse)
-        record["iterations"] |= {"factorizations": result.factorizations}
+        record["iterations"] |= _counts(result)
     if result.positive is not None and result.negative is not None:
         negative = result.negative
         record["negative"] = {
@@ -213,6 +213,13 @@ def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
                 for step in steps
             ],
         },
+    }
+
+
+def _counts(result: LimitLoad) -> dict[str, int]:
+    return {
+        "factorizations": result.factorizations,
+        "mode_factorizations": result.mode_factorizations,
     }
 
 

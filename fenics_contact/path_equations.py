@@ -328,9 +328,7 @@ class PathEquations:
         workspace, live = self.workspace, self.problem.live
         drive = self._right(now, residual, springs, changes, workspace.right)
         if first and self.load_factor is None:
-            self.springs.solve_together(
-                (workspace.right, live), (workspace.free, workspace.border)
-            )
+            self.springs.solve_together((workspace.right, live), (workspace.free, workspace.border))
         else:
             self.springs.solve(workspace.right, workspace.free)
         return self._found(now, residual, springs, changes, drive, workspace.free)

@@ -312,8 +312,10 @@ class Search:
         # Forces are judged by what the joints carry, which a locked structure lets grow.
         larger = max(1.0, self.largest_factor / self.scales.load_factor)
         scales = replace(
-            self.scales, displacement=work / self.live_size, force=larger * self.scales.force,
-            elastic=self.scales.displacement
+            self.scales,
+            displacement=work / self.live_size,
+            force=larger * self.scales.force,
+            elastic=self.scales.displacement,
         )
         friction = CoulombFriction(
             self.solver,

@@ -47,9 +47,7 @@ class JointRows:
         return cls(joints.dofs, normal[:, None], tangential[:, None], np.arange(len(normal)))
 
     @classmethod
-    def grouped(
-        cls, dofs: npt.NDArray[np.int64], normal: Array, tangential: Array
-    ) -> JointRows:
+    def grouped(cls, dofs: npt.NDArray[np.int32], normal: Array, tangential: Array) -> JointRows:
         """Group points that have the same dofs.
 
         Args:

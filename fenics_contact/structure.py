@@ -154,11 +154,20 @@ class Structure:
         body = self.elasticity.node_body[:nodes]
         position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
         directions = self.supports.free_directions(first + np.arange(nodes))
-        shapes = np.einsum(
-            "nji,njk->nik", directions, modes(position - self.bodies.centre[body])
-        )
+        shapes = np.einsum("nji,njk->nik", directions, modes(position - self.bodies.centre[body]))
         sides = self.joints.bodies[self.operators.points]
         return BlockModes.build(self.problem, shapes, body, len(self.bodies.centre), sides)
+
+    @property
+    def mode_factorizations(self) -> int:
+        """Numeric factorisations of `block_modes` so far."""
+        made = "block_modes" in self.__dict__
+        return self.block_modes.springs.factorizations if made else 0
+
+    @property
+    def factorizations(self) -> int:
+        """Numeric factorisations so far, those of `block_modes` among them."""
+        return self.springs.factorizations + self.mode_factorizations
 
     def bodies_area(self) -> float:
         """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import BACK, CentralPath
+from fenics_contact.central_path import BACK, CLOSE, CentralPath
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.path_equations import Iterate, Scales, Workspace, _distance
@@ -55,7 +55,8 @@ def test_all_products_are_equal_along_the_path(plain):
         assert product == pytest.approx(np.full_like(product, mu), rel=1e-9)
     assert now.s1 + now.s2 == pytest.approx(2.0 * path.friction * now.pressure, rel=1e-12)
     residual = path.residual(now)
-    assert np.abs(residual.opening).max() < 0.1 * np.sqrt(products) * path.scales.displacement
+    d, f = path.scales.displacement, path.scales.force
+    assert np.all(np.abs(residual.opening) / d <= CLOSE * (now.pressure / f + now.y / d))
     assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
 
 
