@@ -88,6 +88,11 @@ class BlockModes:
         springs = SpringStiffness(stiffness, _rows(reduced, sides))
         return cls(basis, problem, reduced, springs)
 
+    @property
+    def count(self) -> int:
+        """Number of blocks."""
+        return int(self.basis.getSize()[1]) // MODES
+
     def of(self, problem: ContactProblem) -> ContactProblem:
         """The reduced structure with the live load of `problem`, which may be reversed."""
         if problem is self.full:

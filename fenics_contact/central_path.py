@@ -44,13 +44,13 @@ MAX_STEPS = 250
 
 #: Steps are measured by the largest relative change of p and q. Length of the first and of the
 #: shortest and longest step, and by how much the length grows after one that was not shortened.
-FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 10.0
+FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 2.5
 GOAL = 1e300
 FLOOR = 1e-3
 
 #: A step is shortened, at most so often, where it leaves more than this of p or q, relative, and
 #: more than so much of what was left before.
-LEFT, REDUCED, SHORTER = 0.7, 0.7, 6
+LEFT, REDUCED, SHORTER = 0.3, 0.7, 6
 
 #: No step is taken along the tangent where more than this is left; largest corrector.
 FAR, LARGEST_CORRECTOR = 2.0, 4.0
@@ -127,11 +127,22 @@ class CentralPath(PathEquations):
             _log.debug("    %3d  %.12g  mu %.2e, left %.1e", step, now.load_factor, products, left)
         return now, products
 
+    def _grown(self, products: float) -> float:
+        """Set the friction that is there at some products; its rate."""
+        if self.growth is None:
+            return 0.0
+        self.mobilise(self.growth.part(products))
+        return self.growth.rate(products)
+
     def _directions(self, now: Iterate, products: float) -> tuple[Iterate, Iterate, float]:
         """Both c and t, and the sign of dmu/ds, on one factor."""
+        rate = self._grown(products)
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         mu = np.full_like(now.y, products * self.unit)
-        to_path, tangent = self.two_directions(now, self.residual(now), springs, (mu, mu, mu))
+        more = rate * self.friction * now.pressure  # of the bound: of s1 and s2
+        to_path, tangent = self.two_directions(
+            now, self.residual(now), springs, (mu, mu - now.z1 * more, mu - now.z2 * more)
+        )
         # The determinant of A bordered by f_L is that of A times -f_L.A^-1 f_L.
         flexibility = self.problem.live.dot(self.workspace.border)
         return to_path, tangent, -self.springs.determinant_sign * float(np.sign(flexibility))
@@ -174,6 +185,7 @@ class CentralPath(PathEquations):
         moved.move(turn, tangent)
         products *= float(np.exp(turn))
         state = State(moved.u, moved.load_factor, moved.pressure, moved.shear, self.work)
+        self._grown(products)
         new = self.centred(state, products, moved.strained)
         moved.u.destroy()
         return new, products

@@ -23,6 +23,7 @@ from fenics_contact.path_equations import (
     LARGEST_SPRING,
     PROXIMAL_SPRING,
     Array,
+    Growth,
     Iterate,
     PathEquations,
     Residual,
@@ -71,6 +72,13 @@ HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 #: Products, in units of force times elastic displacement, at which the path of the blocks' modes is
 #: left for that of the structure.
 TRANSFER = 3e-2
+
+#: The same with few blocks, where friction grows all the way to there: the states found are lower,
+#: but with many blocks the path then has too many folds.
+GROWN, GROWING_POWER, FEW_BLOCKS = 3e-3, 0.2, 100
+
+#: Growth of friction in a solve without modes.
+GROWTH = Growth(1e-3, 0.1)
 
 #: Vectors of the Krylov space in which the contraction of the fixed point is estimated, and the
 #: eigenvalue from which on a state repels.
@@ -225,12 +233,11 @@ class WorkControl:
         Raises:
             SolverError: If neither the tolerance nor `ACCEPTABLE` is reached.
         """
-        run = _InteriorPoint(*self._shared, bound, work, scales, load_factor, growing)
-        if growing:
-            run.mobilise(centring)
+        growth = GROWTH if growing else None
+        run = _InteriorPoint(*self._shared, bound, work, scales, load_factor, growth)
         cold = centring >= 1.0
         window = FOLD_STEPS if past_folds else 0
-        best = run.converge(run.centred(start, centring), cold, tolerance, settled, window)
+        best = run.converge(run.start(start, centring), cold, tolerance, settled, window)
         if not past_folds or best.error <= max(tolerance, ACCEPTABLE):
             return self._point(run, best, tolerance)
         try:
@@ -301,6 +308,7 @@ class WorkControl:
         path = CentralPath(*self._shared, None, work, scales)
         before, of_modes = self.factorizations, modes.springs.factorizations
         try:
+            growing = growing and modes.count <= FEW_BLOCKS
             near, products = coarse._near(work, modes.restricted(start), scales, growing)
             state = modes.prolonged(near)
             now = path.centred(state, products, state.strained)
@@ -321,15 +329,15 @@ class WorkControl:
         Raises:
             SolverError: If the path leads nowhere.
         """
-        run = _InteriorPoint(*self._shared, None, work, scales, growing=growing)
-        if growing:
-            run.mobilise(1.0)
-        best = run.converge(run.centred(start, 1.0), True, HALFWAY)
-        path = CentralPath(*self._shared, None, work, scales)
+        end = (GROWN if growing else TRANSFER) * scales.elastic_part
+        growth = Growth(end, GROWING_POWER) if growing else None
+        run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
+        path = CentralPath(*self._shared, None, work, scales, growth=growth)
+        best = run.converge(run.start(start, 1.0), True, HALFWAY)
         products = path.mean_product(best.halfway)
-        now = path.centred(best.state(work, halfway=True), products)
+        now = path.start(best.state(work, halfway=True), products)
         best.destroy()
-        now, products = path.follow(now, products, TRANSFER * scales.elastic_part)
+        now, products = path.follow(now, products, end)
         state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
         return state, products
 
@@ -538,8 +546,9 @@ class _InteriorPoint(PathEquations):
                 self.step(now, residual)
             except SolverError:
                 break
-            if self.mobile < 1.0:
-                more = self.mobilise(self.mean_product(now)) * now.pressure
+            if self.growth is not None and self.mobile < 1.0:
+                part = max(self.growth.part(self.mean_product(now)), self.mobile)
+                more = self.mobilise(part) * now.pressure
                 now.s1, now.s2 = now.s1 + more, now.s2 + more
         best.steps = step
         now.destroy()

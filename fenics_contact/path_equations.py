@@ -52,9 +52,6 @@ NEWTON_STEPS = 6
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
 
-#: Friction that grows is (mean product / the first)^-(the second) of what it is, at most all.
-MOBILE_AT, MOBILE_POWER = 1e-3, 0.1
-
 #: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
 #: still move; it recovers as they come to rest.
 EQUILIBRIUM_WEIGHT = 1e-3
@@ -80,6 +77,29 @@ class Scales:
     def elastic_part(self) -> float:
         """Part of the displacements that strains the blocks."""
         return min(self.elastic / self.displacement, 1.0) if self.elastic > 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Friction that grows to its full size as the products fall.
+
+    Collapse states are not unique, and those met with little friction first are low ones.
+
+    Attributes:
+        full_at: Products, in units of force times displacement, from which on all of it is there.
+        power: Before that it is (products / full_at)^-power of it.
+    """
+
+    full_at: float
+    power: float
+
+    def part(self, products: float) -> float:
+        """Part of the friction that is there."""
+        return min((self.full_at / products) ** self.power, 1.0)
+
+    def rate(self, products: float) -> float:
+        """Its derivative with respect to the logarithm of the products, in units of itself."""
+        return -self.power if products > self.full_at else 0.0
 
 
 @dataclass(frozen=True)
@@ -189,7 +209,7 @@ class PathEquations:
         work: float,
         scales: Scales,
         load_factor: float | None = None,
-        growing: bool = False,
+        growth: Growth | None = None,
     ) -> None:
         self.problem = problem
         self.springs = springs
@@ -201,7 +221,8 @@ class PathEquations:
         self.unit = scales.force * scales.displacement
         #: Coulomb's coefficient where the bound follows the pressure: that of the problem, or
         #: where it grows, the part `mobile` of it.
-        self.mobile = 0.0 if growing else 1.0
+        self.growth = growth
+        self.mobile = 1.0 if growth is None else 0.0
         self.friction = np.zeros_like(problem.friction)
         if bound is None:
             self.friction = self.mobile * problem.friction
@@ -213,18 +234,22 @@ class PathEquations:
         products = np.ones(len(self.sticky)) + 2.0 * self.sticky
         self.count = max(problem.sum(products), 1.0)
 
-    def mobilise(self, products: float) -> Array:
-        """Raise Coulomb's coefficient to what the mean product calls for.
-
-        Collapse states are not unique, and those met with little friction first are low ones.
+    def mobilise(self, part: float) -> Array:
+        """Set the part of Coulomb's coefficient that is there.
 
         Returns:
             The change of the coefficient.
         """
         before = self.friction
-        self.mobile = max(self.mobile, min((MOBILE_AT / products) ** MOBILE_POWER, 1.0))
-        self.friction = self.mobile * self.problem.friction
+        self.mobile = part
+        self.friction = part * self.problem.friction
         return self.friction - before
+
+    def start(self, state: State, products: float) -> Iterate:
+        """The iterate next to a state with equal products, and the friction that belongs to them."""
+        if self.growth is not None:
+            self.mobilise(self.growth.part(products))
+        return self.centred(state, products)
 
     def bound(self, now: Iterate) -> Array:
         """Bound g of an iterate."""
