@@ -246,7 +246,7 @@ class PathEquations:
         return self.friction - before
 
     def start(self, state: State, products: float) -> Iterate:
-        """The iterate next to a state with equal products, and the friction that belongs to them."""
+        """The iterate next to a state with equal products, and the friction that they call for."""
         if self.growth is not None:
             self.mobilise(self.growth.part(products))
         return self.centred(state, products)

@@ -251,4 +251,4 @@ class Loaded:
         pressure = self.bonded.dead_pressure
         state = State(displacement, 0.0, pressure, np.zeros_like(pressure), work)
         unit = work / live.norm(PETSc.NormType.N1)
-        return state, replace(self.scales, displacement=unit)
+        return state, replace(self.scales, displacement=unit, elastic=self.scales.displacement)

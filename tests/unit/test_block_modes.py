@@ -1,0 +1,269 @@
+"""Blocks that only move, stretch and bend: the reduced structure, and where its path leads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact import Scene, SolveOptions, SolverError, limit_load
+from fenics_contact.block_modes import MODES, BlockModes, modes
+from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.interior_point import FEW_BLOCKS, WorkControl
+from fenics_contact.meshing import wall
+from fenics_contact.path_equations import State
+from fenics_contact.search import FIRST_WORK
+from fenics_contact.structure import Structure
+from tests.helpers import (
+    PUSH,
+    STONE,
+    Drawing,
+    Loaded,
+    coulomb,
+    dense,
+    joint_rows,
+    mesh_of,
+    node_bodies,
+    node_positions,
+    on_ground,
+    tresca,
+    vector_like,
+    whole,
+)
+from tests.regression.scenes import wall_scene
+
+
+@pytest.fixture(scope="module", params=["ground", "inclined roller"])
+def structure(request) -> Structure:
+    """Three blocks on rigid ground, or on a roller under 30 degrees and a fixed side."""
+    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=2))
+    if request.param == "ground":
+        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
+    scene = Scene(
+        mesh_of(drawing.turned(np.radians(30.0)).model()),
+        {"default": STONE},
+        live=PUSH,
+        joints={"default": coulomb(0.5)},
+        supports={"base": "roller", "left": "fixed"},
+    )
+    return Structure.build(scene)
+
+
+@pytest.fixture(scope="module")
+def folded() -> Loaded:
+    """A wall whose path turns back."""
+    return Loaded.of(wall_scene("W3", coulomb(0.65), elements=2))
+
+
+def basis(structure: Structure) -> np.ndarray:
+    return dense(structure.block_modes.basis)
+
+
+def from_modes(loaded: Loaded, **options: object):
+    start, scales = loaded.start(FIRST_WORK)
+    structure = loaded.structure
+    control = WorkControl(structure.problem, structure.springs, lambda: structure.block_modes)
+    return control, control.from_modes(start.work, start, scales, 1e-9, 1e-9, **options)
+
+
+# ---- modes
+
+
+def test_modes_are_rigid_motions_strains_and_bendings():
+    arm = np.random.default_rng(1).normal(size=(5, 2))
+    x, y = arm.T
+    shapes = modes(arm)
+    # Central differences of quadratics are exact.
+    step = 0.1
+    gradient = np.stack(
+        [(modes(arm + d) - modes(arm - d)) / (2.0 * step) for d in step * np.eye(2)], axis=2
+    )  # (points, component, direction, mode)
+    strain = 0.5 * (gradient + np.swapaxes(gradient, 1, 2))
+    none, one = np.zeros(5), np.ones(5)
+    expected = {
+        (0, 0): [none, none, none, one, none, none, y, none],
+        (1, 1): [none, none, none, none, one, none, none, x],
+        (0, 1): [none, none, none, none, none, one, none, none],
+    }
+    for (i, j), columns in expected.items():
+        assert strain[:, i, j] == pytest.approx(np.transpose(columns), abs=1e-12)
+    assert shapes[:, :, 2] == pytest.approx(np.column_stack([-y, x]))
+
+
+def test_columns_are_orthonormal_or_zero_and_of_one_block_each(structure):
+    columns, body = basis(structure), np.repeat(node_bodies(structure), 2)
+    product = columns.T @ columns
+    is_mode = np.diag(product) > 0.5
+    assert product == pytest.approx(np.diag(is_mode.astype(float)), abs=1e-12)
+    assert is_mode.sum() >= len(is_mode) - MODES
+    for column, values in enumerate(columns.T):
+        assert set(body[values != 0.0]) <= {column // MODES}
+
+
+def test_linear_displacements_of_free_blocks_are_in_their_span(structure):
+    touched = np.zeros(structure.block_modes.count, dtype=bool)
+    touched[structure.supports.body] = True
+    body = node_bodies(structure)
+    free = ~touched[body]
+    assert np.any(free)
+    position = node_positions(structure.elasticity.space)
+    random = np.random.default_rng(2)
+    slope, shift = random.normal(size=(2, 2)), random.normal(size=(touched.size, 2))
+    u = np.where(free[:, None], position @ slope + shift[body], 0.0).ravel()
+    columns = basis(structure)
+    assert columns @ (columns.T @ u) == pytest.approx(u, abs=1e-12 * np.abs(u).max())
+
+
+def test_what_is_held_does_not_move(structure):
+    supports = structure.supports
+    held = (2 * supports.nodes[:, None] + np.arange(2))[supports.held]
+    assert np.all(basis(structure)[held] == 0.0)
+
+
+def test_a_block_on_few_nodes_or_held_has_fewer_modes():
+    """A single triangle has six displacements; a fixed one none that are free."""
+    loaded = Structure.build(on_ground(wall([[1]], elements=1), coulomb(0.5)))
+    problem = loaded.problem
+    nodes = problem.dead.getLocalSize() // 2
+    shapes = modes(loaded.elasticity.space.tabulate_dof_coordinates()[:nodes, :2])
+    owned = np.arange(nodes) + problem.dead.getOwnershipRange()[0] // 2
+    body = np.zeros(nodes, dtype=np.int32)
+    sides = loaded.joints.bodies[loaded.operators.points]
+    for kept, expected in ((3, 6), (1, 2), (0, 0)):
+        some = np.where((owned < kept)[:, None, None], shapes, 0.0)
+        made = BlockModes.build(problem, some, body, 1, sides)
+        assert np.linalg.matrix_rank(dense(made.basis)) == expected
+        assert np.all(np.diag(dense(made.reduced.stiffness)) >= 0.0)
+        made.destroy()
+
+
+# ---- the reduced structure
+
+
+def test_reduced_structure_is_that_of_the_formula(structure):
+    columns, made = basis(structure), structure.block_modes.reduced
+    problem = structure.problem
+    stiffness = columns.T @ dense(problem.stiffness) @ columns
+    none = np.diag(columns.T @ columns) < 0.5
+    reduced = dense(made.stiffness)
+    unit = np.abs(stiffness).max()
+    assert reduced[~none][:, ~none] == pytest.approx(stiffness[~none][:, ~none], abs=1e-12 * unit)
+    assert np.all(np.diag(reduced)[none] > 0.0)
+    for full, less in ((problem.dead, made.dead), (problem.live, made.live)):
+        expected = columns.T @ whole(full)
+        assert whole(less) == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+    for full, less in ((problem.normal, made.normal), (problem.tangential, made.tangential)):
+        assert dense(less) == pytest.approx(dense(full) @ columns, abs=1e-12)
+    rigid = dense(made.rigid)
+    assert rigid == pytest.approx(columns.T @ dense(problem.rigid), abs=1e-12)
+    assert reduced @ rigid == pytest.approx(np.zeros_like(rigid), abs=1e-9 * unit)
+
+
+def test_springs_of_the_reduced_structure_are_those_of_the_formula(structure):
+    random = np.random.default_rng(3)
+    made, count = structure.block_modes, len(structure.joints.length)
+    mean = made.springs.mean_diagonal
+    normal, tangential = mean * 10.0 ** random.uniform(-3, 3, (2, count))
+    coupling = random.uniform(-0.8, 0.8, count) * np.minimum(normal, tangential)
+    b_n, b_t = (rows @ basis(structure) for rows in joint_rows(structure))
+    matrix = dense(made.reduced.stiffness) + b_n.T @ np.diag(normal) @ b_n
+    matrix += b_t.T @ (np.diag(tangential) @ b_t + np.diag(coupling) @ b_n)
+    points = structure.operators.points
+    made.springs.factor(normal[points], tangential[points], coupling[points])
+    right = random.normal(size=len(matrix))
+    load = vector_like(made.reduced.dead, right)
+    solution = load.duplicate()
+    made.springs.solve(load, solution)
+    assert matrix @ whole(solution) == pytest.approx(right, abs=1e-8 * np.abs(right).max())
+
+
+def test_a_state_of_the_modes_is_one_of_the_structure(structure):
+    made, count = structure.block_modes, len(structure.operators.points)
+    amplitudes = np.random.default_rng(4).normal(size=made.basis.getSize()[1])
+    vector = vector_like(made.reduced.dead, amplitudes)
+    pressure, shear = np.arange(float(count)), -np.arange(float(count))
+    state = made.prolonged(State(vector, 0.5, pressure, shear, 7.0, vector))
+    assert whole(state.displacement) == pytest.approx(basis(structure) @ amplitudes)
+    assert whole(state.strained) == pytest.approx(whole(state.displacement))
+    back = made.restricted(state)
+    kept = np.sum(basis(structure) ** 2, axis=0) > 0.5
+    assert whole(back.displacement) == pytest.approx(np.where(kept, amplitudes, 0.0), abs=1e-12)
+    assert back.strained is None
+    assert (back.load_factor, back.work) == (0.5, 7.0)
+    assert back.pressure is pressure and back.shear is shear
+
+
+def test_a_reversed_load_is_reversed(structure):
+    made = structure.block_modes
+    reversed_problem = structure.reversed()
+    assert made.of(structure.problem) is made.reduced
+    assert whole(made.of(reversed_problem).live) == pytest.approx(-whole(made.reduced.live))
+    assert made.of(reversed_problem).slip_origin is reversed_problem.slip_origin
+
+
+# ---- the way through them
+
+
+@pytest.mark.parametrize("growing", [False, True])
+def test_modes_lead_to_a_state_of_the_structure(folded, growing):
+    structure = folded.structure
+    before = structure.factorizations
+    control, point = from_modes(folded, growing=growing)
+    assert point.followed
+    assert max(point.residuals.values()) <= 1e-9
+    assert point.state.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert point.steps == structure.factorizations - before
+    assert control.factorizations == structure.springs.factorizations + control._of_modes
+
+
+def test_without_modes_there_is_no_way(folded):
+    start, scales = folded.start(FIRST_WORK)
+    control = WorkControl(folded.structure.problem, folded.structure.springs)
+    with pytest.raises(SolverError, match="there are none"):
+        control.from_modes(start.work, start, scales, 1e-9)
+
+
+def test_far_less_is_left_to_the_structure():
+    result = limit_load(wall_scene("W3", coulomb(0.65), elements=2))
+    own_steps = result.factorizations - result.mode_factorizations
+    assert result.mode_factorizations == result.structure.block_modes.springs.factorizations
+    assert 0 < own_steps < result.mode_factorizations
+    assert own_steps == result.structure.springs.factorizations
+    iterated = result.positive.history[0].steps[0].steps
+    assert iterated == result.factorizations - 2  # the bonded structure, and the mode
+
+
+@pytest.mark.parametrize(("name", "lowest"), [("W3", 0.3558174), ("W2", 0.6056877)])
+def test_growing_friction_leads_to_the_low_state(name, lowest):
+    """At friction 1 without it the path ends at 0.4168 and 0.6236."""
+    scene = wall_scene(name, coulomb(1.0), elements=2)
+    assert scene.mesh.body_count <= FEW_BLOCKS
+    assert limit_load(scene).load_factor == pytest.approx(lowest, abs=5e-7)
+
+
+def test_path_that_modes_do_not_lead_to_is_found_without(monkeypatch):
+    """As before there were modes."""
+
+    def lost(*_: object) -> None:
+        raise SolverError("no luck")
+
+    monkeypatch.setattr(WorkControl, "_near", lost)
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert result.mode_factorizations == 0
+
+
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [
+        (tresca(2000.0), {}),
+        (coulomb(0.65), {"method": "fixed-point"}),
+        (coulomb(0.65), {"control": "load"}),
+    ],
+)
+def test_modes_are_not_made_where_they_are_not_used(law, options, monkeypatch):
+    monkeypatch.setattr(BlockModes, "build", None)
+    monkeypatch.setattr(CoulombFriction, "_from_modes", None)
+    scene = on_ground(wall([[1]], elements=1), law, solve=SolveOptions(**options))
+    result = limit_load(scene)
+    assert result.status == "limit"
+    assert result.mode_factorizations == 0
