@@ -45,12 +45,13 @@ MAX_STEPS = 250
 #: Steps are measured by the largest relative change of p and q. Length of the first and of the
 #: shortest and longest step, and by how much the length grows after one that was not shortened.
 FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 2.5
-GOAL = 1e300
-FLOOR = 1e-3
+
+#: Size of p and q by which changes are measured, at least: smaller ones are of no consequence.
+SMALLEST = 1e-3
 
 #: A step is shortened, at most so often, where it leaves more than this of p or q, relative, and
 #: more than so much of what was left before.
-LEFT, REDUCED, SHORTER = 0.3, 0.7, 6
+LEFT, REDUCED, SHORTER = 0.7, 0.7, 6
 
 #: No step is taken along the tangent where more than this is left; largest corrector.
 FAR, LARGEST_CORRECTOR = 2.0, 4.0
@@ -121,9 +122,8 @@ class CentralPath(PathEquations):
                 new.destroy()
                 raise SolverError(f"central path: lost after {step + 1} steps")
             now, products, left = new, new_products, new_left
-            if shortened == 0:
-                length *= float(np.clip(np.sqrt(GOAL / max(left, 1e-300)), 1.0, GROWTH))
-            length = min(max(length, LENGTHS[0]), LENGTHS[1])
+            length = max(length * (GROWTH if shortened == 0 else 1.0), LENGTHS[0])
+            length = min(length, LENGTHS[1])
             _log.debug("    %3d  %.12g  mu %.2e, left %.1e", step, now.load_factor, products, left)
         return now, products
 
@@ -158,7 +158,7 @@ class CentralPath(PathEquations):
     def _sizes(self, now: Iterate) -> tuple[Array, Array]:
         d, f = self.scales.displacement, self.scales.force
         size_q = 0.5 * (now.s1 + now.s2) / f + np.abs(now.z2 - now.z1) / d
-        return np.maximum(now.pressure / f + now.y / d, FLOOR), np.maximum(size_q, FLOOR)
+        return np.maximum(now.pressure / f + now.y / d, SMALLEST), np.maximum(size_q, SMALLEST)
 
     def _largest(self, rate: _Rate) -> float:
         return self.problem.max(np.maximum(np.abs(rate.p), np.abs(rate.q)))
