@@ -73,9 +73,10 @@ HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 #: left for that of the structure.
 TRANSFER = 3e-2
 
-#: The same with few blocks, where friction grows all the way to there: the states found are lower,
-#: but with many blocks the path then has too many folds.
-GROWN, GROWING_POWER, FEW_BLOCKS = 3e-3, 0.2, 100
+#: With few blocks friction grows all the way to these products, like this power: the states found
+#: are lower, but with many blocks the path then has too many folds. The error from which on that
+#: path is followed.
+FEW_BLOCKS, GROWN, GROWING_POWER, LATER = 100, 3e-3, 0.2, 1e-4
 
 #: Growth of friction in a solve without modes.
 GROWTH = Growth(1e-3, 0.1)
@@ -333,9 +334,9 @@ class WorkControl:
         growth = Growth(end, GROWING_POWER) if growing else None
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
-        best = run.converge(run.start(start, 1.0), True, HALFWAY)
-        products = path.mean_product(best.halfway)
-        now = path.start(best.state(work, halfway=True), products)
+        best = run.converge(run.start(start, 1.0), True, LATER if growing else HALFWAY)
+        products = path.mean_product(best.iterate)
+        now = path.start(best.state(work), products)
         best.destroy()
         now, products = path.follow(now, products, end)
         state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
