@@ -56,6 +56,9 @@ SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 #: Both where the central path can be followed instead, and for the last steps after it was.
 FOLD_STEPS, FINISH_STEPS = 8, 4
 
+#: Steps towards equilibrium alone, at most, where only that is missing.
+BALANCING = 3
+
 #: Steps without progress after an iterate that is good enough, but whose load factor still changes.
 RESTING = 3
 
@@ -553,7 +556,37 @@ class _InteriorPoint(PathEquations):
                 now.s1, now.s2 = now.s1 + more, now.s2 + more
         best.steps = step
         now.destroy()
+        self.balance(best, tolerance)
         return best
+
+    def balance(self, best: _Best, tolerance: float) -> None:
+        """Take steps towards equilibrium alone where only that is missing.
+
+        Rounding of long steps with stiff springs leaves forces that short ones take away.
+        """
+        for _ in range(BALANCING):
+            if not tolerance < best.error == best.sizes["equilibrium"]:
+                return
+            now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)
+            try:
+                springs = self.factor(
+                    now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING
+                )
+            except SolverError:
+                now.destroy()
+                return
+            residual = self.residual(now)
+            back = self.direction(now, residual, springs, (none, none, none), first=True)
+            now.move(min(1.0, STEP_FRACTION * self._length(now, back)), back)
+            back.destroy()
+            best.steps += 1
+            sizes = self.sizes(now, self.residual(now))
+            error = float(np.max(list(sizes.values())))
+            if not error < best.error:
+                now.destroy()
+                return
+            best.iterate.destroy()
+            best.iterate, best.sizes, best.error = now, sizes, error
 
     def step(self, now: Iterate, residual: Residual) -> None:
         """One predictor-corrector step on one factor."""
