@@ -46,9 +46,8 @@ MAX_STEPS = 250
 #: shortest and longest step, and by how much the length grows after one that was not shortened.
 FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 2.5
 
-#: Size of p and q by which changes are measured, at least: smaller ones are of no consequence. In
-#: units of force or displacement, and of the part of the displacements that strains the blocks.
-SMALLEST, SMALLEST_STRAIN = 1e-3, 30.0
+#: Size of p and q by which changes are measured, at least: smaller ones are of no consequence.
+SMALLEST = 1e-3
 
 #: A step is shortened, at most so often, where it leaves more than this of p or q, relative, and
 #: more than so much of what was left before.
@@ -76,7 +75,13 @@ class _Rate:
 
 
 class CentralPath(PathEquations):
-    """Steps along the central path of the equations of one solve under work control."""
+    """Steps along the central path of the equations of one solve under work control.
+
+    Attributes:
+        smallest: Size of p and q by which changes are measured, at least.
+    """
+
+    smallest = SMALLEST
 
     def follow(self, now: Iterate, products: float, end: float) -> tuple[Iterate, float]:
         """Follow the path until the products are small.
@@ -158,9 +163,10 @@ class CentralPath(PathEquations):
 
     def _sizes(self, now: Iterate) -> tuple[Array, Array]:
         d, f = self.scales.displacement, self.scales.force
-        least = min(SMALLEST, SMALLEST_STRAIN * self.scales.elastic_part)
         size_q = 0.5 * (now.s1 + now.s2) / f + np.abs(now.z2 - now.z1) / d
-        return np.maximum(now.pressure / f + now.y / d, least), np.maximum(size_q, least)
+        return np.maximum(now.pressure / f + now.y / d, self.smallest), np.maximum(
+            size_q, self.smallest
+        )
 
     def _largest(self, rate: _Rate) -> float:
         return self.problem.max(np.maximum(np.abs(rate.p), np.abs(rate.q)))

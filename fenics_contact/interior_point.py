@@ -81,6 +81,10 @@ TRANSFER = 3e-2
 #: path is followed.
 FEW_BLOCKS, GROWN, GROWING_POWER, LATER = 100, 3e-3, 0.2, 1e-4
 
+#: Smallest size of p and q by which changes along the path of the structure are measured, in parts
+#: of the displacement that strains it.
+SMALLEST_STRAIN = 30.0
+
 #: Growth of friction in a solve without modes.
 GROWTH = Growth(1e-3, 0.1)
 
@@ -309,7 +313,7 @@ class WorkControl:
         modes = self.block_modes()
         coarse = WorkControl(modes.of(self.problem), modes.springs)
         run = _InteriorPoint(*self._shared, None, work, scales)
-        path = CentralPath(*self._shared, None, work, scales)
+        path = self._path(work, scales)
         before, of_modes = self.factorizations, modes.springs.factorizations
         try:
             growing = growing and modes.count <= FEW_BLOCKS
@@ -354,13 +358,19 @@ class WorkControl:
             SolverError: If that is nowhere.
         """
         before = self.springs.factorizations
-        path = CentralPath(*self._shared, None, run.work, run.scales)
+        path = self._path(run.work, run.scales)
         products = path.mean_product(best.halfway)
         now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
         best.destroy()
         found = self._to_end(run, path, now, products, tolerance, settled)
         found.steps = steps + self.springs.factorizations - before
         return found
+
+    def _path(self, work: float, scales: Scales) -> CentralPath:
+        """The central path of the structure itself, which its strains are part of."""
+        path = CentralPath(*self._shared, None, work, scales)
+        path.smallest = min(path.smallest, SMALLEST_STRAIN * scales.elastic_part)
+        return path
 
     def _to_end(
         self,

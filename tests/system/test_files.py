@@ -45,6 +45,7 @@ KINDS = {
     "residuals.friction": float,
     "iterations.fixed_point": int,
     "iterations.factorizations": int,
+    "iterations.mode_factorizations": int,
     "mesh.bodies": int,
     "mesh.cells": int,
     "mesh.dofs": int,

@@ -19,13 +19,16 @@ TREES = {name: ast.parse((PACKAGE / f"{name}.py").read_text()) for name in MODUL
 #: Modules that see PETSc objects and arrays only.
 SOLVERS = [
     "bounds",
+    "block_modes",
     "bound_qp",
     "capacity",
+    "central_path",
     "certificate",
     "continuation",
     "coulomb",
     "interior_point",
     "joint_operator",
+    "path_equations",
     "problem",
     "splitting",
     "springs",
