@@ -575,7 +575,7 @@ class _InteriorPoint(PathEquations):
         Rounding of long steps with stiff springs leaves forces that short ones take away.
         """
         for _ in range(BALANCING):
-            if not tolerance < best.error == best.sizes["equilibrium"]:
+            if not tolerance < best.error == best.sizes.get("equilibrium"):
                 return
             now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)
             try:

@@ -9,9 +9,9 @@ import pytest
 
 from fenics_contact import JointLaw, Load, Scene, SolverError
 from fenics_contact.bounds import RigidBlocks
-from fenics_contact.interior_point import WorkControl
+from fenics_contact.interior_point import WorkControl, _Best, _InteriorPoint
 from fenics_contact.meshing import polygons, running_bond, wall
-from fenics_contact.path_equations import State
+from fenics_contact.path_equations import State, Workspace
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import (
     GRAVITY,
@@ -290,6 +290,40 @@ def test_what_cannot_be_reached_is_a_solver_error(bond):
     nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
     with pytest.raises(SolverError, match="interior point: residual"):
         control_of(bond).solve(bound, start.work, nothing, scales)
+
+
+def out_of_balance(bond: Loaded, part: float) -> tuple[_InteriorPoint, _Best]:
+    """A state with products of 1e-12, and a part of its strains that belongs to no force."""
+    start, scales = bond.start(FIRST_WORK)
+    point = control_of(bond).solve(None, start.work, start, scales)
+    structure = bond.structure
+    workspace = Workspace(structure.problem)
+    run = _InteriorPoint(structure.problem, structure.springs, workspace, None, start.work, scales)
+    now = run.centred(point.state, 1e-12, point.state.strained.copy())
+    noise = np.random.default_rng(0).normal(size=now.strained.getSize())
+    largest = np.abs(whole(now.strained)).max()
+    now.strained.axpy(part * largest, vector_like(now.strained, noise))
+    sizes = run.sizes(now, run.residual(now))
+    return run, _Best(now, sizes, max(sizes.values()), 0, now.copy())
+
+
+def test_steps_towards_equilibrium_alone(bond):
+    run, best = out_of_balance(bond, 1e-6)
+    assert best.error == best.sizes["equilibrium"] > 1e-9
+    products = best.sizes["complementarity"]
+    run.balance(best, 1e-10)
+    assert best.error <= 1e-10
+    assert 1 <= best.steps <= 3
+    assert best.sizes["complementarity"] == pytest.approx(products, rel=0.1)
+
+
+def test_no_steps_where_equilibrium_is_not_what_is_missing(bond):
+    run, best = out_of_balance(bond, 0.0)
+    best.sizes["opening"] = best.error = 1e-3
+    run.balance(best, 1e-10)
+    assert best.steps == 0
+    run.balance(best, 1.0)
+    assert best.steps == 0
 
 
 def test_mixed_laws():
