@@ -18,7 +18,8 @@ t = dx/dlog mu. A step goes along the tangent, and towards the path at right ang
     dx = c + a t + ds t,   a = -(t.c)/(t.t),
 
 (products of the relative changes of p and q at all points, with log mu counted once per point), mu
-falling where the determinant of the equations is positive, and rising where it is not.
+falling where the determinant of the equations is positive, and rising where it is not. Friction may
+grow along the path, as a function of mu.
 """
 
 from __future__ import annotations
@@ -106,7 +107,11 @@ class CentralPath(PathEquations):
             if not products <= BACK:
                 now.destroy()
                 raise SolverError(f"central path: leads back after {step} steps")
-            to_path, tangent, sign = self._directions(now, products)
+            try:
+                to_path, tangent, sign = self._directions(now, products)
+            except SolverError:
+                now.destroy()
+                raise
             rate, change = self._rate(now, tangent), self._rate(now, to_path)
             steepness = max(self._largest(rate), 1.0)
             square = self.problem.sum(rate.p**2 + rate.q**2 + 1.0)

@@ -9,7 +9,7 @@ from fenics_contact import SolverError, limit_load
 from fenics_contact.central_path import BACK, CLOSE, CentralPath
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import PathPoint, WorkControl
-from fenics_contact.path_equations import Iterate, Scales, Workspace, _distance
+from fenics_contact.path_equations import Growth, Iterate, Scales, Workspace, _distance
 from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
 from fenics_contact.springs import SpringStiffness
 from tests.helpers import Loaded, coulomb
@@ -58,6 +58,43 @@ def test_all_products_are_equal_along_the_path(plain):
     d, f = path.scales.displacement, path.scales.force
     assert np.all(np.abs(residual.opening) / d <= CLOSE * (now.pressure / f + now.y / d))
     assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
+
+
+@pytest.mark.parametrize("growth", [None, Growth(1e-5, 0.2)])
+def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
+    """Also where friction grows along the path, which is part of its derivative."""
+    structure = plain.structure
+    start, scales = plain.start(FIRST_WORK)
+    workspace = Workspace(structure.problem)
+    path = CentralPath(
+        structure.problem, structure.springs, workspace, None, start.work, scales, growth=growth
+    )
+    now, products = path.follow(path.start(start, 1.0), 1.0, 1e-2)
+    for _ in range(6):
+        to_path, tangent, _ = path._directions(now, products)
+        now, products = path._moved(now, products, 1.0, to_path, 0.0, tangent)
+    part = 1.0 if growth is None else growth.part(products)
+    assert (part < 1.0) == (growth is not None)
+    bound = part * structure.problem.friction * now.pressure
+    assert now.s1 + now.s2 == pytest.approx(2.0 * bound, rel=1e-12)
+    assert path._left(now) < 1e-8
+    to_path, tangent, _ = path._directions(now, products)
+    left = []
+    for turn in (-1e-2, -1e-3):
+        moved, _ = path._moved(now, products, 1.0, to_path, turn, tangent)
+        left.append(path._left(moved))
+    assert left[0] < 1e-3
+    assert left[1] < 0.02 * left[0]
+
+
+def test_growth_of_friction():
+    growth = Growth(1e-3, 0.5)
+    assert growth.part(1e-1) == pytest.approx(0.1)
+    assert growth.part(1e-4) == 1.0
+    step = 1e-6
+    slope = (growth.part(1e-1 * (1.0 + step)) / growth.part(1e-1) - 1.0) / step
+    assert growth.rate(1e-1) == pytest.approx(slope, rel=1e-5)
+    assert growth.rate(1e-4) == 0.0
 
 
 def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
