@@ -271,7 +271,7 @@ class CoulombFriction:
                 return point, history
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
-            if self.past_folds:
+            if self.past_folds and self.attracting:
                 point = self._from_modes(start, work, anywhere, history)
             if point is not None:
                 return point, history
@@ -473,7 +473,7 @@ class CoulombFriction:
         def solve() -> PathPoint:
             settled = SETTLED * self.tolerance
             return self._interior.from_modes(
-                work, start, self.scales, self.final, settled, self.attracting
+                work, start, self.scales, self.final, settled, growing=True
             )
 
         return self._taken(solve, "modes of the blocks", start.load_factor, allowed, history)

@@ -131,10 +131,11 @@ def test_solver_that_finds_no_state_is_not_an_answer(tmp_path, monkeypatch, caps
     from fenics_contact.errors import SolverError
     from fenics_contact.interior_point import WorkControl
 
-    def fail(*_):
+    def fail(*_, **__):
         raise SolverError("interior point: broken on purpose")
 
-    monkeypatch.setattr(WorkControl, "solve", fail)
+    for way in ("solve", "from_modes"):
+        monkeypatch.setattr(WorkControl, way, fail)
     scene = write_scene(tmp_path)
     found = run_here(["solve", scene, "-o", tmp_path / "out"], capsys)
     assert found.code == 4
