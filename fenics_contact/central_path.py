@@ -36,6 +36,7 @@ from fenics_contact.path_equations import (
     Array,
     Iterate,
     PathEquations,
+    Residual,
     State,
 )
 
@@ -151,9 +152,13 @@ class CentralPath(PathEquations):
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         mu = np.full_like(now.y, products * self.unit)
         more = rate * self.friction * now.pressure  # of the bound: of s1 and s2
-        to_path, tangent = self.two_directions(
-            now, self.residual(now), springs, (mu, mu - now.z1 * more, mu - now.z2 * more)
+        none = np.zeros_like(now.y)
+        across = self.residual(now), (none, none, none)
+        along = (
+            Residual(self.workspace.zero, none, none, 0.0),
+            (mu, mu - now.z1 * more, mu - now.z2 * more),
         )
+        to_path, tangent = self.directions(now, springs, [across, along], first=True)
         # The determinant of A bordered by f_L is that of A times -f_L.A^-1 f_L.
         flexibility = self.problem.live.dot(self.workspace.border)
         return to_path, tangent, -self.springs.determinant_sign * float(np.sign(flexibility))

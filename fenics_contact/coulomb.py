@@ -472,9 +472,7 @@ class CoulombFriction:
 
         def solve() -> PathPoint:
             settled = SETTLED * self.tolerance
-            return self._interior.from_modes(
-                work, start, self.scales, self.final, settled, growing=True
-            )
+            return self._interior.from_modes(work, start, self.scales, self.final, settled)
 
         return self._taken(solve, "modes of the blocks", start.load_factor, allowed, history)
 

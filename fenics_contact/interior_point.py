@@ -2,7 +2,9 @@
 
 A predictor-corrector method (S. Mehrotra, SIAM J. Optim. 2 (1992) 575) drives the products of the
 path's equations (`path_equations`) to zero. As T grows, lambda(T) rises to the limit load and
-stays; du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero.
+stays; du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero. Where the
+method stalls the central path is followed (`central_path`), by default from where the modes of the
+blocks lead (`block_modes`).
 """
 
 from __future__ import annotations
@@ -69,11 +71,11 @@ ACCEPTABLE = 1e-9
 FOLLOWED = 1e-7
 
 #: Error of an interior point iterate from which on the central path is followed past its folds, and
-#: products at which the interior point method finishes, or if need be is tried again.
+#: products, in units of force times elastic displacement, at which the interior point method
+#: finishes, or if need be is tried again.
 HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 
-#: Products, in units of force times elastic displacement, at which the path of the blocks' modes is
-#: left for that of the structure.
+#: Products, in the same units, at which the path of the blocks' modes is left for the structure's.
 TRANSFER = 3e-2
 
 #: With few blocks friction grows all the way to these products, like this power: the states found
@@ -289,20 +291,10 @@ class WorkControl:
         scales: Scales,
         tolerance: float,
         settled: float = np.inf,
-        growing: bool = False,
     ) -> PathPoint:
         """Solve with Coulomb friction from where blocks that only move, stretch and bend lead.
 
-        Args:
-            work: T.
-            start: State to start from, however far from a solution.
-            scales: Typical sizes.
-            tolerance: As in `solve`.
-            settled: Likewise.
-            growing: Likewise, on the way to the path.
-
-        Returns:
-            The solution, with the residuals recomputed.
+        Arguments and what is returned are those of `follow`.
 
         Raises:
             SolverError: If the path of the modes leads to no state, or that of the structure from
@@ -314,15 +306,16 @@ class WorkControl:
         coarse = WorkControl(modes.of(self.problem), modes.springs)
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
+        begin = modes.restricted(start)
         before, of_modes = self.factorizations, modes.springs.factorizations
         try:
-            growing = growing and modes.count <= FEW_BLOCKS
-            near, products = coarse._near(work, modes.restricted(start), scales, growing)
+            near, products = coarse._near(work, begin, scales, modes.count <= FEW_BLOCKS)
             state = modes.prolonged(near)
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
             near.destroy()
         finally:
+            begin.destroy()
             coarse.destroy()
             self._of_modes += modes.springs.factorizations - of_modes
         best = self._to_end(run, path, now, products, tolerance, settled)
@@ -447,12 +440,14 @@ class WorkControl:
 
         def change(bound_change: Array) -> Array:
             vectors = self.workspace
-            vectors.right.set(0.0)
+            vectors.rights[0].set(0.0)
             shear = near.drive * bound_change
-            near.run.add_joint_forces(vectors.right, np.zeros_like(shear), shear)
-            self.springs.solve(vectors.right, vectors.free)
-            vectors.free.axpy(-vectors.free.dot(problem.live) / near.flexibility, vectors.border)
-            problem.normal.mult(vectors.free, vectors.opening)
+            near.run.add_joint_forces(vectors.rights[0], np.zeros_like(shear), shear)
+            self.springs.solve(vectors.rights[0], vectors.frees[0])
+            vectors.frees[0].axpy(
+                -vectors.frees[0].dot(problem.live) / near.flexibility, vectors.border
+            )
+            problem.normal.mult(vectors.frees[0], vectors.opening)
             return -problem.friction * near.k_n * vectors.opening.array_r
 
         values = _ritz_values(change, problem.friction * state.pressure, problem.sum)
@@ -586,7 +581,8 @@ class _InteriorPoint(PathEquations):
                 now.destroy()
                 return
             residual = self.residual(now)
-            back = self.direction(now, residual, springs, (none, none, none), first=True)
+            same = none, none, none
+            (back,) = self.directions(now, springs, [(residual, same)], first=True)
             now.move(min(1.0, STEP_FRACTION * self._length(now, back)), back)
             back.destroy()
             best.steps += 1
@@ -603,7 +599,8 @@ class _InteriorPoint(PathEquations):
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         here = self.products(now)
         y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
-        affine = self.direction(now, residual, springs, (-y * r, -s1 * z1, -s2 * z2), first=True)
+        changes = -y * r, -s1 * z1, -s2 * z2
+        (affine,) = self.directions(now, springs, [(residual, changes)], first=True)
         ahead = now.copy()
         ahead.move(self._length(now, affine), affine)
         target = here / self.count * max(self.products(ahead) / here, 0.0) ** 3
@@ -612,7 +609,7 @@ class _InteriorPoint(PathEquations):
             target - s1 * z1 - affine.s1 * affine.z1,
             target - s2 * z2 - affine.s2 * affine.z2,
         )
-        corrected = self.direction(now, residual, springs, changes)
+        (corrected,) = self.directions(now, springs, [(residual, changes)])
         length = STEP_FRACTION * self._length(now, corrected)
         now.move(min(1.0, length), corrected)
         for iterate in (affine, ahead, corrected):

@@ -25,6 +25,7 @@ left for K u. So the part of u without rigid motions of blocks is summed up step
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -35,6 +36,7 @@ from fenics_contact.problem import ContactProblem
 from fenics_contact.springs import SpringStiffness
 
 Array = npt.NDArray[np.float64]
+Changes = tuple[Array, Array, Array]
 
 #: Largest spring, in units of the mean diagonal of K; larger ones would cancel digits.
 LARGEST_SPRING = 1e10
@@ -181,10 +183,8 @@ class Workspace:
     """Vectors that all equations of one structure share."""
 
     def __init__(self, problem: ContactProblem) -> None:
-        self.right = problem.dead.duplicate()
-        self.second_right = problem.dead.duplicate()
-        self.free = problem.dead.duplicate()
-        self.second_free = problem.dead.duplicate()
+        self.rights = problem.dead.duplicate(), problem.dead.duplicate()
+        self.frees = problem.dead.duplicate(), problem.dead.duplicate()
         self.border = problem.dead.duplicate()
         self.rest = problem.dead.duplicate()
         self.zero = problem.dead.duplicate()  # duplicates are zero
@@ -193,7 +193,8 @@ class Workspace:
 
     def destroy(self) -> None:
         """Free the vectors."""
-        for vector in vars(self).values():
+        rest = self.border, self.rest, self.zero, self.opening, self.slip
+        for vector in (*self.rights, *self.frees, *rest):
             vector.destroy()
 
 
@@ -331,70 +332,45 @@ class PathEquations:
         )
         return k_n, k_t, q
 
-    def direction(
+    def directions(
         self,
         now: Iterate,
-        residual: Residual,
         springs: tuple[Array, Array, Array],
-        changes: tuple[Array, Array, Array],
+        asked: Sequence[tuple[Residual, Changes]],
         first: bool = False,
-    ) -> Iterate:
-        """Newton direction towards other products, and no residual.
+    ) -> list[Iterate]:
+        """Newton directions on the last factor, at most two.
 
-        The first one on a factor finds A^-1 f_L too.
+        The first ones on a factor find A^-1 f_L too; all is then solved for at once.
 
         Args:
             now: Where.
-            residual: What is left there of the linear conditions.
             springs: As `factor` gave them.
-            changes: c_n, c_1, c_2: changes of y r_N, s1 z1, s2 z2.
-            first: Whether it is the first one.
+            asked: What is left of the linear conditions and to be taken away, and the changes of
+                the products y r_N, s1 z1, s2 z2.
+            first: Whether they are the first ones.
         """
-        workspace, live = self.workspace, self.problem.live
-        drive = self._right(now, residual, springs, changes, workspace.right)
+        count, live = len(asked), self.problem.live
+        rights, frees = self.workspace.rights[:count], self.workspace.frees[:count]
+        drives = [
+            self._right(now, *one, springs, right) for one, right in zip(asked, rights, strict=True)
+        ]
         if first and self.load_factor is None:
-            self.springs.solve_together((workspace.right, live), (workspace.free, workspace.border))
+            self.springs.solve_together((*rights, live), (*frees, self.workspace.border))
         else:
-            self.springs.solve(workspace.right, workspace.free)
-        return self._found(now, residual, springs, changes, drive, workspace.free)
-
-    def two_directions(
-        self,
-        now: Iterate,
-        residual: Residual,
-        springs: tuple[Array, Array, Array],
-        changes: tuple[Array, Array, Array],
-    ) -> tuple[Iterate, Iterate]:
-        """Newton directions towards no residual, and towards other products, under work control.
-
-        Both, and A^-1 f_L, are solved for at once.
-
-        Args:
-            now: Where.
-            residual: What is left there of the linear conditions.
-            springs: As `factor` gave them.
-            changes: Of the products, as those of `direction`.
-        """
-        workspace, none = self.workspace, np.zeros_like(now.y)
-        same = none, none, none
-        given = self._right(now, residual, springs, same, workspace.right)
-        nothing = Residual(workspace.zero, none, none, 0.0)
-        drive = self._right(now, nothing, springs, changes, workspace.second_right)
-        self.springs.solve_together(
-            (workspace.right, workspace.second_right, self.problem.live),
-            (workspace.free, workspace.second_free, workspace.border),
-        )
-        return (
-            self._found(now, residual, springs, same, given, workspace.free),
-            self._found(now, nothing, springs, changes, drive, workspace.second_free),
-        )
+            for right, free in zip(rights, frees, strict=True):
+                self.springs.solve(right, free)
+        return [
+            self._found(now, *one, springs, drive, free)
+            for one, drive, free in zip(asked, drives, frees, strict=True)
+        ]
 
     def _right(
         self,
         now: Iterate,
         residual: Residual,
+        changes: Changes,
         springs: tuple[Array, Array, Array],
-        changes: tuple[Array, Array, Array],
         right: PETSc.Vec,
     ) -> Array:
         """Set a right-hand side; returns what drives slip."""
@@ -410,8 +386,8 @@ class PathEquations:
         self,
         now: Iterate,
         residual: Residual,
+        changes: Changes,
         springs: tuple[Array, Array, Array],
-        changes: tuple[Array, Array, Array],
         drive: Array,
         free: PETSc.Vec,
     ) -> Iterate:

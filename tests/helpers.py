@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
 from fenics_contact.limit_load import typical_sizes
 from fenics_contact.mesh import GmshMesh
-from fenics_contact.meshing import model_from_arrays
+from fenics_contact.meshing import model_from_arrays, wall
 from fenics_contact.path_equations import Scales, State
 from fenics_contact.structure import Bonded, Structure
 
@@ -167,6 +167,21 @@ def on_ground(
         foundations={"base": law} if foundations is None else foundations,
         **options,
     )
+
+
+def three_blocks(stands: str, elements: int, left: str) -> Structure:
+    """Three blocks on rigid "ground"; or else on a roller under 30 degrees and a held left side."""
+    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=elements))
+    if stands == "ground":
+        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
+    scene = Scene(
+        mesh_of(drawing.turned(np.radians(30.0)).model()),
+        {"default": STONE},
+        live=PUSH,
+        joints={"default": coulomb(0.5)},
+        supports={"base": "roller", "left": left},
+    )
+    return Structure.build(scene)
 
 
 def coulomb(friction: float) -> JointLaw:

@@ -5,26 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact import Scene, SolveOptions, SolverError, limit_load
+from fenics_contact import SolveOptions, SolverError, limit_load
 from fenics_contact.block_modes import MODES, BlockModes, modes
 from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.interior_point import FEW_BLOCKS, WorkControl
+from fenics_contact.interior_point import FEW_BLOCKS, PathPoint, WorkControl
 from fenics_contact.meshing import wall
 from fenics_contact.path_equations import State
 from fenics_contact.search import FIRST_WORK
 from fenics_contact.structure import Structure
 from tests.helpers import (
-    PUSH,
-    STONE,
-    Drawing,
     Loaded,
     coulomb,
     dense,
     joint_rows,
-    mesh_of,
     node_bodies,
     node_positions,
     on_ground,
+    three_blocks,
     tresca,
     vector_like,
     whole,
@@ -34,18 +31,7 @@ from tests.regression.scenes import wall_scene
 
 @pytest.fixture(scope="module", params=["ground", "inclined roller"])
 def structure(request) -> Structure:
-    """Three blocks on rigid ground, or on a roller under 30 degrees and a fixed side."""
-    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=2))
-    if request.param == "ground":
-        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
-    scene = Scene(
-        mesh_of(drawing.turned(np.radians(30.0)).model()),
-        {"default": STONE},
-        live=PUSH,
-        joints={"default": coulomb(0.5)},
-        supports={"base": "roller", "left": "fixed"},
-    )
-    return Structure.build(scene)
+    return three_blocks(request.param, elements=2, left="fixed")
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +44,11 @@ def basis(structure: Structure) -> np.ndarray:
     return dense(structure.block_modes.basis)
 
 
-def from_modes(loaded: Loaded, **options: object):
+def from_modes(loaded: Loaded) -> tuple[WorkControl, PathPoint]:
     start, scales = loaded.start(FIRST_WORK)
     structure = loaded.structure
     control = WorkControl(structure.problem, structure.springs, lambda: structure.block_modes)
-    return control, control.from_modes(start.work, start, scales, 1e-9, 1e-9, **options)
+    return control, control.from_modes(start.work, start, scales, 1e-9, 1e-9)
 
 
 # ---- modes
@@ -203,11 +189,12 @@ def test_a_reversed_load_is_reversed(structure):
 # ---- the way through them
 
 
-@pytest.mark.parametrize("growing", [False, True])
-def test_modes_lead_to_a_state_of_the_structure(folded, growing):
+@pytest.mark.parametrize("few", [0, FEW_BLOCKS])
+def test_modes_lead_to_a_state_of_the_structure(folded, few, monkeypatch):
+    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", few)
     structure = folded.structure
     before = structure.factorizations
-    control, point = from_modes(folded, growing=growing)
+    control, point = from_modes(folded)
     assert point.followed
     assert max(point.residuals.values()) <= 1e-9
     assert point.state.load_factor == pytest.approx(0.35582, abs=5e-6)

@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fenics_contact import Scene, SolverError
+from fenics_contact import SolverError
 from fenics_contact.joints import JointOperators, Slots
-from fenics_contact.meshing import wall
 from fenics_contact.springs import JointRows, SpringStiffness
 from fenics_contact.structure import Structure
 from tests.helpers import (
-    PUSH,
-    STONE,
-    Drawing,
-    coulomb,
     dense,
     joint_rows,
-    mesh_of,
-    on_ground,
+    three_blocks,
     vector_like,
     whole,
 )
@@ -27,18 +21,7 @@ from tests.helpers import (
 
 @pytest.fixture(scope="module", params=["ground", "inclined roller"])
 def structure(request) -> Structure:
-    """Three blocks on rigid ground, or on a roller under 30 degrees and a fixed side."""
-    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=1))
-    if request.param == "ground":
-        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
-    scene = Scene(
-        mesh_of(drawing.turned(np.radians(30.0)).model()),
-        {"default": STONE},
-        live=PUSH,
-        joints={"default": coulomb(0.5)},
-        supports={"base": "roller", "left": "roller"},
-    )
-    return Structure.build(scene)
+    return three_blocks(request.param, elements=1, left="roller")
 
 
 def random_springs(structure: Structure, seed: int) -> list[np.ndarray]:
