@@ -42,11 +42,11 @@ from fenics_contact.path_equations import (
 
 _log = logging.getLogger("fenics_contact")
 
-MAX_STEPS = 250
+MAX_STEPS = 1000
 
-#: Steps are measured by the largest relative change of p and q. Length of the first and of the
-#: shortest and longest step, and by how much the length grows after one that was not shortened.
-FIRST_LENGTH, LENGTHS, GROWTH = 1.0, (0.2, 100.0), 2.5
+#: Steps are measured by the largest relative change of p and q. Length of the first, of the
+#: shortest and longest.
+FIRST_LENGTH, SHORTEST, LONGEST = 1.0, 0.02, 100.0
 
 #: Size of p and q by which changes are measured, at least: smaller ones are of no consequence.
 SMALLEST = 1e-3
@@ -55,8 +55,15 @@ SMALLEST = 1e-3
 #: more than so much of what was left before.
 LEFT, REDUCED, SHORTER = 0.7, 0.7, 6
 
-#: No step is taken along the tangent where more than this is left; largest corrector.
-FAR, LARGEST_CORRECTOR = 2.0, 4.0
+#: Distance c + a t from the path, relative, that a step aims at, and the largest at which it goes
+#: along the tangent: one that led further away is taken back, and a shorter one tried.
+AIMED, NEAR = 2.0, 5.0
+
+#: By how much lengths may change, as this distance grows with their square.
+CHANGES = 0.25, 2.5
+
+#: Largest step across the path, where it is further away, and how often until it is lost.
+LARGEST_CORRECTOR, LOST = 4.0, 25
 
 #: At the end no more than this is left, or so many steps were taken across the path alone.
 CLOSE, CORRECTIONS = 0.1, 6
@@ -74,6 +81,49 @@ class _Rate:
 
     p: Array
     q: Array
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the path has led, and what a factorisation there tells.
+
+    Attributes:
+        iterate: Point with equal products.
+        products: Its mu.
+        to_path: The step c to the path at this mu.
+        tangent: t.
+        back: a, which takes the tangent out of c.
+        across: Largest relative change in c + a t.
+        steepness: Largest in t, at least 1.
+        sign: Of the way along the tangent to smaller mu, or, past a fold, to larger.
+        left: What is left of the equations, relative to p and q.
+    """
+
+    iterate: Iterate
+    products: float
+    to_path: Iterate
+    tangent: Iterate
+    back: float
+    across: float
+    steepness: float
+    sign: float
+    left: float
+
+    @property
+    def near(self) -> bool:
+        """Whether the tangent is worth following from here."""
+        return self.across <= NEAR
+
+    @property
+    def change_of_length(self) -> float:
+        """Factor by which a step of another length would have led as near as aimed at."""
+        factor = np.sqrt(AIMED / self.across) if self.across > 0.0 else np.inf
+        return float(np.clip(factor, *CHANGES))
+
+    def destroy(self) -> None:
+        """Free the vectors."""
+        for iterate in (self.iterate, self.to_path, self.tangent):
+            iterate.destroy()
 
 
 class CentralPath(PathEquations):
@@ -99,45 +149,72 @@ class CentralPath(PathEquations):
         Raises:
             SolverError: If the path leads back, or is lost.
         """
-        length, left, since = FIRST_LENGTH, self._left(now), 0
-        for step in range(MAX_STEPS):
-            there = products <= end
-            if there and (left <= CLOSE or since == CORRECTIONS):
-                return now, products
-            since += there
-            if not products <= BACK:
-                now.destroy()
-                raise SolverError(f"central path: leads back after {step} steps")
-            try:
-                to_path, tangent, sign = self._directions(now, products)
-            except SolverError:
-                now.destroy()
-                raise
-            rate, change = self._rate(now, tangent), self._rate(now, to_path)
-            steepness = max(self._largest(rate), 1.0)
-            square = self.problem.sum(rate.p**2 + rate.q**2 + 1.0)
-            back = -self.problem.sum(rate.p * change.p + rate.q * change.q) / square
-            across = self._largest(_Rate(change.p + back * rate.p, change.q + back * rate.q))
-            part = min(1.0, LARGEST_CORRECTOR / across) if across > 0.0 else 1.0
-            for shortened in range(SHORTER + 1):
-                ahead = sign * length / steepness if left < FAR and not there else 0.0
-                turn = float(np.clip(part * back + ahead, -LARGEST_CHANGE, LARGEST_CHANGE))
-                new, new_products = self._moved(now, products, part, to_path, turn, tangent)
-                new_left = self._left(new)
-                if new_left < max(LEFT, REDUCED * left) or ahead == 0.0 or shortened == SHORTER:
+        length, left = FIRST_LENGTH, self._left(now)
+        corrections = away = 0
+        last, along = None, False
+        try:
+            for step in range(MAX_STEPS):
+                ending = products <= end
+                if ending and (left <= CLOSE or corrections == CORRECTIONS):
                     break
-                new.destroy()
-                length *= 0.5
-            for iterate in (now, to_path, tangent):
-                iterate.destroy()
-            if not np.isfinite(new_left):
-                new.destroy()
-                raise SolverError(f"central path: lost after {step + 1} steps")
-            now, products, left = new, new_products, new_left
-            length = max(length * (GROWTH if shortened == 0 else 1.0), LENGTHS[0])
-            length = min(length, LENGTHS[1])
-            _log.debug("    %3d  %.12g  mu %.2e, left %.1e", step, now.load_factor, products, left)
+                corrections += ending
+                if not products <= BACK:
+                    raise SolverError(f"central path: leads back after {step} steps")
+                here = self._place(now, products, left)
+                back = along and not here.near and length > SHORTEST
+                if along:
+                    length = float(np.clip(length * here.change_of_length, SHORTEST, LONGEST))
+                across = here.across
+                if last is not None:
+                    (here if back else last).destroy()
+                    here = last if back else here
+                last, along = here, here.near and not ending
+                away = 0 if here.near else away + 1
+                now, products, left, taken = self._step(here, length if along else 0.0)
+                if not np.isfinite(left) or away > LOST:
+                    raise SolverError(f"central path: lost after {step + 1} steps")
+                length = taken if along else length
+                _log.debug(
+                    "    %3d  %.12g  mu %.2e, left %.1e, across %.1e, length %.2g",
+                    *(step, now.load_factor, products, left, across, taken),
+                )
+        except SolverError:
+            now.destroy()
+            raise
+        finally:
+            if last is not None:
+                last.destroy()
         return now, products
+
+    def _place(self, now: Iterate, products: float, left: float) -> _Place:
+        """Factor the equations of a point with equal products."""
+        to_path, tangent, sign = self._directions(now, products)
+        rate, change = self._rate(now, tangent), self._rate(now, to_path)
+        square = self.problem.sum(rate.p**2 + rate.q**2 + 1.0)
+        back = -self.problem.sum(rate.p * change.p + rate.q * change.q) / square
+        across = self._largest(_Rate(change.p + back * rate.p, change.q + back * rate.q))
+        steepness = max(self._largest(rate), 1.0)
+        return _Place(now, products, to_path, tangent, back, across, steepness, sign, left)
+
+    def _step(self, here: _Place, length: float) -> tuple[Iterate, float, float, float]:
+        """A step across the path and along it, shortened where it leaves too much.
+
+        Returns:
+            The point with equal products that it leads to, its mu, what is left there, and the
+            length of the step along.
+        """
+        part = min(1.0, LARGEST_CORRECTOR / here.across) if here.across > 0.0 else 1.0
+        enough = max(LEFT, REDUCED * here.left)
+        for shortened in range(SHORTER + 1):
+            turn = part * here.back + here.sign * length / here.steepness
+            turn = float(np.clip(turn, -LARGEST_CHANGE, LARGEST_CHANGE))
+            new, products = self._moved(here, part, turn)
+            left = self._left(new)
+            if left < enough or length < SHORTEST or shortened == SHORTER:
+                break
+            new.destroy()
+            length *= 0.5
+        return new, products, left, length
 
     def _grown(self, products: float) -> float:
         """Set the friction that is there at some products; its rate."""
@@ -188,20 +265,12 @@ class CentralPath(PathEquations):
         slip = np.where(self.sticky, residual.slip / size_q, 0.0)
         return self._largest(_Rate(residual.opening / size_p, slip)) / self.scales.displacement
 
-    def _moved(
-        self,
-        now: Iterate,
-        products: float,
-        part: float,
-        to_path: Iterate,
-        turn: float,
-        tangent: Iterate,
-    ) -> tuple[Iterate, float]:
-        """The point with equal products at now + part c + turn t, and its mu."""
-        moved = now.copy()
-        moved.move(part, to_path)
-        moved.move(turn, tangent)
-        products *= float(np.exp(turn))
+    def _moved(self, here: _Place, part: float, turn: float) -> tuple[Iterate, float]:
+        """The point with equal products at x + part c + turn t, and its mu."""
+        moved = here.iterate.copy()
+        moved.move(part, here.to_path)
+        moved.move(turn, here.tangent)
+        products = here.products * float(np.exp(turn))
         state = State(moved.u, moved.load_factor, moved.pressure, moved.shear, self.work)
         self._grown(products)
         new = self.centred(state, products, moved.strained)

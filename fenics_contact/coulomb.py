@@ -49,9 +49,10 @@ FINISH_AT, FINISH_AGAIN = 0.15, 0.2
 #: Centring of the monolithic finish, by change of the bound, and its limits.
 FINISH_CENTRING, FINISH_RANGE = 0.1, (1e-5, 1e-2)
 
-#: Centrings of the monolithic solve at a larger T, and another where the load factor rises by more
-#: than so much of itself.
-CONTINUE_CENTRINGS, RISING_CENTRING, RISING = (1e-4, 1e-6), 1e-2, 0.1
+#: Centrings of the monolithic solve at a larger T, in units of force times elastic displacement,
+#: and another, of force times displacement, where the load factor rises by more than so much of
+#: itself.
+CONTINUE_CENTRINGS, RISING_CENTRING, RISING = (3e-2, 3e-4), 1e-2, 0.1
 
 #: How far the load factor may move there, in parts of itself and of its rise along the tangent,
 #: which is too low where joints close.
@@ -72,7 +73,7 @@ SAFETY = 3.0
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
 #: Tolerance of a final monolithic state, and of its load factor, relative to the one asked for.
-FINAL_TOLERANCE, SETTLED = 1e-3, 1e-3
+FINAL_TOLERANCE, SETTLED = 1e-3, 1e-2
 
 #: Limits of both.
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
@@ -272,7 +273,7 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             if self.past_folds and self.attracting:
-                point = self._from_modes(start, work, anywhere, history)
+                point = self._from_modes(start, work, start.load_factor, anywhere, history)
             if point is not None:
                 return point, history
             point = self._monolithic(
@@ -339,9 +340,8 @@ class CoulombFriction:
         history = FixedPointHistory()
         point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None and self.monolithic and afresh is not None:
-            point = self._follow(
-                afresh, work, start.load_factor, self._near(start, growth), history
-            )
+            follow = self._from_modes if self.attracting else self._follow
+            point = follow(afresh, work, start.load_factor, self._near(start, growth), history)
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -396,7 +396,8 @@ class CoulombFriction:
         """The monolithic state next to one at a smaller T, if there is one."""
         allowed = self._near(start, growth)
         rising = growth > RISING * abs(start.load_factor)
-        for centring in (*CONTINUE_CENTRINGS, *(RISING_CENTRING,) * rising):
+        part = self.scales.elastic_part
+        for centring in (*(part * c for c in CONTINUE_CENTRINGS), *(RISING_CENTRING,) * rising):
             found = self._monolithic(start, work, centring, allowed, history)
             if found is not None:
                 return found
@@ -466,7 +467,12 @@ class CoulombFriction:
         return self._taken(solve, "central path", before, allowed, history)
 
     def _from_modes(
-        self, start: State, work: float, allowed: tuple[float, float], history: FixedPointHistory
+        self,
+        start: State,
+        work: float,
+        before: float,
+        allowed: tuple[float, float],
+        history: FixedPointHistory,
     ) -> PathPoint | None:
         """The same from where the modes of the blocks lead."""
 
@@ -474,7 +480,7 @@ class CoulombFriction:
             settled = SETTLED * self.tolerance
             return self._interior.from_modes(work, start, self.scales, self.final, settled)
 
-        return self._taken(solve, "modes of the blocks", start.load_factor, allowed, history)
+        return self._taken(solve, "modes of the blocks", before, allowed, history)
 
     def _taken(
         self,

@@ -533,7 +533,7 @@ class _InteriorPoint(PathEquations):
                 best.iterate, best.sizes, best.error, best_step = now.copy(), sizes, error, step
             if best.error <= tolerance:
                 patience = min(patience, RESTING)
-            joints = max(value for name, value in sizes.items() if name != "equilibrium")
+            joints = _largest_but_equilibrium(sizes)
             if not errors or joints < errors[-1]:
                 errors.append(joints)
                 best_step = step
@@ -570,7 +570,11 @@ class _InteriorPoint(PathEquations):
         Rounding of long steps with stiff springs leaves forces that short ones take away.
         """
         for _ in range(BALANCING):
-            if not tolerance < best.error == best.sizes.get("equilibrium"):
+            equilibrium, rest = (
+                best.sizes.get("equilibrium", 0.0),
+                _largest_but_equilibrium(best.sizes),
+            )
+            if equilibrium <= tolerance or rest > max(tolerance, FOLLOWED):
                 return
             now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)
             try:
@@ -588,7 +592,8 @@ class _InteriorPoint(PathEquations):
             best.steps += 1
             sizes = self.sizes(now, self.residual(now))
             error = float(np.max(list(sizes.values())))
-            if not error < best.error:
+            worse = _largest_but_equilibrium(sizes) > 2.0 * max(rest, tolerance)
+            if worse or not sizes["equilibrium"] < equilibrium:
                 now.destroy()
                 return
             best.iterate.destroy()
@@ -622,6 +627,11 @@ class _InteriorPoint(PathEquations):
             here, there = getattr(now, name), getattr(direction, name)
             ratio = max(ratio, float(np.max(-there / here, initial=0.0)))
         return 1.0 / max(self.problem.comm.allreduce(ratio, MPI.MAX), STEP_FRACTION)
+
+
+def _largest_but_equilibrium(sizes: dict[str, float]) -> float:
+    """The largest residual, of all but what cancels digits of equilibrium."""
+    return max((size for name, size in sizes.items() if name != "equilibrium"), default=np.inf)
 
 
 def _ritz_values(

@@ -54,7 +54,11 @@ SHORTEST_STRIDE = 0.125
 #: A state is taken for that of the collapse at a gap of this part of the tolerance: the gap is
 #: that of its own friction bound, and as this follows the load factor still changes by 10 to 40
 #: times as much.
-COLLAPSED = 1e-2
+COLLAPSED = 2.5e-2
+
+#: Below a gap of this part of the tolerance, which rounding may cause, more work is tried only
+#: once, and at no great cost.
+NEARLY = 0.1
 
 #: Strides that may be taken along a state without a smaller gap.
 STRIDES_ALONG = 3
@@ -247,12 +251,12 @@ class Search:
                 break
             rises = found.rises_from(last) and not self.verified
             worse = 0 if found.gap <= GAP_FALLS * last.gap or rises else worse + 1
-            if worse > self.patience:
+            if worse > (0 if self.nearly_settled else self.patience):
                 break
             last, ratio = found, found.ratio
         last, ratio = first, first.ratio
         for _ in range(DECREASES if self.best is first else 0):
-            if self.settled:
+            if self.nearly_settled:
                 break
             ratio *= WORK_DECREASE
             found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
@@ -279,13 +283,16 @@ class Search:
 
         follow, first = last.history.converged and self.monolithic, self.part
         while follow and self.part >= SHORTEST_STRIDE:
-            found = ahead(self.part, iterate=False, afresh=self.past_folds and self.part == 1.0)
+            afresh = self.past_folds and self.part == 1.0 and not self.nearly_settled
+            found = ahead(self.part, iterate=False, afresh=afresh)
             if found is not None:
                 kept = self.part == first
                 if kept and self.kept:
                     self.part = min(2.0 * self.part, 1.0)
                 self.kept = kept
                 return found
+            if self.nearly_settled:
+                break
             self.part *= 0.5
         return None if self.verified else ahead(1.0, follow=not follow)
 
@@ -421,6 +428,12 @@ class Search:
     def verified(self) -> bool:
         """Whether the best state is a collapse state."""
         return self.best is not None and self.best.verified
+
+    @property
+    def nearly_settled(self) -> bool:
+        """Whether it is one but for what may be rounding."""
+        best, asked = self.best, NEARLY * self.options.tolerance
+        return best is not None and best.verified and best.gap <= max(asked, self.gap_asked)
 
     @property
     def settled(self) -> bool:

@@ -71,17 +71,16 @@ def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
     )
     now, products = path.follow(path.start(start, 1.0), 1.0, 1e-2)
     for _ in range(6):
-        to_path, tangent, _ = path._directions(now, products)
-        now, products = path._moved(now, products, 1.0, to_path, 0.0, tangent)
+        now, products = path._moved(path._place(now, products, 0.0), 1.0, 0.0)
     part = 1.0 if growth is None else growth.part(products)
     assert (part < 1.0) == (growth is not None)
     bound = part * structure.problem.friction * now.pressure
     assert now.s1 + now.s2 == pytest.approx(2.0 * bound, rel=1e-12)
     assert path._left(now) < 1e-8
-    to_path, tangent, _ = path._directions(now, products)
+    here = path._place(now, products, 0.0)
     left = []
     for turn in (-1e-2, -1e-3):
-        moved, _ = path._moved(now, products, 1.0, to_path, turn, tangent)
+        moved, _ = path._moved(here, 1.0, turn)
         left.append(path._left(moved))
     assert left[0] < 1e-3
     assert left[1] < 0.02 * left[0]
