@@ -75,8 +75,9 @@ FOLLOWED = 1e-7
 #: finishes, or if need be is tried again.
 HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 
-#: Products, in the same units, at which the path of the blocks' modes is left for the structure's.
-TRANSFER = 3e-2
+#: Products, in the same units, at which the path of the blocks' modes is left for the structure's,
+#: and by how much larger ones where that leads nowhere.
+TRANSFER, EARLIER = 3e-2, 10.0
 
 #: With few blocks friction grows all the way to these products, like this power: the states found
 #: are lower, but with many blocks the path then has too many folds. The error from which on that
@@ -302,35 +303,58 @@ class WorkControl:
         """
         if self.block_modes is None:
             raise SolverError("modes of the blocks: there are none")
-        modes = self.block_modes()
-        coarse = WorkControl(modes.of(self.problem), modes.springs)
+        modes, before = self.block_modes(), self.factorizations
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
-        begin = modes.restricted(start)
-        before, of_modes = self.factorizations, modes.springs.factorizations
-        try:
-            near, products = coarse._near(work, begin, scales, modes.count <= FEW_BLOCKS)
-            state = modes.prolonged(near)
+        for end in (1.0, EARLIER):
+            state, products = self._near(modes, work, start, scales, end)
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
-            near.destroy()
-        finally:
-            begin.destroy()
-            coarse.destroy()
-            self._of_modes += modes.springs.factorizations - of_modes
-        best = self._to_end(run, path, now, products, tolerance, settled)
-        best.steps = self.factorizations - before
-        return self._point(run, best, tolerance, followed=True)
+            try:
+                best = self._to_end(run, path, now, products, tolerance, settled)
+                best.steps = self.factorizations - before
+                return self._point(run, best, tolerance, followed=True)
+            except SolverError as error:
+                lost = error
+                _log.info("  from %.1e on the path of the modes: %s", products, error)
+        raise lost
 
     def _near(
-        self, work: float, start: State, scales: Scales, growing: bool
+        self, modes: BlockModes, work: float, start: State, scales: Scales, end: float
     ) -> tuple[State, float]:
-        """A state near the central path at products `TRANSFER` or as far as it leads, and these.
+        """A state that the path of the modes leads to, and its products.
+
+        Args:
+            modes: Of the blocks.
+            work: T.
+            start: State to start from.
+            scales: Typical sizes.
+            end: Products at which to leave it, in units of the smallest; larger where it does not
+                lead so far.
 
         Raises:
             SolverError: If the path leads nowhere.
         """
-        end = (GROWN if growing else TRANSFER) * scales.elastic_part
+        before = modes.springs.factorizations
+        coarse = WorkControl(modes.of(self.problem), modes.springs)
+        begin = modes.restricted(start)
+        try:
+            state, products = coarse._along_modes(
+                work, begin, scales, modes.count <= FEW_BLOCKS, end
+            )
+        finally:
+            begin.destroy()
+            coarse.destroy()
+            self._of_modes += modes.springs.factorizations - before
+        near = modes.prolonged(state)
+        state.destroy()
+        return near, products
+
+    def _along_modes(
+        self, work: float, start: State, scales: Scales, growing: bool, end: float
+    ) -> tuple[State, float]:
+        """The same, for blocks that have nothing but these modes."""
+        end *= (GROWN if growing else TRANSFER) * scales.elastic_part
         growth = Growth(end, GROWING_POWER) if growing else None
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)

@@ -239,6 +239,37 @@ def test_path_that_modes_do_not_lead_to_is_found_without(monkeypatch):
     assert result.mode_factorizations == 0
 
 
+def test_modes_are_left_earlier_where_their_end_leads_nowhere(folded, monkeypatch):
+    begun = []
+    original = WorkControl._to_end
+
+    def once_lost(self, run, path, now, products, *rest):
+        begun.append(products)
+        if len(begun) == 1:
+            now.destroy()
+            raise SolverError("no luck")
+        return original(self, run, path, now, products, *rest)
+
+    at_once = from_modes(folded)[1].state.load_factor
+    monkeypatch.setattr(WorkControl, "_to_end", once_lost)
+    assert from_modes(folded)[1].state.load_factor == pytest.approx(at_once, rel=1e-6)
+    assert len(begun) == 2
+    assert begun[1] > begun[0]
+
+
+def test_path_that_leads_nowhere_from_the_modes(folded, monkeypatch):
+    tried = []
+
+    def lost(*args: object) -> None:
+        tried.append(args)
+        raise SolverError("no luck")
+
+    monkeypatch.setattr(WorkControl, "_to_end", lost)
+    with pytest.raises(SolverError, match="no luck"):
+        from_modes(folded)
+    assert len(tried) == 2
+
+
 @pytest.mark.parametrize(
     ("law", "options"),
     [

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import BACK, CLOSE, CentralPath
+from fenics_contact.central_path import AIMED, BACK, CHANGES, CLOSE, LOST, CentralPath, _Place
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.path_equations import Growth, Iterate, Scales, Workspace, _distance
@@ -84,6 +86,57 @@ def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
         left.append(path._left(moved))
     assert left[0] < 1e-3
     assert left[1] < 0.02 * left[0]
+
+
+def test_step_that_led_away_is_taken_back_and_shortened(folded, monkeypatch):
+    """The next one starts from the same point, on the same factor."""
+    steps: list[tuple[Iterate, float, float]] = []
+    places: list[float] = []
+    place, step = CentralPath._place, CentralPath._step
+
+    def counted(self, *args):
+        here = place(self, *args)
+        places.append(here.across)
+        return here
+
+    def noted(self, here, length):
+        steps.append((here.iterate, here.across, length))
+        return step(self, here, length)
+
+    monkeypatch.setattr(CentralPath, "_place", counted)
+    monkeypatch.setattr(CentralPath, "_step", noted)
+    monkeypatch.setattr("fenics_contact.central_path.NEAR", 1.0)
+    monkeypatch.setattr("fenics_contact.central_path.AIMED", 0.4)
+    path, now = path_of(folded)
+    _, products = path.follow(now, 1.0, 1e-4)
+    assert products <= 1e-4
+    assert len(places) == len(steps)
+    again = [
+        (first[2], second[2])
+        for first, second in itertools.pairwise(steps)
+        if second[0] is first[0]
+    ]
+    away = [led for led, taken in zip(places, steps, strict=True) if led != taken[1]]
+    assert len(again) == len(away) > 0
+    assert min(away) > 1.0
+    assert all(0.25 * before <= after < before for before, after in again)
+
+
+def test_path_that_is_never_near_is_lost(plain, monkeypatch):
+    monkeypatch.setattr("fenics_contact.central_path.NEAR", -1.0)
+    path, now = path_of(plain)
+    before = plain.structure.springs.factorizations
+    with pytest.raises(SolverError, match=f"lost after {LOST + 1} steps"):
+        path.follow(now, 1.0, 1e-4)
+    assert plain.structure.springs.factorizations - before == LOST + 1
+
+
+@pytest.mark.parametrize(
+    ("across", "change"), [(AIMED, 1.0), (4.0 * AIMED, 0.5), (1e3, CHANGES[0]), (0.0, CHANGES[1])]
+)
+def test_length_that_leads_as_near_as_aimed_at(across, change):
+    place = _Place(None, 1.0, None, None, 0.0, across, 1.0, -1.0, 0.0)  # type: ignore[arg-type]
+    assert place.change_of_length == pytest.approx(change)
 
 
 def test_growth_of_friction():

@@ -360,3 +360,45 @@ def test_state_to_be_reported(found, best, expected):
 
     search = SimpleNamespace(gap_asked=1e-8)
     assert Search._better(search, state(*found), state(*best)) is expected
+
+
+@pytest.mark.parametrize(
+    ("gap", "verified", "nearly"),
+    [(1e-7, True, True), (1.1e-7, True, False), (1e-9, False, False), (np.inf, True, False)],
+)
+def test_state_that_is_all_but_settled(gap, verified, nearly):
+    search = SimpleNamespace(
+        best=SimpleNamespace(gap=gap, verified=verified),
+        gap_asked=2.5e-8,
+        options=SolveOptions(tolerance=1e-6),
+    )
+    assert Search.nearly_settled.fget(search) is nearly
+    search.best = None
+    assert Search.nearly_settled.fget(search) is False
+
+
+@pytest.mark.parametrize(("nearly", "tried"), [(True, [1.0]), (False, [1.0, 0.5, 0.25, 0.125])])
+def test_more_work_for_a_state_that_is_all_but_settled_is_tried_once(nearly, tried):
+    """Else in shorter and shorter strides, the first of them along the central path too."""
+    works, afresh = [], []
+
+    def at(ratio, start, bound, **how):
+        works.append(ratio)
+        afresh.append(how["afresh"])
+
+    search = SimpleNamespace(
+        part=1.0,
+        kept=True,
+        monolithic=True,
+        past_folds=True,
+        verified=True,
+        nearly_settled=nearly,
+        per_ratio=1.0,
+        _stride=lambda _: 16.0,
+        _moved=lambda *_: None,
+        at=at,
+    )
+    last = SimpleNamespace(ratio=1.0, bound=None, history=SimpleNamespace(converged=True))
+    assert Search._further(search, last) is None
+    assert works == pytest.approx([16.0**part for part in tried])
+    assert afresh == [not nearly] + [False] * (len(tried) - 1)
