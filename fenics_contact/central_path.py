@@ -18,8 +18,9 @@ t = dx/dlog mu. A step goes along the tangent, and towards the path at right ang
     dx = c + a t + ds t,   a = -(t.c)/(t.t),
 
 (products of the relative changes of p and q at all points, with log mu counted once per point), mu
-falling where the determinant of the equations is positive, and rising where it is not. Friction may
-grow along the path, as a function of mu.
+falling where the determinant of the equations is positive, and rising where it is not. A step that
+led too far away, which only the next factor tells, is taken back: once off the path nothing leads
+to it again but chance. Friction may grow along the path, as a function of mu.
 """
 
 from __future__ import annotations
