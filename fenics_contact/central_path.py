@@ -136,13 +136,16 @@ class CentralPath(PathEquations):
 
     smallest = SMALLEST
 
-    def follow(self, now: Iterate, products: float, end: float) -> tuple[Iterate, float]:
+    def follow(
+        self, now: Iterate, products: float, end: float, close: float = CLOSE
+    ) -> tuple[Iterate, float]:
         """Follow the path until the products are small.
 
         Args:
             now: Iterate with equal products, near the path; not to be used any more.
             products: mu there, in units of force times displacement.
             end: mu at which to stop.
+            close: How much may be left there, relative to p and q.
 
         Returns:
             An iterate near the path, and mu, which is larger than `end` after `MAX_STEPS` steps.
@@ -156,7 +159,7 @@ class CentralPath(PathEquations):
         try:
             for step in range(MAX_STEPS):
                 ending = products <= end
-                if ending and (left <= CLOSE or corrections == CORRECTIONS):
+                if ending and (left <= close or corrections == CORRECTIONS):
                     break
                 corrections += ending
                 if not products <= BACK:

@@ -10,7 +10,7 @@ blocks lead (`block_modes`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.block_modes import BlockModes
-from fenics_contact.central_path import CentralPath
+from fenics_contact.central_path import CLOSE, CentralPath
 from fenics_contact.errors import SolverError
 from fenics_contact.path_equations import (
     LARGEST_SPRING,
@@ -75,13 +75,13 @@ FOLLOWED = 1e-7
 #: finishes, or if need be is tried again.
 HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 
-#: Products, in the same units, at which the path of the blocks' modes is left for the structure's,
-#: and by how much larger ones where that leads nowhere.
-TRANSFER, EARLIER = 3e-2, 10.0
+#: Products, in the same units, at which the path of the blocks' modes is left for the structure's:
+#: the last, or where that leads nowhere one before; and those to which this is followed at least.
+TRANSFERS, BEYOND = (3e-1, 3e-2, 3e-3), 1e-3
 
-#: With few blocks friction grows all the way to these products, like this power: the states found
-#: are lower, but with many blocks the path then has too many folds. The error from which on that
-#: path is followed.
+#: With few blocks it is left at these products, and friction grows all the way, like this power:
+#: the states found are lower, but with many blocks the path then has too many folds. The error from
+#: which on that path is followed.
 FEW_BLOCKS, GROWN, GROWING_POWER, LATER = 100, 3e-3, 0.2, 1e-4
 
 #: Smallest size of p and q by which changes along the path of the structure are measured, in parts
@@ -306,65 +306,73 @@ class WorkControl:
         modes, before = self.block_modes(), self.factorizations
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
-        for end in (1.0, EARLIER):
-            state, products = self._near(modes, work, start, scales, end)
+        lost = SolverError("")
+        ends = FOLLOW_TO if modes.count <= FEW_BLOCKS else (BEYOND, *FOLLOW_TO[1:])
+        near = self._near(modes, work, start, scales)
+        while near:
+            state, products = near.pop()
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
             try:
-                best = self._to_end(run, path, now, products, tolerance, settled)
+                best = self._to_end(run, path, now, products, ends, tolerance, settled)
                 best.steps = self.factorizations - before
-                return self._point(run, best, tolerance, followed=True)
+                found = self._point(run, best, tolerance, followed=True)
+                for other, _ in near:
+                    other.destroy()
+                return found
             except SolverError as error:
-                lost = error
                 _log.info("  from %.1e on the path of the modes: %s", products, error)
+                lost = error
         raise lost
 
     def _near(
-        self, modes: BlockModes, work: float, start: State, scales: Scales, end: float
-    ) -> tuple[State, float]:
-        """A state that the path of the modes leads to, and its products.
-
-        Args:
-            modes: Of the blocks.
-            work: T.
-            start: State to start from.
-            scales: Typical sizes.
-            end: Products at which to leave it, in units of the smallest; larger where it does not
-                lead so far.
+        self, modes: BlockModes, work: float, start: State, scales: Scales
+    ) -> list[tuple[State, float]]:
+        """States along the path of the modes, and their products, the smallest last.
 
         Raises:
-            SolverError: If the path leads nowhere.
+            SolverError: If it leads nowhere.
         """
         before = modes.springs.factorizations
         coarse = WorkControl(modes.of(self.problem), modes.springs)
         begin = modes.restricted(start)
         try:
-            state, products = coarse._along_modes(
-                work, begin, scales, modes.count <= FEW_BLOCKS, end
-            )
+            found = coarse._along_modes(work, begin, scales, modes.count <= FEW_BLOCKS)
         finally:
             begin.destroy()
             coarse.destroy()
             self._of_modes += modes.springs.factorizations - before
-        near = modes.prolonged(state)
-        state.destroy()
-        return near, products
+        near = [(modes.prolonged(state), products) for state, products in found]
+        for state, _ in found:
+            state.destroy()
+        return near
 
     def _along_modes(
-        self, work: float, start: State, scales: Scales, growing: bool, end: float
-    ) -> tuple[State, float]:
+        self, work: float, start: State, scales: Scales, few: bool
+    ) -> list[tuple[State, float]]:
         """The same, for blocks that have nothing but these modes."""
-        end *= (GROWN if growing else TRANSFER) * scales.elastic_part
-        growth = Growth(end, GROWING_POWER) if growing else None
+        growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if few else None
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
-        best = run.converge(run.start(start, 1.0), True, LATER if growing else HALFWAY)
+        best = run.converge(run.start(start, 1.0), True, LATER if few else HALFWAY)
         products = path.mean_product(best.iterate)
         now = path.start(best.state(work), products)
         best.destroy()
-        now, products = path.follow(now, products, end)
-        state = State(now.u, now.load_factor, now.pressure, now.shear, work, now.strained)
-        return state, products
+        ends = (GROWN,) if few else TRANSFERS
+        found: list[tuple[State, float]] = []
+        for end in ends:
+            close = CLOSE if end == ends[-1] else np.inf
+            try:
+                now, products = path.follow(now, products, end * scales.elastic_part, close)
+            except SolverError:
+                if not found:
+                    raise
+                return found
+            here = now.copy()
+            forces = here.load_factor, here.pressure, here.shear
+            found.append((State(here.u, *forces, work, here.strained), products))
+        now.destroy()
+        return found
 
     def _past_folds(
         self, run: _InteriorPoint, best: _Best, tolerance: float, settled: float
@@ -379,7 +387,7 @@ class WorkControl:
         products = path.mean_product(best.halfway)
         now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
         best.destroy()
-        found = self._to_end(run, path, now, products, tolerance, settled)
+        found = self._to_end(run, path, now, products, FOLLOW_TO, tolerance, settled)
         found.steps = steps + self.springs.factorizations - before
         return found
 
@@ -395,16 +403,17 @@ class WorkControl:
         path: CentralPath,
         now: Iterate,
         products: float,
+        ends: Sequence[float],
         tolerance: float,
         settled: float,
     ) -> _Best:
-        """What the central path leads to from a point near it.
+        """What the central path leads to from a point near it, finished from one of some ends.
 
         Raises:
             SolverError: If that is nowhere.
         """
         found: list[_Best] = []
-        for end in FOLLOW_TO:
+        for end in ends:
             try:
                 now, products = path.follow(now, products, end * run.scales.elastic_part)
                 if products > end * run.scales.elastic_part:
@@ -415,8 +424,8 @@ class WorkControl:
                     raise
                 break
             found.append(run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS))
-            enough = ACCEPTABLE if end == FOLLOW_TO[0] else FOLLOWED
-            if found[-1].error <= max(tolerance, enough) or end == FOLLOW_TO[-1]:
+            enough = ACCEPTABLE if end == ends[0] else FOLLOWED
+            if found[-1].error <= max(tolerance, enough) or end == ends[-1]:
                 now.destroy()
                 break
         found.sort(key=lambda reached: reached.error)

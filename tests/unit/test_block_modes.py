@@ -7,8 +7,9 @@ import pytest
 
 from fenics_contact import SolveOptions, SolverError, limit_load
 from fenics_contact.block_modes import MODES, BlockModes, modes
+from fenics_contact.central_path import CentralPath
 from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.interior_point import FEW_BLOCKS, PathPoint, WorkControl
+from fenics_contact.interior_point import FEW_BLOCKS, TRANSFERS, PathPoint, WorkControl
 from fenics_contact.meshing import wall
 from fenics_contact.path_equations import State
 from fenics_contact.search import FIRST_WORK
@@ -239,7 +240,13 @@ def test_path_that_modes_do_not_lead_to_is_found_without(monkeypatch):
     assert result.mode_factorizations == 0
 
 
-def test_modes_are_left_earlier_where_their_end_leads_nowhere(folded, monkeypatch):
+@pytest.fixture
+def as_many(monkeypatch) -> None:
+    """Walls of few blocks are treated as those of many."""
+    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+
+
+def test_modes_are_left_earlier_where_their_end_leads_nowhere(folded, as_many, monkeypatch):
     begun = []
     original = WorkControl._to_end
 
@@ -257,17 +264,42 @@ def test_modes_are_left_earlier_where_their_end_leads_nowhere(folded, monkeypatc
     assert begun[1] > begun[0]
 
 
-def test_path_that_leads_nowhere_from_the_modes(folded, monkeypatch):
+def test_path_that_leads_nowhere_from_the_modes(folded, as_many, monkeypatch):
     tried = []
 
-    def lost(*args: object) -> None:
-        tried.append(args)
+    def lost(self, run, path, now, products, *rest):
+        tried.append(products)
+        now.destroy()
         raise SolverError("no luck")
 
     monkeypatch.setattr(WorkControl, "_to_end", lost)
     with pytest.raises(SolverError, match="no luck"):
         from_modes(folded)
-    assert len(tried) == 2
+    assert len(tried) == len(TRANSFERS)
+    assert tried == sorted(tried)
+
+
+@pytest.mark.parametrize("lost_at", [1, 2, 3])
+def test_path_of_the_modes_is_left_where_it_is_lost(folded, as_many, lost_at, monkeypatch):
+    """Not if it is lost at once."""
+    at_once = from_modes(folded)[1].state.load_factor
+    calls = []
+    original = CentralPath.follow
+
+    def follow(self, now, products, end, *rest):
+        calls.append(end)
+        if len(calls) == lost_at:
+            now.destroy()
+            raise SolverError("lost")
+        return original(self, now, products, end, *rest)
+
+    monkeypatch.setattr(CentralPath, "follow", follow)
+    if lost_at == 1:
+        with pytest.raises(SolverError, match="lost"):
+            from_modes(folded)
+    else:
+        assert from_modes(folded)[1].state.load_factor == pytest.approx(at_once, rel=1e-6)
+        assert calls[lost_at] < calls[0]
 
 
 @pytest.mark.parametrize(
