@@ -364,9 +364,10 @@ class WorkControl:
             close = CLOSE if end == ends[-1] else np.inf
             try:
                 now, products = path.follow(now, products, end * scales.elastic_part, close)
-            except SolverError:
+            except SolverError as error:
                 if not found:
                     raise
+                _log.info("  modes of the blocks, from products %.1e: %s", found[-1][1], error)
                 return found
             here = now.copy()
             forces = here.load_factor, here.pressure, here.shear
