@@ -165,13 +165,13 @@ class CentralPath(PathEquations):
                 if not products <= BACK:
                     raise SolverError(f"central path: leads back after {step} steps")
                 here = self._place(now, products, left)
-                back = along and not here.near and length > SHORTEST
+                taken_back = along and not here.near and length > SHORTEST
                 if along:
                     length = float(np.clip(length * here.change_of_length, SHORTEST, LONGEST))
                 across = here.across
                 if last is not None:
-                    (here if back else last).destroy()
-                    here = last if back else here
+                    (here if taken_back else last).destroy()
+                    here = last if taken_back else here
                 last, along = here, here.near and not ending
                 away = 0 if here.near else away + 1
                 now, products, left, taken = self._step(here, length if along else 0.0)

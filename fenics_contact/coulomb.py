@@ -273,7 +273,7 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             if self.past_folds and self.attracting:
-                point = self._from_modes(start, work, start.load_factor, anywhere, history)
+                point = self._follow(start, work, start.load_factor, anywhere, history, modes=True)
             if point is not None:
                 return point, history
             point = self._monolithic(
@@ -340,8 +340,10 @@ class CoulombFriction:
         history = FixedPointHistory()
         point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None and self.monolithic and afresh is not None:
-            follow = self._from_modes if self.attracting else self._follow
-            point = follow(afresh, work, start.load_factor, self._near(start, growth), history)
+            near = self._near(start, growth)
+            point = self._follow(
+                afresh, work, start.load_factor, near, history, modes=self.attracting
+            )
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -457,30 +459,19 @@ class CoulombFriction:
         before: float,
         allowed: tuple[float, float],
         history: FixedPointHistory,
+        modes: bool = False,
     ) -> PathPoint | None:
-        """The same along the central path past its folds, from a load factor `before`."""
+        """The same along the central path past its folds, from a load factor `before`.
+
+        With `modes` from where the modes of the blocks lead.
+        """
+        way = self._interior.from_modes if modes else self._interior.follow
+        name = "modes of the blocks" if modes else "central path"
 
         def solve() -> PathPoint:
-            settled = SETTLED * self.tolerance
-            return self._interior.follow(work, start, self.scales, self.final, settled)
+            return way(work, start, self.scales, self.final, SETTLED * self.tolerance)
 
-        return self._taken(solve, "central path", before, allowed, history)
-
-    def _from_modes(
-        self,
-        start: State,
-        work: float,
-        before: float,
-        allowed: tuple[float, float],
-        history: FixedPointHistory,
-    ) -> PathPoint | None:
-        """The same from where the modes of the blocks lead."""
-
-        def solve() -> PathPoint:
-            settled = SETTLED * self.tolerance
-            return self._interior.from_modes(work, start, self.scales, self.final, settled)
-
-        return self._taken(solve, "modes of the blocks", before, allowed, history)
+        return self._taken(solve, name, before, allowed, history)
 
     def _taken(
         self,

@@ -306,10 +306,10 @@ class WorkControl:
         modes, before = self.block_modes(), self.factorizations
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
-        lost = SolverError("")
-        ends = FOLLOW_TO if modes.count <= FEW_BLOCKS else (BEYOND, *FOLLOW_TO[1:])
-        near = self._near(modes, work, start, scales)
-        while near:
+        few = modes.count <= FEW_BLOCKS
+        ends = FOLLOW_TO if few else (BEYOND, *FOLLOW_TO[1:])
+        near = self._near(modes, work, start, scales, few)
+        while True:
             state, products = near.pop()
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
@@ -321,12 +321,12 @@ class WorkControl:
                     other.destroy()
                 return found
             except SolverError as error:
+                if not near:
+                    raise
                 _log.info("  from %.1e on the path of the modes: %s", products, error)
-                lost = error
-        raise lost
 
     def _near(
-        self, modes: BlockModes, work: float, start: State, scales: Scales
+        self, modes: BlockModes, work: float, start: State, scales: Scales, few: bool
     ) -> list[tuple[State, float]]:
         """States along the path of the modes, and their products, the smallest last.
 
@@ -337,7 +337,7 @@ class WorkControl:
         coarse = WorkControl(modes.of(self.problem), modes.springs)
         begin = modes.restricted(start)
         try:
-            found = coarse._along_modes(work, begin, scales, modes.count <= FEW_BLOCKS)
+            found = coarse._along_modes(work, begin, scales, few)
         finally:
             begin.destroy()
             coarse.destroy()
@@ -604,10 +604,8 @@ class _InteriorPoint(PathEquations):
         Rounding of long steps with stiff springs leaves forces that short ones take away.
         """
         for _ in range(BALANCING):
-            equilibrium, rest = (
-                best.sizes.get("equilibrium", 0.0),
-                _largest_but_equilibrium(best.sizes),
-            )
+            equilibrium = best.sizes.get("equilibrium", 0.0)
+            rest = _largest_but_equilibrium(best.sizes)
             if equilibrium <= tolerance or rest > max(tolerance, FOLLOWED):
                 return
             now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)

@@ -8,7 +8,6 @@ import pytest
 from fenics_contact import SolveOptions, SolverError, limit_load
 from fenics_contact.block_modes import MODES, BlockModes, modes
 from fenics_contact.central_path import CentralPath
-from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import FEW_BLOCKS, TRANSFERS, PathPoint, WorkControl
 from fenics_contact.meshing import wall
 from fenics_contact.path_equations import State
@@ -312,7 +311,7 @@ def test_path_of_the_modes_is_left_where_it_is_lost(folded, as_many, lost_at, mo
 )
 def test_modes_are_not_made_where_they_are_not_used(law, options, monkeypatch):
     monkeypatch.setattr(BlockModes, "build", None)
-    monkeypatch.setattr(CoulombFriction, "_from_modes", None)
+    monkeypatch.setattr(WorkControl, "from_modes", None)
     scene = on_ground(wall([[1]], elements=1), law, solve=SolveOptions(**options))
     result = limit_load(scene)
     assert result.status == "limit"

@@ -235,7 +235,7 @@ def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
 
         return solve
 
-    for name in ("_from_modes", "_monolithic"):
+    for name in ("_follow", "_monolithic"):
         original = getattr(CoulombFriction, name)
         monkeypatch.setattr(CoulombFriction, name, failing_first(original))
     monkeypatch.setattr(CoulombFriction, "_given_friction", None)
@@ -255,9 +255,12 @@ def test_many_blocks_try_no_path_twice(monkeypatch):
     def fails(self, start, work, centring, *rest, **options):
         tried.append(centring)
 
+    def follow(*_, modes=False):
+        if modes:
+            from_modes.append(1)
+
     monkeypatch.setattr(CoulombFriction, "_monolithic", fails)
-    monkeypatch.setattr(CoulombFriction, "_from_modes", lambda *_: from_modes.append(1))
-    monkeypatch.setattr(CoulombFriction, "_follow", lambda *_: None)
+    monkeypatch.setattr(CoulombFriction, "_follow", follow)
     result = limit_load(wall_scene("W1", coulomb(0.4), elements=1))
     assert result.positive.history[0].method == "fixed-point"
     assert [centring for centring in tried if centring == 1.0] == [1.0, 1.0]

@@ -69,7 +69,7 @@ def test_state_that_attracts_the_fixed_point_needs_no_iteration(monkeypatch):
 
 def test_state_that_repels_the_fixed_point_is_iterated_for(monkeypatch):
     at_once = limit_load(wall(coulomb(0.65)))
-    monkeypatch.setattr(CoulombFriction, "_from_modes", lambda *_: None)
+    monkeypatch.setattr(CoulombFriction, "_follow", lambda *_, **__: None)
     monkeypatch.setattr(WorkControl, "repels", lambda *_: True)
     result = limit_load(wall(coulomb(0.65)))
     assert result.load_factor == pytest.approx(at_once.load_factor, rel=1e-6)
