@@ -25,7 +25,6 @@ from fenics_contact.path_equations import (
     LARGEST_SPRING,
     PROXIMAL_SPRING,
     Array,
-    Growth,
     Iterate,
     PathEquations,
     Residual,
@@ -34,6 +33,7 @@ from fenics_contact.path_equations import (
     Workspace,
 )
 from fenics_contact.problem import ContactProblem
+from fenics_contact.smoothed_laws import Growth
 from fenics_contact.springs import SpringStiffness
 
 _log = logging.getLogger("fenics_contact")

@@ -33,6 +33,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.problem import ContactProblem
+from fenics_contact.smoothed_laws import Growth, distance_from_bound, normal_law
 from fenics_contact.springs import SpringStiffness
 
 Array = npt.NDArray[np.float64]
@@ -47,9 +48,6 @@ PROXIMAL_SPRING = 1e-8
 
 #: Distance of shear from its bound at the start of a solve, at least, in parts of the bound.
 NEAREST = 1e-9
-
-#: Newton steps that leave nothing but rounding of a distance from the bound.
-NEWTON_STEPS = 6
 
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
@@ -79,29 +77,6 @@ class Scales:
     def elastic_part(self) -> float:
         """Part of the displacements that strains the blocks."""
         return min(self.elastic / self.displacement, 1.0) if self.elastic > 0.0 else 1.0
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Friction that grows to its full size as the products fall.
-
-    Collapse states are not unique, and those met with little friction first are low ones.
-
-    Attributes:
-        full_at: Products, in units of force times displacement, from which on all of it is there.
-        power: Before that it is (products / full_at)^-power of it.
-    """
-
-    full_at: float
-    power: float
-
-    def part(self, products: float) -> float:
-        """Part of the friction that is there."""
-        return min((self.full_at / products) ** self.power, 1.0)
-
-    def rate(self, products: float) -> float:
-        """Its derivative with respect to the logarithm of the products, in units of itself."""
-        return -self.power if products > self.full_at else 0.0
 
 
 @dataclass(frozen=True)
@@ -261,24 +236,21 @@ class PathEquations:
 
         Its part without rigid motions is `strained`, if given, else that of the displacements.
 
-        With p = r_N/f - w_N/d the pair y/d, r_N/f = (sqrt(p^2 + 4 mu) -+ p) / 2 has product mu and
-        keeps r_N/f - y/d. Shear rho with rho - (z2 - z1)/d = r_T/f - w_T/d = q is the distance s
-        from the bound gamma that it is nearer to, s + mu/(2 gamma - s) - mu/s = gamma - |q|.
+        It keeps p = r_N/f - w_N/d and q = r_T/f - w_T/d (`smoothed_laws`).
         """
         d, f = self.scales.displacement, self.scales.force
         opening, slip = self.joint_displacements(start.displacement)
         slip -= self.problem.slip_origin
         p = start.pressure / f - opening / d
-        large = 0.5 * (np.sqrt(p**2 + 4.0 * centring) + np.abs(p))
-        small = centring / large
-        y, pressure = np.where(p > 0.0, small, large) * d, np.where(p > 0.0, large, small) * f
+        y, pressure = normal_law(p, centring)
+        y, pressure = y * d, pressure * f
 
         bound = self.friction * pressure + self.problem.strength
         if self.given is not None:
             bound = self.given
         gamma = np.where(self.sticky, bound / f, 1.0)
         q = start.shear / f - slip / d
-        near = _distance(np.abs(q), gamma, centring)
+        near = distance_from_bound(np.abs(q), gamma, centring)
         if strained is None:  # a cold start, or a mode: no spring may vanish
             near = np.maximum(near, NEAREST * gamma)
         far = 2.0 * gamma - near
@@ -393,11 +365,8 @@ class PathEquations:
     ) -> Iterate:
         """The direction of a solution, with A^-1 f_L in `workspace.border`."""
         (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
-        live, border = self.problem.live, self.workspace.border
-        u, load_factor = free.copy(), 0.0
-        if self.load_factor is None:
-            load_factor = (-residual.work - free.dot(live)) / border.dot(live)
-            u.axpy(load_factor, border)
+        u = free.copy()
+        load_factor = self.hold_work(u, residual.work) if self.load_factor is None else 0.0
         opening, slip = self.joint_displacements(u)
         y = opening - residual.opening
         pressure = c_n / now.y - k_n * y
@@ -407,6 +376,17 @@ class PathEquations:
         z2 = np.where(self.sticky, (c_2 - now.z2 * s2) / now.s2, 0.0)
         s1, s2 = np.where(self.sticky, s1, 0.0), np.where(self.sticky, s2, 0.0)
         return Iterate(u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2)
+
+    def hold_work(self, u: PETSc.Vec, excess: float = 0.0) -> float:
+        """Add a multiple of A^-1 f_L to a change u, so that f_L.u takes excess work away.
+
+        Returns:
+            The multiple, which is the change of the load factor.
+        """
+        live, border = self.problem.live, self.workspace.border
+        load_factor = float((-excess - u.dot(live)) / border.dot(live))
+        u.axpy(load_factor, border)
+        return load_factor
 
     def products(self, now: Iterate) -> float:
         """Sum of all complementarity products, N m per metre of thickness."""
@@ -431,23 +411,3 @@ class PathEquations:
         slip.array[:] = shear
         self.problem.normal.multTransposeAdd(opening, vector, vector)
         self.problem.tangential.multTransposeAdd(slip, vector, vector)
-
-
-def _distance(q: Array, gamma: Array, products: float) -> Array:
-    """Solve s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
-
-    Args:
-        q: At least 0.
-        gamma: Above 0.
-        products: The number mu.
-    """
-    # Without the third term s is larger, and the first step goes too far: the left-hand side is
-    # concave. From there Newton's method climbs to the solution and never passes it.
-    rest = gamma - q
-    large = 0.5 * (np.sqrt(rest**2 + 4.0 * products) + np.abs(rest))
-    s = np.minimum(np.where(rest > 0.0, large, products / large), gamma)
-    for _ in range(NEWTON_STEPS):
-        near, far = products / s, products / (2.0 * gamma - s)
-        slope = 1.0 + near / s + far / (2.0 * gamma - s)
-        s = s - (s - near + far - rest) / slope
-    return np.asarray(np.minimum(s, gamma))

@@ -168,6 +168,12 @@ class SpringStiffness:
         for column, vector in enumerate(solutions):
             vector.array[:] = solution.getDenseArray()[:, column]
 
+    def solve_columns(self, rights: PETSc.Mat) -> PETSc.Mat:
+        """Solve A X = B for a dense matrix B, with the last factor."""
+        solutions = rights.duplicate()
+        self._factors[self._current][1].getPC().getFactorMatrix().matSolve(rights, solutions)
+        return solutions
+
     def destroy(self) -> None:
         """Free the matrices and factors, which PETSc would otherwise keep for long."""
         for kind in list(self._factors):

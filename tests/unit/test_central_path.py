@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import AIMED, BACK, CHANGES, CLOSE, LOST, CentralPath, _Place
+from fenics_contact.central_path import BACK, CLOSE, LOST, CentralPath
 from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.few_points import FewPoints
 from fenics_contact.interior_point import PathPoint, WorkControl
-from fenics_contact.path_equations import Growth, Iterate, Scales, Workspace, _distance
+from fenics_contact.path_equations import Iterate, Scales, Workspace
 from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
+from fenics_contact.smoothed_laws import Growth
 from fenics_contact.springs import SpringStiffness
 from tests.helpers import Loaded, coulomb
 from tests.regression.scenes import wall_scene
@@ -73,80 +73,30 @@ def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
     )
     now, products = path.follow(path.start(start, 1.0), 1.0, 1e-2)
     for _ in range(6):
-        now, products = path._moved(path._place(now, products, 0.0), 1.0, 0.0)
+        now, products, _ = FewPoints(path, path.place(now, products)).follow(1e-9, along=False)
     part = 1.0 if growth is None else growth.part(products)
     assert (part < 1.0) == (growth is not None)
     bound = part * structure.problem.friction * now.pressure
     assert now.s1 + now.s2 == pytest.approx(2.0 * bound, rel=1e-12)
     assert path._left(now) < 1e-8
-    here = path._place(now, products, 0.0)
-    left = []
-    for turn in (-1e-2, -1e-3):
-        moved, _ = path._moved(here, 1.0, turn)
-        left.append(path._left(moved))
+    few = FewPoints(path, path.place(now, products))
+    left = [few.problem.max(few._distances(1.0, turn)) for turn in (-1e-2, -1e-3)]
     assert left[0] < 1e-3
     assert left[1] < 0.02 * left[0]
 
 
-def test_step_that_led_away_is_taken_back_and_shortened(folded, monkeypatch):
-    """The next one starts from the same point, on the same factor."""
-    steps: list[tuple[Iterate, float, float]] = []
-    places: list[float] = []
-    place, step = CentralPath._place, CentralPath._step
+def test_path_that_is_never_reached_is_lost(plain, monkeypatch):
+    follow = FewPoints.follow
 
-    def counted(self, *args):
-        here = place(self, *args)
-        places.append(here.across)
-        return here
+    def astray(self, end, along=True):
+        return (*follow(self, self.place.products, along=False)[:2], False)
 
-    def noted(self, here, length):
-        steps.append((here.iterate, here.across, length))
-        return step(self, here, length)
-
-    monkeypatch.setattr(CentralPath, "_place", counted)
-    monkeypatch.setattr(CentralPath, "_step", noted)
-    monkeypatch.setattr("fenics_contact.central_path.NEAR", 1.0)
-    monkeypatch.setattr("fenics_contact.central_path.AIMED", 0.4)
-    path, now = path_of(folded)
-    _, products = path.follow(now, 1.0, 1e-4)
-    assert products <= 1e-4
-    assert len(places) == len(steps)
-    again = [
-        (first[2], second[2])
-        for first, second in itertools.pairwise(steps)
-        if second[0] is first[0]
-    ]
-    away = [led for led, taken in zip(places, steps, strict=True) if led != taken[1]]
-    assert len(again) == len(away) > 0
-    assert min(away) > 1.0
-    assert all(0.25 * before <= after < before for before, after in again)
-
-
-def test_path_that_is_never_near_is_lost(plain, monkeypatch):
-    monkeypatch.setattr("fenics_contact.central_path.NEAR", -1.0)
+    monkeypatch.setattr(FewPoints, "follow", astray)
     path, now = path_of(plain)
     before = plain.structure.springs.factorizations
     with pytest.raises(SolverError, match=f"lost after {LOST + 1} steps"):
         path.follow(now, 1.0, 1e-4)
     assert plain.structure.springs.factorizations - before == LOST + 1
-
-
-@pytest.mark.parametrize(
-    ("across", "change"), [(AIMED, 1.0), (4.0 * AIMED, 0.5), (1e3, CHANGES[0]), (0.0, CHANGES[1])]
-)
-def test_length_that_leads_as_near_as_aimed_at(across, change):
-    place = _Place(None, 1.0, None, None, 0.0, across, 1.0, -1.0, 0.0)  # type: ignore[arg-type]
-    assert place.change_of_length == pytest.approx(change)
-
-
-def test_growth_of_friction():
-    growth = Growth(1e-3, 0.5)
-    assert growth.part(1e-1) == pytest.approx(0.1)
-    assert growth.part(1e-4) == 1.0
-    step = 1e-6
-    slope = (growth.part(1e-1 * (1.0 + step)) / growth.part(1e-1) - 1.0) / step
-    assert growth.rate(1e-1) == pytest.approx(slope, rel=1e-5)
-    assert growth.rate(1e-4) == 0.0
 
 
 def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
@@ -199,16 +149,6 @@ def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain
     point = solved(plain, "solve", past_folds=True)
     assert not point.followed
     assert point.state.load_factor == solved(plain, "solve").state.load_factor
-
-
-@pytest.mark.parametrize("products", [1.0, 1e-6, 1e-12])
-def test_distance_of_shear_from_its_bound(products):
-    gamma, q = (array.ravel() for array in np.meshgrid([1e-6, 1e-2, 1.0, 50.0], [0.0, 1e-3, 1, 9]))
-    s = _distance(q, gamma, products)
-    assert np.all(s > 0.0) and np.all(s <= gamma)
-    left = s - products / s + products / (2.0 * gamma - s)
-    size = products / s + gamma + q
-    assert (gamma - q - left) / size == pytest.approx(np.zeros_like(s), abs=1e-12)
 
 
 @pytest.mark.parametrize(("method", "many"), [("auto", True), ("fixed-point", False)])

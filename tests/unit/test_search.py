@@ -10,7 +10,7 @@ import pytest
 
 from fenics_contact import InputError, LimitLoad, Load, Scene, SolveOptions, limit_load
 from fenics_contact.bounds import LimitBounds
-from fenics_contact.coulomb import FixedPointStep
+from fenics_contact.coulomb import SETTLED, FixedPointStep
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.path_equations import Scales
 from fenics_contact.scene import CONTROLS, DIRECTIONS, METHODS, SLIPS, STATES
@@ -130,7 +130,9 @@ def test_lowest_of_several_states(lowest):
 def test_first_state_is_that_of_the_dead_load(lowest):
     first = limit_load(bond(1.0))
     assert first.positive.states == ()
-    assert first.load_factor == pytest.approx(lowest.positive.states[0].load_factor, rel=1e-9)
+    # Both settle to this part of the tolerance, on ways that need not be the same.
+    rel = SETTLED * first.scene.solve.tolerance
+    assert first.load_factor == pytest.approx(lowest.positive.states[0].load_factor, rel=rel)
 
 
 def test_all_states_lie_between_the_bounds(lowest):

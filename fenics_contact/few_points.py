@@ -1,0 +1,648 @@
+"""The central path as few joint points bend it, while all others stay on their tangents.
+
+A step along the tangent of the path (`central_path`) ends where the first joint point opens,
+closes, sticks or slides. But few points do so at a time, and the factor at hand tells how the
+structure answers forces at these, C. With all points on their tangents, x0 + part c + turn t, let D
+be what the true laws (`smoothed_laws`) of the chosen points differ by from that. Those differences
+are forces f(D) of their own, in excess of what the springs of the factor transmit, that the
+structure answers by displacements:
+
+    d(D(p, q)) - C f(D(p, q)) = 0,     D = x(p, q, mu exp(turn)) - x0 - part c - turn t,
+
+twice as many equations as chosen points, for their p and q, exact where the other points' laws are
+as good as linear. Their solutions are followed by length too, first across to the path, part from
+0 to 1, then along it, turn from there, as far as the others' laws allow; points that stop it are
+chosen in addition. (Nonlinear elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci.
+Comput. 17 (1996) 538.)
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from petsc4py import PETSc
+
+from fenics_contact.path_equations import Iterate, State
+from fenics_contact.smoothed_laws import JointStates, SmoothedLaws
+
+if TYPE_CHECKING:
+    from fenics_contact.central_path import CentralPath, Place
+
+Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+_log = logging.getLogger("fenics_contact")
+
+#: Points chosen first, most of them, and how often others are chosen in addition.
+FIRST, MOST, ROUNDS = 16, 32, 4
+
+#: Distance from its law, relative to its p and q, from which on a point is chosen, and the largest
+#: that is left.
+SERIOUS, LEFT = 0.3, 0.7
+
+#: Change of log mu for which points are chosen, that is far enough for none to be added, and the
+#: largest.
+AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.8, 3.0
+
+#: Steps along the curve of few points, at most, and how often the place is halved up to which it
+#: is to lead.
+CURVE_STEPS, HALVINGS = 80, 6
+
+#: Lengths of these steps, the largest relative change of p, q and the parameter: the first, the
+#: shortest, the shortest before a point that is not chosen, the longest.
+FIRST_LENGTH, SHORTEST, CLOSE_TO_OTHERS, LONGEST = 1.0, 1e-4, 0.1, 3.0
+
+#: By how much they are shortened where Newton's method fails, or where a point that is not chosen
+#: is in the way, and made longer where it is quick.
+SHORTER, LONGER, QUICK = (0.4, 0.35), 3.0, 3
+
+#: Newton steps of each, and what they leave, relative to p and q.
+NEWTON_STEPS, SOLVED = 7, 1e-3
+
+#: Part below which a curve that turns back is left.
+BACK = -0.5
+
+#: Part of the products asked for at which a path ends, so that rounding does not make them larger.
+PAST = 0.999
+
+#: Places of part and turn among the unknowns.
+PART, TURN = -2, -1
+
+#: Columns of C that are solved for at once.
+COLUMNS = 16
+
+
+@dataclass(frozen=True)
+class LinearStates:
+    """Joint points on the tangents of their laws, in typical units.
+
+    Attributes:
+        start: States x0, shape (4, points).
+        across: The step c to the path, likewise.
+        along: The tangent t, likewise.
+        springs: k_N, k_T and q k_N of the factor, shape (3, points).
+    """
+
+    start: Array
+    across: Array
+    along: Array
+    springs: Array
+
+    def moved(self, part: float, turn: float) -> Array:
+        """x0 + part c + turn t."""
+        return self.start + part * self.across + turn * self.along
+
+    def answer(self, opening: Array, slip: Array) -> Array:
+        """States that change with displacements: springs answer."""
+        k_n, k_t, coupling = self.springs
+        return np.stack([opening, -k_n * opening, slip, -k_t * slip - coupling * opening])
+
+    def excess(self, states: Array) -> Array:
+        """Forces in excess of those of the springs, normal ones first, shape (2 points, ...)."""
+        k_n, k_t, coupling = self.springs
+        y, r, w, shear = states
+        return np.concatenate([r + k_n * y, shear + k_t * w + coupling * y])
+
+    def at(self, points: Integers) -> LinearStates:
+        """Those of some points."""
+        return LinearStates(
+            *(a[:, points] for a in (self.start, self.across, self.along, self.springs))
+        )
+
+
+@dataclass(frozen=True)
+class _OnCurve:
+    """A point on or near the curve of the chosen points.
+
+    Attributes:
+        x: p and q of the chosen points, part and turn.
+        rest: What is left of the equations.
+        forces: Forces in excess of those of the springs.
+        sizes: By which changes of x are measured.
+    """
+
+    x: Array
+    rest: Array
+    forces: Array
+    sizes: Array
+
+    @property
+    def left(self) -> float:
+        """The largest part of what is left, relative."""
+        return float(np.max(np.abs(self.rest) / self.sizes[:-2], initial=0.0))
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """Where a curve led.
+
+    Attributes:
+        last: The last point.
+        furthest: That with the largest part.
+        complete: Whether the last one is the end asked for.
+        stopped: Distances of this rank's points from their laws where these ended it, or None.
+        steps: Number of steps.
+    """
+
+    last: _OnCurve
+    furthest: _OnCurve
+    complete: bool
+    stopped: Array | None
+    steps: int
+
+
+@dataclass(frozen=True)
+class FewEquations:
+    """The equations of the chosen points, the same on all ranks.
+
+    Attributes:
+        laws: Their laws.
+        linear: Their states on the tangents.
+        compliance: C, openings and slips for normal and shear forces, in typical units, shape
+            (2 points, 2 points).
+        products: mu at x0, in typical units.
+    """
+
+    laws: SmoothedLaws
+    linear: LinearStates
+    compliance: Array
+    products: float
+
+    @property
+    def start(self) -> Array:
+        """The numbers p and q of x0, and no part or turn."""
+        states = JointStates(self.linear.start)
+        return np.concatenate([states.p, states.q, np.zeros(2)])
+
+    def at(self, x: Array) -> _OnCurve:
+        """What is left at p and q, part and turn."""
+        (p, q), (part, turn) = np.split(x[:-2], 2), x[-2:]
+        mu = self.products * np.exp(turn)
+        states = self.laws.states(p, q, mu)
+        difference = states.values - self.linear.moved(part, turn)
+        forces = self._forces(difference)
+        rest = difference[[0, 2]].ravel() - self.compliance @ forces
+        sizes = np.append(self.laws.sizes(states, mu).ravel(), np.ones(2))
+        return _OnCurve(x, rest, forces, sizes)
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """Derivatives of what is left and of the forces, shapes (2 points, 2 points + 2)."""
+        (p, q), turn = np.split(x[:-2], 2), x[-1]
+        by = self.laws.derivatives(p, q, self.products * np.exp(turn))
+        count = len(p)
+        displacements, forces = np.zeros((2, 2 * count, 2 * count + 2))
+        point = np.arange(count)
+        for first, change in ((0, by.p), (count, by.q)):
+            excess = self._forces(change)
+            for row, of in enumerate((0, 2)):
+                displacements[row * count + point, first + point] = change[of]
+                forces[row * count + point, first + point] = excess[row * count + point]
+        for column, change in ((PART, -self.linear.across), (TURN, by.mu - self.linear.along)):
+            displacements[:, column] = change[[0, 2]].ravel()
+            forces[:, column] = self._forces(change)
+        return displacements - self.compliance @ forces, forces
+
+    def turned(self, start: _OnCurve, last: _OnCurve) -> float:
+        """Sign of the determinant of their derivatives, relative to that at the start."""
+        signs = (np.linalg.slogdet(self.slopes(at.x)[0][:, :-2])[0] for at in (start, last))
+        return float(np.prod(list(signs))) or 1.0
+
+    def _forces(self, difference: Array) -> Array:
+        """Excess forces; none where slip is free."""
+        carried = np.concatenate([np.ones_like(self.laws.sticky), self.laws.sticky])
+        return self.linear.excess(difference) * carried
+
+
+class FewPoints:
+    """A step of the central path from one place, on the factor there."""
+
+    def __init__(self, path: CentralPath, place: Place) -> None:
+        """Describe all points by their tangents.
+
+        Args:
+            path: The path.
+            place: Where it has led; the factor is that of its equations.
+        """
+        self.path = path
+        self.place = place
+        self.problem = path.problem
+        d, f = path.scales.displacement, path.scales.force
+        units = np.array([d, f, d, f])[:, None]
+
+        def states(of: Iterate) -> Array:
+            return np.stack([of.y, of.pressure, of.z2 - of.z1, of.shear]) / units
+
+        k_n, k_t, q = place.springs
+        self.linear = LinearStates(
+            states(place.iterate),
+            states(place.to_path),
+            states(place.tangent),
+            np.stack([k_n, k_t, q * k_n]) * d / f,
+        )
+        problem = self.problem
+        self.laws = SmoothedLaws(
+            problem.friction, problem.strength / f, path.sticky, path.smallest, path.growth
+        )
+        self._chosen: Integers
+        self._others: npt.NDArray[np.bool_]
+        self._opening: Array
+        self._slip: Array
+        self._choose_none()
+
+    def follow(self, end: float, along: bool = True) -> tuple[Iterate, float, bool]:
+        """Go to the path and along it.
+
+        Args:
+            end: Products at which to stop.
+            along: Whether to go on along the path.
+
+        Returns:
+            A point with equal products, its mu, and whether the path itself was reached.
+        """
+        with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
+            last, equations, reached = self._on(end, along)
+        return (*self._moved(equations, last), reached)
+
+    def _on(self, end: float, along: bool) -> tuple[_OnCurve, FewEquations, bool]:
+        """The point that a step leads to, the equations there, and whether the path was reached."""
+        new = self._choose(along)
+        for _ in range(ROUNDS):
+            self._answers(new)
+            equations = self._equations()
+            last, reached, stopped = self._traced(equations, end, along)
+            if stopped is None or abs(last.x[TURN] - self.place.back) > ENOUGH:
+                break
+            new = self._worst(stopped, MOST - len(self._chosen))
+            if not len(new):
+                break
+        if not reached and self.problem.max(self._distances(1.0, self.place.back)) <= LEFT:
+            self._choose_none()
+            equations = self._equations()
+            last, reached, _ = self._traced(equations, end, along)
+        return last, equations, reached
+
+    def _traced(
+        self, equations: FewEquations, end: float, along: bool
+    ) -> tuple[_OnCurve, bool, Array | None]:
+        """Where the chosen points lead across to the path, and then along it.
+
+        Returns:
+            The last point, whether the path was reached, and the distances of this rank's points
+            from their laws where these ended it, or None.
+        """
+        start = equations.at(equations.start)
+        curve = _Curve(equations, start, *self._at_right_angles(equations, start), PART)
+        across = traced = self._trace(curve, start, 1.0, (BACK, 1.0))
+        last = across.last if across.complete else across.furthest
+        if across.complete and along:
+            fixed = np.eye(len(last.x))[PART]
+            curve = _Curve(equations, last, fixed, np.zeros_like(last.forces), TURN)
+            sign = self.place.sign * equations.turned(start, last)
+            traced = self._trace(curve, last, sign, self._reach(last.x[TURN], end))
+            last = traced.last
+        _log.debug(
+            "         few points: %d, %d + %d steps, part %.2g, turn %.2g",
+            *(len(self._chosen), across.steps, traced.steps, *last.x[[PART, TURN]]),
+        )
+        return last, across.complete, traced.stopped
+
+    def _at_right_angles(self, equations: FewEquations, start: _OnCurve) -> tuple[Array, Array]:
+        """The tangent as rows for changes of the chosen points, part and turn, and for forces.
+
+        The other points' part is in those of part and turn, and in that of the forces that move
+        them.
+        """
+        place, sizes = self.place, start.sizes[:-2]
+        carried = np.append(np.ones_like(equations.laws.sticky), equations.laws.sticky)
+        along, across = (
+            np.append(states.p, states.q) * carried / sizes
+            for states in (
+                JointStates(equations.linear.along),
+                JointStates(equations.linear.across),
+            )
+        )
+        of_others = place.product - along @ across, place.square - along @ along
+        tangent = JointStates(self.linear.along)
+        size_p, size_q = self.laws.sizes(JointStates(self.linear.start), place.products)
+        p = np.where(self._others, tangent.p / size_p**2, 0.0)
+        q = np.where(self._others & self.laws.sticky, tangent.q / size_q**2, 0.0)
+        k_n, k_t, coupling = self.linear.springs
+        by_opening, by_slip = -(1.0 + k_n) * p - coupling * q, -(1.0 + k_t) * q
+        forces = self.problem.comm.allreduce(by_opening @ self._opening + by_slip @ self._slip)
+        return np.append(along / sizes, of_others), forces
+
+    def _reach(self, turn: float, end: float) -> tuple[float, float]:
+        """Smallest and largest turn from some turn on."""
+        lowest = min(np.log(PAST * end / self.place.products), turn - SHORTEST)
+        return max(turn - LARGEST_CHANGE, lowest), turn + LARGEST_CHANGE
+
+    def _errors(self, at: _OnCurve) -> Array:
+        """Distances of this rank's points, as linear as they are, from their laws."""
+        part, turn = at.x[[PART, TURN]]
+        return self._distances(part, turn, at.forces)
+
+    def _distances(self, part: float, turn: float, forces: Array | None = None) -> Array:
+        """The same, with forces at the chosen points."""
+        values = self.linear.moved(part, turn)
+        if forces is not None and len(forces):
+            values += self.linear.answer(self._opening @ forces, self._slip @ forces)
+        linear, mu = JointStates(values), self.place.products * np.exp(turn)
+        states = self.laws.states(linear.p, linear.q, mu)
+        size_p, size_q = self.laws.sizes(states, mu)
+        opening = np.abs(states.values[0] - values[0]) / size_p
+        slip = np.where(self.laws.sticky, np.abs(states.values[2] - values[2]) / size_q, 0.0)
+        return np.nan_to_num(np.maximum(opening, slip), nan=np.inf)
+
+    def _choose_none(self) -> None:
+        """Leave all points on their tangents."""
+        count = len(self.laws.sticky)
+        self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
+        self._others = np.ones(count, dtype=bool)
+        #: Openings and slips of this rank's points for forces at the chosen ones.
+        self._opening, self._slip = np.zeros((2, count, 0))
+
+    def _choose(self, along: bool) -> Integers:
+        """Points whose laws bend first on the way across, and then along."""
+        back, sign = self.place.back, self.place.sign
+
+        def across(logarithm: float) -> Array:
+            part = np.exp(logarithm)
+            return self._distances(part, part * back)
+
+        reached = across(0.0)
+
+        def on(logarithm: float) -> Array:
+            return np.maximum(reached, self._distances(1.0, back + sign * np.exp(logarithm)))
+
+        if self._serious(reached) > FIRST:
+            return self._worst(self._up_to(across, -10.0, 0.0), FIRST)
+        if not along:
+            return self._worst(reached, FIRST)
+        return self._worst(self._up_to(on, np.log(1e-5), np.log(AIMED)), FIRST)
+
+    def _serious(self, errors: Array) -> float:
+        return self.problem.sum(np.where(errors > SERIOUS, 1.0, 0.0))
+
+    def _up_to(self, errors: Callable[[float], Array], low: float, high: float) -> Array:
+        """Distances from the laws about where no more points are far from them than are chosen."""
+        found = errors(high)
+        if self._serious(found) <= FIRST:
+            return found
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            tried = errors(middle)
+            if self._serious(tried) > FIRST:
+                high, found = middle, tried
+            else:
+                low = middle
+        return found
+
+    def _worst(self, errors: Array, count: int) -> Integers:
+        """Points of all ranks furthest from their laws: their ranks and places there."""
+        errors = np.where(self._others, errors, 0.0)
+        comm = self.problem.comm
+        place = np.argsort(-errors, kind="stable")[: max(count, 0)]
+        place = place[errors[place] > SERIOUS]
+        found = comm.allgather((errors[place], place))
+        size = np.concatenate([sizes for sizes, _ in found])
+        rank = np.repeat(np.arange(comm.size), [len(places) for _, places in found])
+        places = np.concatenate([places for _, places in found])
+        order = np.lexsort((places, rank, -size))[: max(count, 0)]
+        return np.stack([rank[order], places[order]], axis=1)
+
+    def _answers(self, new: Integers) -> None:
+        """Solve for what forces at more points do to all."""
+        d, f = self.path.scales.displacement, self.path.scales.force
+        found = [
+            self._displacements(new[first : first + COLUMNS // 2])
+            for first in range(0, len(new), COLUMNS // 2)
+        ]
+        # Normal forces first, then shear forces, as in all equations here.
+        before = len(self._chosen)
+        for side, name in enumerate(("_opening", "_slip")):
+            old = getattr(self, name)
+            normal, shear = (
+                np.concatenate([old[:, :0], *(columns[side][:, k::2] for columns in found)], axis=1)
+                for k in range(2)
+            )
+            parts = old[:, :before], normal * f / d, old[:, before:], shear * f / d
+            setattr(self, name, np.concatenate(parts, axis=1))
+        self._chosen = np.concatenate([self._chosen, new])
+        self._others[new[new[:, 0] == self.problem.comm.rank, 1]] = False
+
+    def _displacements(self, points: Integers) -> tuple[Array, Array]:
+        """Openings and slips of this rank's points for unit forces, normal and shear in turn."""
+        problem, path = self.problem, self.path
+        live, border = problem.live.array_r, path.workspace.border
+        rows, _ = problem.stiffness.getSizes()
+        count = 2 * len(points)
+        columns = (count if problem.comm.rank == 0 else 0, count)
+        rights = PETSc.Mat().createDense((rows, columns), comm=problem.comm)
+        rights.setUp()
+        for k, (rank, point) in enumerate(points):
+            if rank == problem.comm.rank:
+                for side, matrix in enumerate((problem.normal, problem.tangential)):
+                    dofs, values = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
+                    rights.setValues(dofs, [2 * k + side], values)
+        rights.assemble()
+        solutions = path.springs.solve_columns(rights)
+        answers = solutions.getDenseArray()
+        # The work of the live load stays.
+        flexibility = border.dot(problem.live)
+        for k, work in enumerate(problem.comm.allreduce(live @ answers)):
+            answers[:, k] -= work / flexibility * border.array_r
+        found = []
+        for matrix in (problem.normal, problem.tangential):
+            product = matrix.matMult(solutions)
+            found.append(product.getDenseArray().copy())
+            product.destroy()
+        rights.destroy()
+        solutions.destroy()
+        return found[0], found[1]
+
+    def _equations(self) -> FewEquations:
+        """The chosen points' equations, gathered from their ranks."""
+        comm, chosen = self.problem.comm, self._chosen
+        mine = np.flatnonzero(chosen[:, 0] == comm.rank)
+        points = chosen[mine, 1]
+        linear, laws = self.linear.at(points), self.laws.at(points)
+        parts = linear.start, linear.across, linear.along, linear.springs
+        rows = [
+            *(row for part in parts for row in part),
+            *(laws.friction, laws.strength, laws.sticky),
+            *self._opening[points].T,
+            *self._slip[points].T,
+        ]
+        gathered = comm.allgather((mine, np.array(rows)))
+        values = np.empty((len(rows), len(chosen)))
+        for places, some in gathered:
+            values[:, places] = some
+        linear = LinearStates(values[0:4], values[4:8], values[8:12], values[12:15])
+        friction, strength, sticky = values[15:18]
+        laws = replace(laws, friction=friction, strength=strength, sticky=sticky > 0.5)
+        opening, slip = np.split(values[18:], 2)
+        compliance = np.concatenate([opening.T, slip.T])
+        return FewEquations(laws, linear, compliance, self.place.products)
+
+    def _trace(
+        self, curve: _Curve, here: _OnCurve, sign: float, reach: tuple[float, float]
+    ) -> _Traced:
+        """Follow a curve by its length, until it ends or other points do not follow.
+
+        Args:
+            curve: Of the chosen points.
+            here: Where it begins.
+            sign: Of the change of its coordinate there. It may turn back, and forth again.
+            reach: Coordinates between which it is followed.
+        """
+        furthest = here
+        along: Array | None = None
+        stopped: Array | None = None
+        length, steps, ended = FIRST_LENGTH, 0, False
+        while not ended and steps < CURVE_STEPS:
+            steps += 1
+            along = curve.tangent(here, along, sign)
+            found: tuple[_OnCurve, int] | None = None
+            while along is not None and length > SHORTEST:
+                found = curve.step(here, along, length, reach)
+                if found is None:
+                    length *= SHORTER[0]
+                    continue
+                errors = np.where(self._others, self._errors(found[0]), 0.0)
+                stopped = errors if not self.problem.max(errors) <= LEFT else None
+                if stopped is None:
+                    break
+                found, length = None, length * SHORTER[1]
+                if length < CLOSE_TO_OTHERS:
+                    break
+            if found is None:
+                break
+            here, corrections = found
+            if here.x[curve.coordinate] > furthest.x[curve.coordinate]:
+                furthest = here
+            length = min(length * (LONGER if corrections <= QUICK else 1.0), LONGEST)
+            ended = not reach[0] < here.x[curve.coordinate] < reach[1]
+        return _Traced(here, furthest, here.x[curve.coordinate] >= reach[1], stopped, steps)
+
+    def _moved(self, equations: FewEquations, last: _OnCurve) -> tuple[Iterate, float]:
+        """The point with equal products of the states there, and its mu."""
+        place, path = self.place, self.path
+        part, turn = float(last.x[PART]), float(last.x[TURN])
+        f = path.scales.force
+        moved = place.iterate.copy()
+        moved.move(part, place.to_path)
+        moved.move(turn, place.tangent)
+        products = place.products * float(np.exp(turn))
+        pressure, shear = moved.pressure, moved.shear
+        if len(last.forces):
+            mine = np.flatnonzero(self._chosen[:, 0] == self.problem.comm.rank)
+            points, count = self._chosen[mine, 1], len(self._chosen)
+            normal, tangential = np.zeros((2, len(pressure)))
+            normal[points], tangential[points] = last.forces[mine], last.forces[count + mine]
+            right, change = path.workspace.rights[0], path.workspace.frees[0]
+            right.set(0.0)
+            path.add_joint_forces(right, normal * f, tangential * f)
+            path.springs.solve(right, change)
+            moved.load_factor += path.hold_work(change)
+            moved.u.axpy(1.0, change)
+            strained = self.problem.strained(change)
+            moved.strained.axpy(1.0, strained)
+            strained.destroy()
+            values = self.linear.moved(part, turn)
+            values += self.linear.answer(self._opening @ last.forces, self._slip @ last.forces)
+            p, q = np.split(last.x[:-2], 2)
+            chosen = equations.laws.states(p, q, products)
+            values[:, points] = chosen.values[:, mine]
+            pressure, shear = values[1] * f, values[3] * f
+        state = State(moved.u, moved.load_factor, pressure, shear, path.work)
+        path.grown(products)
+        new = path.centred(state, products, moved.strained)
+        moved.u.destroy()
+        return new, products
+
+
+class _Curve:
+    """States of the chosen points, part and turn that one linear condition makes a curve.
+
+    Attributes:
+        coordinate: Place of the coordinate in x that tells how far it leads: part or turn.
+    """
+
+    def __init__(
+        self, equations: FewEquations, begin: _OnCurve, row: Array, forces: Array, coordinate: int
+    ) -> None:
+        """Set the condition.
+
+        Args:
+            equations: Of the chosen points.
+            begin: Where it begins.
+            row: The product of this with x,
+            forces: and of this with the forces, which together stay as they are there.
+            coordinate: As in the attributes.
+        """
+        self.equations = equations
+        self.begin = begin
+        self.row = row
+        self.forces = forces
+        self.coordinate = coordinate
+
+    def tangent(self, here: _OnCurve, before: Array | None, sign: float) -> Array | None:
+        """Direction on from a point, the largest relative change one; None where there is none.
+
+        Args:
+            here: The point.
+            before: That of the point before.
+            sign: Of the change of the coordinate, where there is none before.
+        """
+        forward = self._fixed() * sign if before is None else before / here.sizes**2
+        along = self._solved(here, forward, np.zeros(len(here.rest) + 1), 1.0)
+        if along is None or not np.all(np.isfinite(along)):
+            return None
+        return np.asarray(along / np.max(np.abs(along / here.sizes)))
+
+    def step(
+        self, here: _OnCurve, along: Array, length: float, reach: tuple[float, float]
+    ) -> tuple[_OnCurve, int] | None:
+        """The point a step on, not beyond some coordinates, and Newton's steps; None: not found."""
+        coordinate = here.x[self.coordinate]
+        ahead = coordinate + length * along[self.coordinate]
+        end = float(np.clip(ahead, *reach))
+        forward = along / here.sizes**2
+        x = here.x + length * along
+        if end != ahead:
+            x = here.x + length * (end - coordinate) / (ahead - coordinate) * along
+            x[self.coordinate], forward = end, self._fixed()
+        new = self.equations.at(x)
+        for corrections in range(NEWTON_STEPS + 1):
+            if new.left <= SOLVED:
+                return new, corrections
+            away = abs(new.x[self.coordinate] - end)
+            if not np.isfinite(new.left) or away > LONGEST or corrections == NEWTON_STEPS:
+                return None
+            change = self._solved(new, forward, np.append(-new.rest, -self._changed(new)), 0.0)
+            if change is None or not abs(new.x[TURN] + change[TURN] - here.x[TURN]) <= LONGEST:
+                return None
+            new = self.equations.at(new.x + change)
+        return None
+
+    def _fixed(self) -> Array:
+        return np.eye(len(self.row))[self.coordinate]
+
+    def _changed(self, here: _OnCurve) -> float:
+        """By how much the condition is missed."""
+        change = self.row @ (here.x - self.begin.x)
+        return float(change + self.forces @ (here.forces - self.begin.forces))
+
+    def _solved(self, at: _OnCurve, forward: Array, rest: Array, product: float) -> Array | None:
+        """A change of x by which rest, condition and the product with a row change as asked for."""
+        by_x, forces = self.equations.slopes(at.x)
+        matrix = np.vstack([by_x, self.row + self.forces @ forces, forward])
+        try:
+            return np.linalg.solve(matrix, np.append(rest, product))
+        except np.linalg.LinAlgError:
+            return None

@@ -1,0 +1,182 @@
+"""Contact laws whose products all equal mu: smooth functions of one number per point and side.
+
+With forces and displacements in typical units, opening y and slip w = z2 - z1, every p and q
+belong to one state of a joint point:
+
+    p = r_N - y   with   r_N y = mu,
+    q = r_T - w   with   s1 z1 = s2 z2 = mu,   s1, s2 = g -+ r_T,   g = F r_N + given strength
+
+(B. Chen, P.T. Harker, SIAM J. Matrix Anal. Appl. 14 (1993) 1168; C. Kanzow, SIAM J. Matrix Anal.
+Appl. 17 (1996) 851). As mu falls to zero they become Signorini's and Coulomb's laws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+#: Newton steps that leave nothing but rounding of a distance from the bound.
+NEWTON_STEPS = 6
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Friction that grows to its full size as the products fall.
+
+    Collapse states are not unique, and those met with little friction first are low ones.
+
+    Attributes:
+        full_at: Products, in units of force times displacement, from which on all of it is there.
+        power: Before that it is (products / full_at)^-power of it.
+    """
+
+    full_at: float
+    power: float
+
+    def part(self, products: float) -> float:
+        """Part of the friction that is there."""
+        return min((self.full_at / products) ** self.power, 1.0)
+
+    def rate(self, products: float) -> float:
+        """Its derivative with respect to the logarithm of the products, in units of itself."""
+        return -self.power if products > self.full_at else 0.0
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """States of joint points in typical units, or changes of them.
+
+    Attributes:
+        values: Opening y, normal force r_N, slip w and shear force r_T, shape (4, points).
+    """
+
+    values: Array
+
+    @property
+    def p(self) -> Array:
+        """r_N - y."""
+        return np.asarray(self.values[1] - self.values[0])
+
+    @property
+    def q(self) -> Array:
+        """r_T - w."""
+        return np.asarray(self.values[3] - self.values[2])
+
+    def at(self, points: npt.NDArray[np.int64]) -> JointStates:
+        """Those of some points."""
+        return JointStates(self.values[:, points])
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """Derivatives of `JointStates.values` with respect to p, q and log mu, shape (4, points)."""
+
+    p: Array
+    q: Array
+    mu: Array
+
+
+@dataclass(frozen=True)
+class SmoothedLaws:
+    """Laws of some joint points.
+
+    Attributes:
+        friction: Coulomb's coefficient F when all of it is there.
+        strength: Given bound on the shear force, in typical units.
+        sticky: Points that transmit shear; the others slide freely.
+        smallest: Size of p and q by which changes are measured, at least.
+        growth: How friction grows as the products fall; None: all of it is there.
+    """
+
+    friction: Array
+    strength: Array
+    sticky: npt.NDArray[np.bool_]
+    smallest: float
+    growth: Growth | None = None
+
+    def at(self, points: npt.NDArray[np.int64]) -> SmoothedLaws:
+        """Those of some points."""
+        friction, strength, sticky = (
+            array[points] for array in (self.friction, self.strength, self.sticky)
+        )
+        return replace(self, friction=friction, strength=strength, sticky=sticky)
+
+    def states(self, p: Array, q: Array, mu: float) -> JointStates:
+        """The states that p and q belong to."""
+        y, r = normal_law(p, mu)
+        gamma = self._bound(r, mu)
+        near = distance_from_bound(np.abs(q), gamma, mu)
+        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
+        return JointStates(np.stack([y, r, shear - q, shear]))
+
+    def sizes(self, states: JointStates, mu: float) -> Array:
+        """Sizes of p and q of such states, shape (2, points)."""
+        y, r, w, _ = states.values
+        of_q = self._bound(r, mu) + np.abs(w)
+        return np.maximum(np.stack([r + y, of_q]), self.smallest)
+
+    def derivatives(self, p: Array, q: Array, mu: float) -> Derivatives:
+        """Derivatives of `states`."""
+        none = np.zeros_like(p)
+        _, r = normal_law(p, mu)
+        root = np.sqrt(p**2 + 4.0 * mu)
+        part, rate = self._part(mu), self.growth.rate(mu) if self.growth is not None else 0.0
+        gamma, gamma_r = self._bound(r, mu), part * self.friction
+        r_p, y_p, r_mu = r / root, r / root - 1.0, mu / root
+        # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
+        near = distance_from_bound(np.abs(q), gamma, mu)
+        far = 2.0 * gamma - near
+        by_s = 1.0 + mu / near**2 + mu / far**2
+        by_gamma = -1.0 - 2.0 * mu / far**2
+        by_mu = mu / far - mu / near
+        side = np.where(self.sticky, np.copysign(1.0, q), 0.0)
+        shear_gamma = side * (1.0 + by_gamma / by_s)
+        shear_p = shear_gamma * gamma_r * r_p
+        shear_q = np.where(self.sticky, 1.0 / by_s, 0.0)
+        shear_mu = shear_gamma * gamma_r * (r_mu + rate * r) + side * by_mu / by_s
+        return Derivatives(
+            np.stack([y_p, r_p, shear_p, shear_p]),
+            np.stack([none, none, shear_q - 1.0, shear_q]),
+            np.stack([r_mu, r_mu, shear_mu, shear_mu]),
+        )
+
+    def _part(self, mu: float) -> float:
+        return 1.0 if self.growth is None else self.growth.part(mu)
+
+    def _bound(self, pressure: Array, mu: float) -> Array:
+        """Bound g; 1 where there is none."""
+        bound = self._part(mu) * self.friction * pressure + self.strength
+        return np.where(self.sticky, bound, 1.0)
+
+
+def normal_law(p: Array, mu: float) -> tuple[Array, Array]:
+    """Opening and normal force with product mu and difference p: (sqrt(p^2 + 4 mu) -+ p) / 2."""
+    large = 0.5 * (np.sqrt(p**2 + 4.0 * mu) + np.abs(p))
+    small = mu / large
+    return np.where(p > 0.0, small, large), np.where(p > 0.0, large, small)
+
+
+def distance_from_bound(q: Array, gamma: Array, mu: float) -> Array:
+    """Distance s of the shear force from the bound that it is nearer to.
+
+    Solves s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
+
+    Args:
+        q: |q|.
+        gamma: The bound, above 0.
+        mu: The product.
+    """
+    # Without the third term s is larger, and the first step goes too far: the left-hand side is
+    # concave. From there Newton's method climbs to the solution and never passes it.
+    rest = gamma - q
+    large = 0.5 * (np.sqrt(rest**2 + 4.0 * mu) + np.abs(rest))
+    s = np.minimum(np.where(rest > 0.0, large, mu / large), gamma)
+    for _ in range(NEWTON_STEPS):
+        near, far = mu / s, mu / (2.0 * gamma - s)
+        slope = 1.0 + near / s + far / (2.0 * gamma - s)
+        s = s - (s - near + far - rest) / slope
+    return np.asarray(np.minimum(s, gamma))

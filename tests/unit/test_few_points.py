@@ -1,0 +1,172 @@
+"""Steps of the central path on which few joint points follow their laws, the others tangents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact.central_path import CentralPath, Place
+from fenics_contact.few_points import LEFT, MOST, PART, TURN, FewPoints
+from fenics_contact.path_equations import Iterate, Workspace
+from fenics_contact.search import FIRST_WORK
+from tests.helpers import Loaded, coulomb
+from tests.regression.scenes import wall_scene
+
+#: Products at which the tests' steps begin.
+BEGIN = 1e-3
+
+
+@pytest.fixture(scope="module")
+def loaded() -> Loaded:
+    """A wall with so much friction that its path turns back."""
+    return Loaded.of(wall_scene("W1", coulomb(1.0), elements=2))
+
+
+def path_of(loaded: Loaded) -> tuple[CentralPath, Iterate]:
+    """The path, and its first point."""
+    structure = loaded.structure
+    start, scales = loaded.start(FIRST_WORK)
+    workspace = Workspace(structure.problem)
+    path = CentralPath(structure.problem, structure.springs, workspace, None, start.work, scales)
+    return path, path.centred(start, 1.0)
+
+
+def place_of(loaded: Loaded) -> tuple[CentralPath, Place]:
+    """The path, and a place some way down."""
+    path, now = path_of(loaded)
+    now, products = path.follow(now, 1.0, BEGIN)
+    return path, path.place(now, products)
+
+
+def chosen_of(few: FewPoints, count: int = 4) -> None:
+    """Choose some points."""
+    few._answers(np.stack([np.zeros(count, dtype=int), 3 * np.arange(count)], axis=1))
+
+
+def test_answers_are_displacements_for_unit_forces_that_do_no_work_on_the_live_load(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    chosen_of(few)
+    d, f = path.scales.displacement, path.scales.force
+    problem, count = path.problem, len(few._others)
+    none, right, u = np.zeros(count), problem.dead.duplicate(), problem.dead.duplicate()
+    for column, (normal, tangential) in {2: (6, None), 5: (None, 3)}.items():
+        forces = np.zeros((2, count))
+        forces[0, normal] = 0.0 if normal is None else f
+        forces[1, tangential] = 0.0 if tangential is None else f
+        if normal is None:
+            forces[0] = none
+        if tangential is None:
+            forces[1] = none
+        right.set(0.0)
+        path.add_joint_forces(right, *forces)
+        path.springs.solve(right, u)
+        path.hold_work(u)
+        assert problem.live.dot(u) == pytest.approx(0.0, abs=1e-9 * u.norm() * problem.live.norm())
+        opening, slip = path.joint_displacements(u)
+        size = max(np.abs(opening).max(), np.abs(slip).max())
+        assert few._opening[:, column] * d == pytest.approx(opening, abs=1e-8 * size)
+        assert few._slip[:, column] * d == pytest.approx(slip, abs=1e-8 * size)
+
+
+def test_slopes_are_those_of_differences(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    chosen_of(few)
+    equations = few._equations()
+    x = equations.start
+    x[:-2] *= 1.01
+    x[PART], x[TURN] = 0.4, -0.1
+    by_x, forces = equations.slopes(x)
+    for k in range(len(x)):
+        h = np.zeros_like(x)
+        h[k] = 1e-6 * max(abs(x[k]), 1e-3)
+        ahead, behind = equations.at(x + h), equations.at(x - h)
+        step = 2.0 * h[k]
+        for found, of in ((by_x, "rest"), (forces, "forces")):
+            slope = (getattr(ahead, of) - getattr(behind, of)) / step
+            size = np.abs(found).max()
+            assert found[:, k] == pytest.approx(slope, rel=1e-4, abs=1e-6 * size)
+
+
+def test_start_solves_the_equations_without_forces(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    chosen_of(few)
+    equations = few._equations()
+    start = equations.at(equations.start)
+    assert start.left < 1e-9
+    assert np.abs(start.forces).max() < 1e-9
+    tangents = few.linear.at(few._chosen[:, 1])
+    assert np.array_equal(equations.linear.start, tangents.start)
+    assert np.array_equal(equations.linear.springs, tangents.springs)
+    assert equations.turned(start, start) == 1.0
+
+
+def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    new, products, reached = few.follow(1e-9)
+    assert reached
+    assert products < place.products
+    assert 0 < len(few._chosen) <= MOST
+    mu = products * path.unit
+    assert new.y * new.pressure == pytest.approx(np.full_like(new.y, mu), rel=1e-9)
+    residual = path.residual(new)
+    size_p, size_q = path._sizes(new)
+    d = path.scales.displacement
+    opening, slip = np.abs(residual.opening) / d / size_p, np.abs(residual.slip) / d / size_q
+    points = few._chosen[:, 1]
+    assert max(opening[points].max(), slip[points].max()) < 1e-5
+    assert max(opening.max(), slip.max()) <= LEFT * (1.0 + 1e-6)
+    assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
+
+
+def test_step_without_chosen_points_is_one_along_tangents(loaded, monkeypatch):
+    monkeypatch.setattr("fenics_contact.few_points.FIRST", 0)
+    monkeypatch.setattr("fenics_contact.few_points.MOST", 0)
+    path, place = place_of(loaded)
+    before, along, across = place.iterate.load_factor, place.tangent, place.to_path
+    few = FewPoints(path, place)
+    new, products, reached = few.follow(1e-9)
+    assert len(few._chosen) == 0
+    assert reached
+    turn = np.log(products / place.products)
+    expected = before + across.load_factor + turn * along.load_factor
+    assert new.load_factor == pytest.approx(expected, rel=1e-12)
+
+
+def test_points_far_from_their_laws_are_chosen_first(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    errors = np.linspace(0.0, 1.0, len(few._others))
+    worst = few._worst(errors, 3)
+    assert worst[:, 1].tolist() == [len(errors) - k for k in (1, 2, 3)]
+    chosen_of(few)
+    few._others[:] = True
+    few._others[worst[0, 1]] = False
+    assert few._worst(errors, 1)[0, 1] == len(errors) - 2
+    assert len(few._worst(0.0 * errors, 3)) == 0
+    assert len(few._worst(errors, 0)) == 0
+
+
+def test_path_ends_where_it_is_to_end(loaded):
+    path, now = path_of(loaded)
+    end = 1e-2
+    _, products = path.follow(now, 1.0, end)
+    assert 0.3 * end < products <= end
+
+
+def test_chosen_points_save_factorisations(loaded, monkeypatch):
+    """Past several folds: the same path with them and along tangents alone."""
+
+    def followed() -> int:
+        path, now = path_of(loaded)
+        before = path.springs.factorizations
+        path.follow(now, 1.0, 1e-6)[0].destroy()
+        return path.springs.factorizations - before
+
+    few = followed()
+    monkeypatch.setattr("fenics_contact.few_points.FIRST", 0)
+    monkeypatch.setattr("fenics_contact.few_points.MOST", 0)
+    assert 0 < few < 0.5 * followed()
