@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.few_points import FewPoints
+from fenics_contact.few_points import LEFT, FewPoints
 from fenics_contact.path_equations import (
     LARGEST_SPRING,
     PROXIMAL_SPRING,
@@ -47,19 +47,14 @@ SMALLEST = 1e-3
 #: Steps in a row that do not reach the path, until it is lost.
 LOST = 12
 
+#: By how much less far from the laws a step leads that is taken back, and when none is any more.
+SHORTER, LEAST = 0.3, 0.01
+
 #: At the end no more than this is left, or so many steps were taken across the path alone.
 CLOSE, CORRECTIONS = 0.1, 6
 
 #: Products to which the path may lead back, in units of force times displacement.
 BACK = 1e2
-
-
-@dataclass(frozen=True)
-class _Rate:
-    """Relative rates of p and q at this rank's points along a direction."""
-
-    p: Array
-    q: Array
 
 
 @dataclass(frozen=True)
@@ -72,9 +67,6 @@ class Place:
         springs: k_N, k_T and q of the factor.
         to_path: The step c to the path at this mu.
         tangent: t.
-        square: t.t.
-        product: t.c.
-        across: Largest relative change in c + a t.
         sign: Of the way along the tangent to smaller mu, or, past a fold, to larger.
     """
 
@@ -83,15 +75,7 @@ class Place:
     springs: tuple[Array, Array, Array]
     to_path: Iterate
     tangent: Iterate
-    square: float
-    product: float
-    across: float
     sign: float
-
-    @property
-    def back(self) -> float:
-        """Part a of the tangent that makes c + a t as short as it can be."""
-        return -self.product / self.square
 
     def destroy(self) -> None:
         """Free the vectors."""
@@ -125,43 +109,52 @@ class CentralPath(PathEquations):
         Raises:
             SolverError: If the path leads back, or is lost.
         """
-        left = self._left(now)
-        corrections = astray = 0
-        for step in range(MAX_STEPS):
-            ending = products <= end
-            if ending and (left <= close or corrections == CORRECTIONS):
-                break
-            corrections += ending
-            if not products <= BACK:
-                now.destroy()
-                raise SolverError(f"central path: leads back after {step} steps")
-            try:
-                here = self.place(now, products)
-            except SolverError:
-                now.destroy()
-                raise
-            now, products, reached = FewPoints(self, here).follow(end, along=not ending)
-            here.destroy()
-            left = self._left(now)
-            astray = 0 if reached else astray + 1
-            if not np.isfinite(left) or astray > LOST:
-                now.destroy()
-                raise SolverError(f"central path: lost after {step + 1} steps")
-            _log.debug(
-                "    %3d  %.12g  mu %.2e, left %.1e, across %.1e",
-                *(step, now.load_factor, products, left, here.across),
-            )
+        left, corrections, astray, limit = self._left(now), 0, 0, LEFT
+        trusted: FewPoints | None = None  # where the path was reached last
+        try:
+            for step in range(MAX_STEPS):
+                ending = products <= end
+                if ending and (left <= close or corrections == CORRECTIONS):
+                    break
+                corrections += ending
+                if not products <= BACK:
+                    raise SolverError(f"central path: leads back after {step} steps")
+                here = FewPoints(self, self.place(now, products))
+                found = here.follow(end, not ending, limit)
+                if not found.reached and trusted is not None and limit > LEAST:
+                    # It led too far from there.
+                    found.iterate.destroy()
+                    limit *= SHORTER
+                    found = trusted.again(end, limit)
+                    here.destroy()
+                else:
+                    astray = 0 if found.reached else astray + 1
+                    if trusted is not None:
+                        trusted.destroy()
+                    trusted = here if found.reached and not ending else None
+                    if trusted is None:
+                        here.destroy()
+                    limit = min(LEFT, limit / SHORTER)
+                now, products = found.iterate, found.products
+                left = self._left(now)
+                _log.debug(
+                    "    %3d  %.12g  mu %.2e, left %.1e, limit %.1e",
+                    *(step, now.load_factor, products, left, limit),
+                )
+                if not np.isfinite(left) or astray > LOST:
+                    raise SolverError(f"central path: lost after {step + 1} steps")
+        except SolverError:
+            now.destroy()
+            raise
+        finally:
+            if trusted is not None:
+                trusted.destroy()
         return now, products
 
     def place(self, now: Iterate, products: float) -> Place:
         """Factor the equations of a point with equal products."""
         springs, to_path, tangent, sign = self._directions(now, products)
-        rate, change = self._rate(now, tangent), self._rate(now, to_path)
-        square = self.problem.sum(rate.p**2 + rate.q**2 + 1.0)
-        product = self.problem.sum(rate.p * change.p + rate.q * change.q)
-        back = -product / square
-        across = self._largest(_Rate(change.p + back * rate.p, change.q + back * rate.q))
-        return Place(now, products, springs, to_path, tangent, square, product, across, sign)
+        return Place(now, products, springs, to_path, tangent, sign)
 
     def grown(self, products: float) -> float:
         """Set the friction that is there at some products; its rate."""
@@ -190,14 +183,6 @@ class CentralPath(PathEquations):
         sign = -self.springs.determinant_sign * float(np.sign(flexibility))
         return springs, to_path, tangent, sign
 
-    def _rate(self, now: Iterate, direction: Iterate) -> _Rate:
-        """Changes of p and q relative to the forces and displacements that they are made of."""
-        d, f = self.scales.displacement, self.scales.force
-        p = direction.pressure / f - direction.y / d
-        q = direction.shear / f - (direction.z2 - direction.z1) / d
-        size_p, size_q = self._sizes(now)
-        return _Rate(p / size_p, np.where(self.sticky, q / size_q, 0.0))
-
     def _sizes(self, now: Iterate) -> tuple[Array, Array]:
         d, f = self.scales.displacement, self.scales.force
         size_q = 0.5 * (now.s1 + now.s2) / f + np.abs(now.z2 - now.z1) / d
@@ -205,12 +190,10 @@ class CentralPath(PathEquations):
             size_q, self.smallest
         )
 
-    def _largest(self, rate: _Rate) -> float:
-        return self.problem.max(np.maximum(np.abs(rate.p), np.abs(rate.q)))
-
     def _left(self, now: Iterate) -> float:
         """Largest distance from the path, relative to p and q."""
         residual = self.residual(now)
         size_p, size_q = self._sizes(now)
         slip = np.where(self.sticky, residual.slip / size_q, 0.0)
-        return self._largest(_Rate(residual.opening / size_p, slip)) / self.scales.displacement
+        left = np.maximum(np.abs(residual.opening / size_p), np.abs(slip))
+        return self.problem.max(left) / self.scales.displacement

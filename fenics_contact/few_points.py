@@ -43,7 +43,7 @@ FIRST, MOST, ROUNDS = 16, 32, 4
 
 #: Distance from its law, relative to its p and q, from which on a point is chosen, and the largest
 #: that is left.
-SERIOUS, LEFT = 0.3, 0.7
+SERIOUS, LEFT = 0.15, 0.3
 
 #: Change of log mu for which points are chosen, that is far enough for none to be added, and the
 #: largest.
@@ -218,8 +218,44 @@ class FewEquations:
         return self.linear.excess(difference) * carried
 
 
+@dataclass(frozen=True)
+class _Answer:
+    """What unit forces at some points do, normal and shear ones in turn.
+
+    Attributes:
+        displacements: Of the structure, a column for each, m per N/m.
+        load_factors: Changes of the load factor that keep the work of the live load.
+        opening: Openings of this rank's points, shape (points, forces).
+        slip: Their slips, likewise.
+    """
+
+    displacements: PETSc.Mat
+    load_factors: Array
+    opening: Array
+    slip: Array
+
+
+@dataclass(frozen=True)
+class Step:
+    """Where a step leads.
+
+    Attributes:
+        iterate: A point with equal products.
+        products: Its mu.
+        reached: Whether the step reached the path itself.
+    """
+
+    iterate: Iterate
+    products: float
+    reached: bool
+
+
 class FewPoints:
-    """A step of the central path from one place, on the factor there."""
+    """A step of the central path from one place, on the factor there.
+
+    Attributes:
+        back: Part a of the tangent that makes the step c + a t to the path as short as it can be.
+    """
 
     def __init__(self, path: CentralPath, place: Place) -> None:
         """Describe all points by their tangents.
@@ -230,7 +266,7 @@ class FewPoints:
         """
         self.path = path
         self.place = place
-        self.problem = path.problem
+        self.problem = problem = path.problem
         d, f = path.scales.displacement, path.scales.force
         units = np.array([d, f, d, f])[:, None]
 
@@ -244,50 +280,66 @@ class FewPoints:
             states(place.tangent),
             np.stack([k_n, k_t, q * k_n]) * d / f,
         )
-        problem = self.problem
         self.laws = SmoothedLaws(
             problem.friction, problem.strength / f, path.sticky, path.smallest, path.growth
         )
+        self._sizes = self.laws.sizes(JointStates(self.linear.start), place.products)
+        along, across = self._rates(self.linear.along), self._rates(self.linear.across)
+        #: t.t and t.c, with log mu counted once per point.
+        self._square = problem.sum(np.sum(along**2, axis=0) + 1.0)
+        self._product = problem.sum(np.sum(along * across, axis=0))
+        self.back = -self._product / self._square
         self._chosen: Integers
         self._others: npt.NDArray[np.bool_]
         self._opening: Array
         self._slip: Array
+        self._answers: list[_Answer]
         self._choose_none()
 
-    def follow(self, end: float, along: bool = True) -> tuple[Iterate, float, bool]:
+    def follow(self, end: float, along: bool = True, limit: float = LEFT) -> Step:
         """Go to the path and along it.
 
         Args:
             end: Products at which to stop.
             along: Whether to go on along the path.
-
-        Returns:
-            A point with equal products, its mu, and whether the path itself was reached.
+            limit: Distance of points from their laws at which going along ends.
         """
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
-            last, equations, reached = self._on(end, along)
-        return (*self._moved(equations, last), reached)
+            return self._moved(*self._on(end, along, limit))
 
-    def _on(self, end: float, along: bool) -> tuple[_OnCurve, FewEquations, bool]:
+    def again(self, end: float, limit: float) -> Step:
+        """The same step, but not as far: the factor is no longer needed."""
+        with np.errstate(all="ignore"):
+            equations = self._equations()
+            last, reached, _ = self._traced(equations, end, True, limit)
+            return self._moved(last, equations, reached)
+
+    def destroy(self) -> None:
+        """Free the vectors of the place, and the answers."""
+        self.place.destroy()
+        self._free_answers()
+
+    def _on(self, end: float, along: bool, limit: float) -> tuple[_OnCurve, FewEquations, bool]:
         """The point that a step leads to, the equations there, and whether the path was reached."""
         new = self._choose(along)
         for _ in range(ROUNDS):
-            self._answers(new)
+            self._answer(new)
             equations = self._equations()
-            last, reached, stopped = self._traced(equations, end, along)
-            if stopped is None or abs(last.x[TURN] - self.place.back) > ENOUGH:
+            last, reached, stopped = self._traced(equations, end, along, limit)
+            if stopped is None or (reached and abs(last.x[TURN] - self.back) > ENOUGH):
                 break
             new = self._worst(stopped, MOST - len(self._chosen))
             if not len(new):
                 break
-        if not reached and self.problem.max(self._distances(1.0, self.place.back)) <= LEFT:
+        if not reached and self.problem.max(self._distances(1.0, self.back)) <= LEFT:
+            self._free_answers()
             self._choose_none()
             equations = self._equations()
-            last, reached, _ = self._traced(equations, end, along)
+            last, reached, _ = self._traced(equations, end, along, limit)
         return last, equations, reached
 
     def _traced(
-        self, equations: FewEquations, end: float, along: bool
+        self, equations: FewEquations, end: float, along: bool, limit: float
     ) -> tuple[_OnCurve, bool, Array | None]:
         """Where the chosen points lead across to the path, and then along it.
 
@@ -297,13 +349,13 @@ class FewPoints:
         """
         start = equations.at(equations.start)
         curve = _Curve(equations, start, *self._at_right_angles(equations, start), PART)
-        across = traced = self._trace(curve, start, 1.0, (BACK, 1.0))
+        across = traced = self._trace(curve, start, 1.0, (BACK, 1.0), LEFT)
         last = across.last if across.complete else across.furthest
         if across.complete and along:
             fixed = np.eye(len(last.x))[PART]
             curve = _Curve(equations, last, fixed, np.zeros_like(last.forces), TURN)
             sign = self.place.sign * equations.turned(start, last)
-            traced = self._trace(curve, last, sign, self._reach(last.x[TURN], end))
+            traced = self._trace(curve, last, sign, self._reach(last.x[TURN], end), limit)
             last = traced.last
         _log.debug(
             "         few points: %d, %d + %d steps, part %.2g, turn %.2g",
@@ -311,13 +363,18 @@ class FewPoints:
         )
         return last, across.complete, traced.stopped
 
+    def _rates(self, change: Array) -> Array:
+        """Relative changes of p and q, shape (2, points)."""
+        states = JointStates(change)
+        return np.stack([states.p, np.where(self.laws.sticky, states.q, 0.0)]) / self._sizes
+
     def _at_right_angles(self, equations: FewEquations, start: _OnCurve) -> tuple[Array, Array]:
         """The tangent as rows for changes of the chosen points, part and turn, and for forces.
 
         The other points' part is in those of part and turn, and in that of the forces that move
         them.
         """
-        place, sizes = self.place, start.sizes[:-2]
+        sizes = start.sizes[:-2]
         carried = np.append(np.ones_like(equations.laws.sticky), equations.laws.sticky)
         along, across = (
             np.append(states.p, states.q) * carried / sizes
@@ -326,11 +383,8 @@ class FewPoints:
                 JointStates(equations.linear.across),
             )
         )
-        of_others = place.product - along @ across, place.square - along @ along
-        tangent = JointStates(self.linear.along)
-        size_p, size_q = self.laws.sizes(JointStates(self.linear.start), place.products)
-        p = np.where(self._others, tangent.p / size_p**2, 0.0)
-        q = np.where(self._others & self.laws.sticky, tangent.q / size_q**2, 0.0)
+        of_others = self._product - along @ across, self._square - along @ along
+        p, q = np.where(self._others, self._rates(self.linear.along) / self._sizes, 0.0)
         k_n, k_t, coupling = self.linear.springs
         by_opening, by_slip = -(1.0 + k_n) * p - coupling * q, -(1.0 + k_t) * q
         forces = self.problem.comm.allreduce(by_opening @ self._opening + by_slip @ self._slip)
@@ -341,16 +395,17 @@ class FewPoints:
         lowest = min(np.log(PAST * end / self.place.products), turn - SHORTEST)
         return max(turn - LARGEST_CHANGE, lowest), turn + LARGEST_CHANGE
 
-    def _errors(self, at: _OnCurve) -> Array:
-        """Distances of this rank's points, as linear as they are, from their laws."""
-        part, turn = at.x[[PART, TURN]]
-        return self._distances(part, turn, at.forces)
+    def _values(self, part: float, turn: float, forces: Array) -> Array:
+        """States of this rank's points on their tangents, with forces at the chosen ones."""
+        moved, answers = self.linear.moved(part, turn), (self._opening, self._slip)
+        return moved + self.linear.answer(*(answer @ forces for answer in answers))
 
     def _distances(self, part: float, turn: float, forces: Array | None = None) -> Array:
-        """The same, with forces at the chosen points."""
-        values = self.linear.moved(part, turn)
-        if forces is not None and len(forces):
-            values += self.linear.answer(self._opening @ forces, self._slip @ forces)
+        """Distances of this rank's points, as linear as they are, from their laws."""
+        if forces is None:
+            values = self.linear.moved(part, turn)
+        else:
+            values = self._values(part, turn, forces)
         linear, mu = JointStates(values), self.place.products * np.exp(turn)
         states = self.laws.states(linear.p, linear.q, mu)
         size_p, size_q = self.laws.sizes(states, mu)
@@ -365,10 +420,11 @@ class FewPoints:
         self._others = np.ones(count, dtype=bool)
         #: Openings and slips of this rank's points for forces at the chosen ones.
         self._opening, self._slip = np.zeros((2, count, 0))
+        self._answers = []
 
     def _choose(self, along: bool) -> Integers:
         """Points whose laws bend first on the way across, and then along."""
-        back, sign = self.place.back, self.place.sign
+        back, sign = self.back, self.place.sign
 
         def across(logarithm: float) -> Array:
             part = np.exp(logarithm)
@@ -415,19 +471,23 @@ class FewPoints:
         order = np.lexsort((places, rank, -size))[: max(count, 0)]
         return np.stack([rank[order], places[order]], axis=1)
 
-    def _answers(self, new: Integers) -> None:
+    def _answer(self, new: Integers) -> None:
         """Solve for what forces at more points do to all."""
         d, f = self.path.scales.displacement, self.path.scales.force
         found = [
-            self._displacements(new[first : first + COLUMNS // 2])
+            self._solved(new[first : first + COLUMNS // 2])
             for first in range(0, len(new), COLUMNS // 2)
         ]
+        self._answers += found
         # Normal forces first, then shear forces, as in all equations here.
         before = len(self._chosen)
-        for side, name in enumerate(("_opening", "_slip")):
+        for name, columns in (
+            ("_opening", [answer.opening for answer in found]),
+            ("_slip", [answer.slip for answer in found]),
+        ):
             old = getattr(self, name)
             normal, shear = (
-                np.concatenate([old[:, :0], *(columns[side][:, k::2] for columns in found)], axis=1)
+                np.concatenate([old[:, :0], *(column[:, k::2] for column in columns)], axis=1)
                 for k in range(2)
             )
             parts = old[:, :before], normal * f / d, old[:, before:], shear * f / d
@@ -435,8 +495,8 @@ class FewPoints:
         self._chosen = np.concatenate([self._chosen, new])
         self._others[new[new[:, 0] == self.problem.comm.rank, 1]] = False
 
-    def _displacements(self, points: Integers) -> tuple[Array, Array]:
-        """Openings and slips of this rank's points for unit forces, normal and shear in turn."""
+    def _solved(self, points: Integers) -> _Answer:
+        """The answers to unit forces, normal and shear in turn."""
         problem, path = self.problem, self.path
         live, border = problem.live.array_r, path.workspace.border
         rows, _ = problem.stiffness.getSizes()
@@ -451,19 +511,22 @@ class FewPoints:
                     rights.setValues(dofs, [2 * k + side], values)
         rights.assemble()
         solutions = path.springs.solve_columns(rights)
+        rights.destroy()
         answers = solutions.getDenseArray()
         # The work of the live load stays.
-        flexibility = border.dot(problem.live)
-        for k, work in enumerate(problem.comm.allreduce(live @ answers)):
-            answers[:, k] -= work / flexibility * border.array_r
+        load_factors = -problem.comm.allreduce(live @ answers) / border.dot(problem.live)
+        answers += border.array_r[:, None] * load_factors
         found = []
         for matrix in (problem.normal, problem.tangential):
             product = matrix.matMult(solutions)
             found.append(product.getDenseArray().copy())
             product.destroy()
-        rights.destroy()
-        solutions.destroy()
-        return found[0], found[1]
+        return _Answer(solutions, load_factors, found[0], found[1])
+
+    def _free_answers(self) -> None:
+        for answer in self._answers:
+            answer.displacements.destroy()
+        self._answers = []
 
     def _equations(self) -> FewEquations:
         """The chosen points' equations, gathered from their ranks."""
@@ -490,7 +553,12 @@ class FewPoints:
         return FewEquations(laws, linear, compliance, self.place.products)
 
     def _trace(
-        self, curve: _Curve, here: _OnCurve, sign: float, reach: tuple[float, float]
+        self,
+        curve: _Curve,
+        here: _OnCurve,
+        sign: float,
+        reach: tuple[float, float],
+        limit: float,
     ) -> _Traced:
         """Follow a curve by its length, until it ends or other points do not follow.
 
@@ -499,6 +567,7 @@ class FewPoints:
             here: Where it begins.
             sign: Of the change of its coordinate there. It may turn back, and forth again.
             reach: Coordinates between which it is followed.
+            limit: Distance of other points from their laws at which it ends.
         """
         furthest = here
         along: Array | None = None
@@ -513,12 +582,14 @@ class FewPoints:
                 if found is None:
                     length *= SHORTER[0]
                     continue
-                errors = np.where(self._others, self._errors(found[0]), 0.0)
-                stopped = errors if not self.problem.max(errors) <= LEFT else None
+                part, turn = found[0].x[[PART, TURN]]
+                errors = self._distances(part, turn, found[0].forces)
+                errors = np.where(self._others, errors, 0.0)
+                stopped = errors if not self.problem.max(errors) <= limit else None
                 if stopped is None:
                     break
                 found, length = None, length * SHORTER[1]
-                if length < CLOSE_TO_OTHERS:
+                if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
             if found is None:
                 break
@@ -529,41 +600,36 @@ class FewPoints:
             ended = not reach[0] < here.x[curve.coordinate] < reach[1]
         return _Traced(here, furthest, here.x[curve.coordinate] >= reach[1], stopped, steps)
 
-    def _moved(self, equations: FewEquations, last: _OnCurve) -> tuple[Iterate, float]:
-        """The point with equal products of the states there, and its mu."""
+    def _moved(self, last: _OnCurve, equations: FewEquations, reached: bool) -> Step:
+        """The step to the point with equal products of the states there."""
         place, path = self.place, self.path
         part, turn = float(last.x[PART]), float(last.x[TURN])
         f = path.scales.force
         moved = place.iterate.copy()
         moved.move(part, place.to_path)
         moved.move(turn, place.tangent)
+        change = path.problem.dead.duplicate()
+        first, forces = 0, f * last.forces.reshape(2, -1)
+        for answer in self._answers:
+            count = len(answer.load_factors) // 2
+            some = forces[:, first : first + count].T.ravel()
+            change.array[:] += answer.displacements.getDenseArray() @ some
+            moved.load_factor += float(answer.load_factors @ some)
+            first += count
+        moved.u.axpy(1.0, change)
+        strained = self.problem.strained(change)
+        moved.strained.axpy(1.0, strained)
+        values = self._values(part, turn, last.forces)
         products = place.products * float(np.exp(turn))
-        pressure, shear = moved.pressure, moved.shear
-        if len(last.forces):
-            mine = np.flatnonzero(self._chosen[:, 0] == self.problem.comm.rank)
-            points, count = self._chosen[mine, 1], len(self._chosen)
-            normal, tangential = np.zeros((2, len(pressure)))
-            normal[points], tangential[points] = last.forces[mine], last.forces[count + mine]
-            right, change = path.workspace.rights[0], path.workspace.frees[0]
-            right.set(0.0)
-            path.add_joint_forces(right, normal * f, tangential * f)
-            path.springs.solve(right, change)
-            moved.load_factor += path.hold_work(change)
-            moved.u.axpy(1.0, change)
-            strained = self.problem.strained(change)
-            moved.strained.axpy(1.0, strained)
-            strained.destroy()
-            values = self.linear.moved(part, turn)
-            values += self.linear.answer(self._opening @ last.forces, self._slip @ last.forces)
-            p, q = np.split(last.x[:-2], 2)
-            chosen = equations.laws.states(p, q, products)
-            values[:, points] = chosen.values[:, mine]
-            pressure, shear = values[1] * f, values[3] * f
-        state = State(moved.u, moved.load_factor, pressure, shear, path.work)
+        mine = np.flatnonzero(self._chosen[:, 0] == self.problem.comm.rank)
+        p, q = np.split(last.x[:-2], 2)
+        values[:, self._chosen[mine, 1]] = equations.laws.states(p, q, products).values[:, mine]
+        state = State(moved.u, moved.load_factor, values[1] * f, values[3] * f, path.work)
         path.grown(products)
         new = path.centred(state, products, moved.strained)
-        moved.u.destroy()
-        return new, products
+        for vector in (change, strained, moved.u):
+            vector.destroy()
+        return Step(new, products, reached)
 
 
 class _Curve:
@@ -620,7 +686,11 @@ class _Curve:
         new = self.equations.at(x)
         for corrections in range(NEWTON_STEPS + 1):
             if new.left <= SOLVED:
-                return new, corrections
+                if reach[0] <= new.x[self.coordinate] <= reach[1]:
+                    return new, corrections
+                new.x[self.coordinate] = end = float(np.clip(new.x[self.coordinate], *reach))
+                new, forward = self.equations.at(new.x), self._fixed()
+                continue
             away = abs(new.x[self.coordinate] - end)
             if not np.isfinite(new.left) or away > LONGEST or corrections == NEWTON_STEPS:
                 return None

@@ -86,7 +86,7 @@ FEW_BLOCKS, GROWN, GROWING_POWER, LATER = 100, 3e-3, 0.2, 1e-4
 
 #: Smallest size of p and q by which changes along the path of the structure are measured, in parts
 #: of the displacement that strains it.
-SMALLEST_STRAIN = 30.0
+SMALLEST_STRAIN = 3.0
 
 #: Growth of friction in a solve without modes.
 GROWTH = Growth(1e-3, 0.1)
