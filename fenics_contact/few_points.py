@@ -74,7 +74,7 @@ PAST = 0.999
 PART, TURN = -2, -1
 
 #: Columns of C that are solved for at once.
-COLUMNS = 16
+COLUMNS = 32
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class LinearStates:
     def answer(self, opening: Array, slip: Array) -> Array:
         """States that change with displacements: springs answer."""
         k_n, k_t, coupling = self.springs
-        return np.stack([opening, -k_n * opening, slip, -k_t * slip - coupling * opening])
+        return np.array([opening, -k_n * opening, slip, -k_t * slip - coupling * opening])
 
     def excess(self, states: Array) -> Array:
         """Forces in excess of those of the springs, normal ones first, shape (2 points, ...)."""
@@ -124,12 +124,16 @@ class _OnCurve:
         rest: What is left of the equations.
         forces: Forces in excess of those of the springs.
         sizes: By which changes of x are measured.
+        slopes: Derivatives of `rest` by x, shape (2 points, 2 points + 2).
+        force_slopes: Those of `forces`, likewise.
     """
 
     x: Array
     rest: Array
     forces: Array
     sizes: Array
+    slopes: Array
+    force_slopes: Array
 
     @property
     def left(self) -> float:
@@ -180,36 +184,31 @@ class FewEquations:
         return np.concatenate([states.p, states.q, np.zeros(2)])
 
     def at(self, x: Array) -> _OnCurve:
-        """What is left at p and q, part and turn."""
-        (p, q), (part, turn) = np.split(x[:-2], 2), x[-2:]
-        mu = self.products * np.exp(turn)
-        states = self.laws.states(p, q, mu)
+        """What is left at p and q, part and turn, and its derivatives."""
+        count = len(x) // 2 - 1
+        p, q, part, turn = x[:count], x[count:-2], float(x[PART]), float(x[TURN])
+        mu = self.products * float(np.exp(turn))
+        states, by = self.laws.linearised(p, q, mu)
         difference = states.values - self.linear.moved(part, turn)
         forces = self._forces(difference)
         rest = difference[[0, 2]].ravel() - self.compliance @ forces
         sizes = np.append(self.laws.sizes(states, mu).ravel(), np.ones(2))
-        return _OnCurve(x, rest, forces, sizes)
-
-    def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Derivatives of what is left and of the forces, shapes (2 points, 2 points + 2)."""
-        (p, q), turn = np.split(x[:-2], 2), x[-1]
-        by = self.laws.derivatives(p, q, self.products * np.exp(turn))
-        count = len(p)
-        displacements, forces = np.zeros((2, 2 * count, 2 * count + 2))
+        displacements, slopes = np.zeros((2, 2 * count, 2 * count + 2))
         point = np.arange(count)
         for first, change in ((0, by.p), (count, by.q)):
             excess = self._forces(change)
             for row, of in enumerate((0, 2)):
                 displacements[row * count + point, first + point] = change[of]
-                forces[row * count + point, first + point] = excess[row * count + point]
+                slopes[row * count + point, first + point] = excess[row * count + point]
         for column, change in ((PART, -self.linear.across), (TURN, by.mu - self.linear.along)):
             displacements[:, column] = change[[0, 2]].ravel()
-            forces[:, column] = self._forces(change)
-        return displacements - self.compliance @ forces, forces
+            slopes[:, column] = self._forces(change)
+        displacements -= self.compliance @ slopes
+        return _OnCurve(x, rest, forces, sizes, displacements, slopes)
 
     def turned(self, start: _OnCurve, last: _OnCurve) -> float:
         """Sign of the determinant of their derivatives, relative to that at the start."""
-        signs = (np.linalg.slogdet(self.slopes(at.x)[0][:, :-2])[0] for at in (start, last))
+        signs = (np.linalg.slogdet(at.slopes[:, :-2])[0] for at in (start, last))
         return float(np.prod(list(signs))) or 1.0
 
     def _forces(self, difference: Array) -> Array:
@@ -499,19 +498,13 @@ class FewPoints:
         """The answers to unit forces, normal and shear in turn."""
         problem, path = self.problem, self.path
         live, border = problem.live.array_r, path.workspace.border
-        rows, _ = problem.stiffness.getSizes()
-        count = 2 * len(points)
-        columns = (count if problem.comm.rank == 0 else 0, count)
-        rights = PETSc.Mat().createDense((rows, columns), comm=problem.comm)
-        rights.setUp()
+        mine = {}
         for k, (rank, point) in enumerate(points):
             if rank == problem.comm.rank:
                 for side, matrix in enumerate((problem.normal, problem.tangential)):
-                    dofs, values = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
-                    rights.setValues(dofs, [2 * k + side], values)
-        rights.assemble()
-        solutions = path.springs.solve_columns(rights)
-        rights.destroy()
+                    mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
+        columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
+        solutions = path.springs.solve_columns([columns[k] for k in range(2 * len(points))])
         answers = solutions.getDenseArray()
         # The work of the live load stays.
         load_factors = -problem.comm.allreduce(live @ answers) / border.dot(problem.live)
@@ -710,8 +703,8 @@ class _Curve:
 
     def _solved(self, at: _OnCurve, forward: Array, rest: Array, product: float) -> Array | None:
         """A change of x by which rest, condition and the product with a row change as asked for."""
-        by_x, forces = self.equations.slopes(at.x)
-        matrix = np.vstack([by_x, self.row + self.forces @ forces, forward])
+        row = self.row + self.forces @ at.force_slopes
+        matrix = np.vstack([at.slopes, row, forward])
         try:
             return np.linalg.solve(matrix, np.append(rest, product))
         except np.linalg.LinAlgError:

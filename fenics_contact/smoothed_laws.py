@@ -110,23 +110,22 @@ class SmoothedLaws:
         y, r = normal_law(p, mu)
         gamma = self._bound(r, mu)
         near = distance_from_bound(np.abs(q), gamma, mu)
-        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
-        return JointStates(np.stack([y, r, shear - q, shear]))
+        return self._joint_states(q, y, r, gamma, near)
 
     def sizes(self, states: JointStates, mu: float) -> Array:
         """Sizes of p and q of such states, shape (2, points)."""
         y, r, w, _ = states.values
         of_q = self._bound(r, mu) + np.abs(w)
-        return np.maximum(np.stack([r + y, of_q]), self.smallest)
+        return np.maximum(np.array([r + y, of_q]), self.smallest)
 
-    def derivatives(self, p: Array, q: Array, mu: float) -> Derivatives:
-        """Derivatives of `states`."""
+    def linearised(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Derivatives]:
+        """The same states, and their derivatives."""
         none = np.zeros_like(p)
-        _, r = normal_law(p, mu)
-        root = np.sqrt(p**2 + 4.0 * mu)
+        y, r = normal_law(p, mu)
+        root = y + r
         part, rate = self._part(mu), self.growth.rate(mu) if self.growth is not None else 0.0
         gamma, gamma_r = self._bound(r, mu), part * self.friction
-        r_p, y_p, r_mu = r / root, r / root - 1.0, mu / root
+        r_p, y_p, r_mu = r / root, -y / root, mu / root
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
         near = distance_from_bound(np.abs(q), gamma, mu)
         far = 2.0 * gamma - near
@@ -138,11 +137,16 @@ class SmoothedLaws:
         shear_p = shear_gamma * gamma_r * r_p
         shear_q = np.where(self.sticky, 1.0 / by_s, 0.0)
         shear_mu = shear_gamma * gamma_r * (r_mu + rate * r) + side * by_mu / by_s
-        return Derivatives(
-            np.stack([y_p, r_p, shear_p, shear_p]),
-            np.stack([none, none, shear_q - 1.0, shear_q]),
-            np.stack([r_mu, r_mu, shear_mu, shear_mu]),
+        return self._joint_states(q, y, r, gamma, near), Derivatives(
+            np.array([y_p, r_p, shear_p, shear_p]),
+            np.array([none, none, shear_q - 1.0, shear_q]),
+            np.array([r_mu, r_mu, shear_mu, shear_mu]),
         )
+
+    def _joint_states(self, q: Array, y: Array, r: Array, gamma: Array, near: Array) -> JointStates:
+        """States with openings y, normal forces r, and shear forces `near` their bound gamma."""
+        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
+        return JointStates(np.array([y, r, shear - q, shear]))
 
     def _part(self, mu: float) -> float:
         return 1.0 if self.growth is None else self.growth.part(mu)

@@ -21,6 +21,7 @@ from fenics_contact.errors import SolverError
 from fenics_contact.joints import JointOperators
 
 Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -168,10 +169,32 @@ class SpringStiffness:
         for column, vector in enumerate(solutions):
             vector.array[:] = solution.getDenseArray()[:, column]
 
-    def solve_columns(self, rights: PETSc.Mat) -> PETSc.Mat:
-        """Solve A X = B for a dense matrix B, with the last factor."""
-        solutions = rights.duplicate()
+    def solve_columns(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
+        """Solve A X = B for columns of B with few entries, with the last factor.
+
+        Args:
+            columns: Rows and values of the entries of every column, the same on all ranks.
+
+        Returns:
+            X, a dense matrix with all columns on rank 0 and rows as those of A.
+        """
+        (rows, size), comm = self._elastic.getSizes()[0], self._elastic.comm
+        first = comm.rank == 0
+        count, start = len(columns), np.cumsum([0, *(len(values) for _, values in columns)])
+        # MUMPS wants sparse right-hand sides as rows, all on the first rank.
+        places, values = (np.concatenate(part) for part in zip(*columns, strict=True))
+        csr = (start.astype(PETSc.IntType), places.astype(PETSc.IntType), values)
+        if not first:
+            csr = (np.zeros(1, dtype=PETSc.IntType), csr[1][:0], csr[2][:0])
+        sizes = (count if first else 0, count), (size if first else 0, size)
+        transposed = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
+        rights = PETSc.Mat().createTranspose(transposed)
+        solutions = PETSc.Mat().createDense(((rows, size), sizes[0]), comm=comm)
+        solutions.setUp()
+        solutions.assemble()
         self._factors[self._current][1].getPC().getFactorMatrix().matSolve(rights, solutions)
+        rights.destroy()
+        transposed.destroy()
         return solutions
 
     def destroy(self) -> None:

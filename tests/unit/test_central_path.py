@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import BACK, CLOSE, LOST, CentralPath
+from fenics_contact.central_path import BACK, CLOSE, LOST, SHORTER, CentralPath
 from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.few_points import FewPoints
+from fenics_contact.few_points import LEFT, FewPoints
 from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.path_equations import Iterate, Scales, Workspace
 from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
@@ -73,7 +75,8 @@ def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
     )
     now, products = path.follow(path.start(start, 1.0), 1.0, 1e-2)
     for _ in range(6):
-        now, products, _ = FewPoints(path, path.place(now, products)).follow(1e-9, along=False)
+        step = FewPoints(path, path.place(now, products)).follow(1e-9, along=False)
+        now, products = step.iterate, step.products
     part = 1.0 if growth is None else growth.part(products)
     assert (part < 1.0) == (growth is not None)
     bound = part * structure.problem.friction * now.pressure
@@ -88,8 +91,8 @@ def test_tangent_leaves_the_path_with_the_square_of_the_step(plain, growth):
 def test_path_that_is_never_reached_is_lost(plain, monkeypatch):
     follow = FewPoints.follow
 
-    def astray(self, end, along=True):
-        return (*follow(self, self.place.products, along=False)[:2], False)
+    def astray(self, end, along=True, limit=LEFT):
+        return replace(follow(self, self.place.products, along=False), reached=False)
 
     monkeypatch.setattr(FewPoints, "follow", astray)
     path, now = path_of(plain)
@@ -97,6 +100,31 @@ def test_path_that_is_never_reached_is_lost(plain, monkeypatch):
     with pytest.raises(SolverError, match=f"lost after {LOST + 1} steps"):
         path.follow(now, 1.0, 1e-4)
     assert plain.structure.springs.factorizations - before == LOST + 1
+
+
+def test_step_that_led_too_far_is_taken_back(plain, monkeypatch):
+    """From the next place the path is not reached: the step to it is made again, less far."""
+    follow, again = FewPoints.follow, FewPoints.again
+    limits, steps = [], []
+
+    def bad_third(self, end, along=True, limit=LEFT):
+        steps.append(follow(self, end, along, limit))
+        return replace(steps[-1], reached=len(steps) != 3)
+
+    def counted(self, end, limit):
+        limits.append(limit)
+        shorter = again(self, end, limit)
+        assert shorter.reached
+        assert steps[1].products <= shorter.products < self.place.products
+        return shorter
+
+    monkeypatch.setattr(FewPoints, "follow", bad_third)
+    monkeypatch.setattr(FewPoints, "again", counted)
+    path, now = path_of(plain)
+    now, products = path.follow(now, 1.0, 1e-4)
+    assert limits == [SHORTER * LEFT]
+    assert products <= 1e-4
+    assert path._left(now) <= CLOSE
 
 
 def test_path_without_folds_ends_where_the_interior_point_method_does(plain):

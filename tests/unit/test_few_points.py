@@ -40,7 +40,7 @@ def place_of(loaded: Loaded) -> tuple[CentralPath, Place]:
 
 def chosen_of(few: FewPoints, count: int = 4) -> None:
     """Choose some points."""
-    few._answers(np.stack([np.zeros(count, dtype=int), 3 * np.arange(count)], axis=1))
+    few._answer(np.stack([np.zeros(count, dtype=int), 3 * np.arange(count)], axis=1))
 
 
 def test_answers_are_displacements_for_unit_forces_that_do_no_work_on_the_live_load(loaded):
@@ -48,18 +48,12 @@ def test_answers_are_displacements_for_unit_forces_that_do_no_work_on_the_live_l
     few = FewPoints(path, place)
     chosen_of(few)
     d, f = path.scales.displacement, path.scales.force
-    problem, count = path.problem, len(few._others)
-    none, right, u = np.zeros(count), problem.dead.duplicate(), problem.dead.duplicate()
-    for column, (normal, tangential) in {2: (6, None), 5: (None, 3)}.items():
-        forces = np.zeros((2, count))
-        forces[0, normal] = 0.0 if normal is None else f
-        forces[1, tangential] = 0.0 if tangential is None else f
-        if normal is None:
-            forces[0] = none
-        if tangential is None:
-            forces[1] = none
+    problem, none = path.problem, np.zeros(len(few._others))
+    right, u = problem.dead.duplicate(), problem.dead.duplicate()
+    unit = np.eye(len(none))
+    for column, forces in {2: (unit[6], none), 5: (none, unit[3])}.items():
         right.set(0.0)
-        path.add_joint_forces(right, *forces)
+        path.add_joint_forces(right, *(f * force for force in forces))
         path.springs.solve(right, u)
         path.hold_work(u)
         assert problem.live.dot(u) == pytest.approx(0.0, abs=1e-9 * u.norm() * problem.live.norm())
@@ -77,13 +71,13 @@ def test_slopes_are_those_of_differences(loaded):
     x = equations.start
     x[:-2] *= 1.01
     x[PART], x[TURN] = 0.4, -0.1
-    by_x, forces = equations.slopes(x)
+    here = equations.at(x)
     for k in range(len(x)):
         h = np.zeros_like(x)
         h[k] = 1e-6 * max(abs(x[k]), 1e-3)
         ahead, behind = equations.at(x + h), equations.at(x - h)
         step = 2.0 * h[k]
-        for found, of in ((by_x, "rest"), (forces, "forces")):
+        for found, of in ((here.slopes, "rest"), (here.force_slopes, "forces")):
             slope = (getattr(ahead, of) - getattr(behind, of)) / step
             size = np.abs(found).max()
             assert found[:, k] == pytest.approx(slope, rel=1e-4, abs=1e-6 * size)
@@ -106,8 +100,9 @@ def test_start_solves_the_equations_without_forces(loaded):
 def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded):
     path, place = place_of(loaded)
     few = FewPoints(path, place)
-    new, products, reached = few.follow(1e-9)
-    assert reached
+    step = few.follow(1e-9)
+    new, products = step.iterate, step.products
+    assert step.reached
     assert products < place.products
     assert 0 < len(few._chosen) <= MOST
     mu = products * path.unit
@@ -119,6 +114,8 @@ def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded):
     points = few._chosen[:, 1]
     assert max(opening[points].max(), slip[points].max()) < 1e-5
     assert max(opening.max(), slip.max()) <= LEFT * (1.0 + 1e-6)
+    equilibrium = residual.equilibrium.norm() / path.scales.force
+    assert equilibrium < 1e-9
     assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
 
 
@@ -128,12 +125,28 @@ def test_step_without_chosen_points_is_one_along_tangents(loaded, monkeypatch):
     path, place = place_of(loaded)
     before, along, across = place.iterate.load_factor, place.tangent, place.to_path
     few = FewPoints(path, place)
-    new, products, reached = few.follow(1e-9)
+    step = few.follow(1e-9)
     assert len(few._chosen) == 0
-    assert reached
-    turn = np.log(products / place.products)
+    assert step.reached
+    turn = np.log(step.products / place.products)
     expected = before + across.load_factor + turn * along.load_factor
-    assert new.load_factor == pytest.approx(expected, rel=1e-12)
+    assert step.iterate.load_factor == pytest.approx(expected, rel=1e-12)
+
+
+def test_step_made_again_is_less_far_and_needs_no_factor(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    far = few.follow(1e-9)
+    solved = path.springs.factorizations
+    path.place(far.iterate, far.products)  # another factor
+    limit = 0.2 * LEFT
+    near = few.again(1e-9, limit)
+    assert path.springs.factorizations == solved + 1
+    assert near.reached
+    assert far.products < near.products < place.products
+    assert path._left(near.iterate) <= limit * (1.0 + 1e-6)
+    assert path.residual(near.iterate).equilibrium.norm() / path.scales.force < 1e-9
+    few.destroy()
 
 
 def test_points_far_from_their_laws_are_chosen_first(loaded):
