@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.few_points import LEFT, FewPoints
+from fenics_contact.few_points import LEFT, FewPoints, Step
 from fenics_contact.path_equations import (
     LARGEST_SPRING,
     PROXIMAL_SPRING,
@@ -92,6 +92,10 @@ class CentralPath(PathEquations):
 
     smallest = SMALLEST
 
+    #: The last place from which the path was reached, and how far from the laws a step may lead.
+    _trusted: FewPoints | None = None
+    _limit = LEFT
+
     def follow(
         self, now: Iterate, products: float, end: float, close: float = CLOSE
     ) -> tuple[Iterate, float]:
@@ -109,8 +113,7 @@ class CentralPath(PathEquations):
         Raises:
             SolverError: If the path leads back, or is lost.
         """
-        left, corrections, astray, limit = self._left(now), 0, 0, LEFT
-        trusted: FewPoints | None = None  # where the path was reached last
+        left, corrections, astray = self._left(now), 0, 0
         try:
             for step in range(MAX_STEPS):
                 ending = products <= end
@@ -119,37 +122,46 @@ class CentralPath(PathEquations):
                 corrections += ending
                 if not products <= BACK:
                     raise SolverError(f"central path: leads back after {step} steps")
-                here = FewPoints(self, self.place(now, products))
-                found = here.follow(end, not ending, limit)
-                if not found.reached and trusted is not None and limit > LEAST:
-                    # It led too far from there.
-                    found.iterate.destroy()
-                    limit *= SHORTER
-                    found = trusted.again(end, limit)
-                    here.destroy()
-                else:
-                    astray = 0 if found.reached else astray + 1
-                    if trusted is not None:
-                        trusted.destroy()
-                    trusted = here if found.reached and not ending else None
-                    if trusted is None:
-                        here.destroy()
-                    limit = min(LEFT, limit / SHORTER)
+                found = self._step(now, products, end, ending)
+                astray = 0 if found.reached else astray + 1
                 now, products = found.iterate, found.products
                 left = self._left(now)
                 _log.debug(
                     "    %3d  %.12g  mu %.2e, left %.1e, limit %.1e",
-                    *(step, now.load_factor, products, left, limit),
+                    *(step, now.load_factor, products, left, self._limit),
                 )
                 if not np.isfinite(left) or astray > LOST:
                     raise SolverError(f"central path: lost after {step + 1} steps")
         except SolverError:
             now.destroy()
             raise
-        finally:
-            if trusted is not None:
-                trusted.destroy()
         return now, products
+
+    def destroy(self) -> None:
+        """Free what the last steps left."""
+        if self._trusted is not None:
+            self._trusted.destroy()
+            self._trusted = None
+
+    def _step(self, now: Iterate, products: float, end: float, ending: bool) -> Step:
+        """A step on from a point, or the last one again where that led too far."""
+        here = FewPoints(self, self.place(now, products))
+        found = here.follow(end, not ending, self._limit)
+        if not found.reached and self._trusted is not None and self._limit > LEAST:
+            found.iterate.destroy()
+            here.destroy()
+            self._limit *= SHORTER
+            return self._trusted.again(end, self._limit)
+        self._limit = min(LEFT, self._limit / SHORTER)
+        if ending and found.reached:
+            here.destroy()
+            return found
+        self.destroy()
+        if found.reached:
+            self._trusted = here
+        else:
+            here.destroy()
+        return found
 
     def place(self, now: Iterate, products: float) -> Place:
         """Factor the equations of a point with equal products."""

@@ -62,7 +62,7 @@ FIRST_LENGTH, SHORTEST, CLOSE_TO_OTHERS, LONGEST = 1.0, 1e-4, 0.1, 3.0
 SHORTER, LONGER, QUICK = (0.4, 0.35), 3.0, 3
 
 #: Newton steps of each, and what they leave, relative to p and q.
-NEWTON_STEPS, SOLVED = 7, 1e-3
+NEWTON_STEPS, SOLVED = 7, 1e-2
 
 #: Part below which a curve that turns back is left.
 BACK = -0.5
@@ -349,6 +349,10 @@ class FewPoints:
         start = equations.at(equations.start)
         curve = _Curve(equations, start, *self._at_right_angles(equations, start), PART)
         across = traced = self._trace(curve, start, 1.0, (BACK, 1.0), LEFT)
+        if not across.complete:  # then it does not lead to other products either
+            none = np.zeros_like(start.forces)
+            curve = _Curve(equations, start, np.eye(len(start.x))[TURN], none, PART)
+            across = traced = self._trace(curve, start, 1.0, (BACK, 1.0), LEFT)
         last = across.last if across.complete else across.furthest
         if across.complete and along:
             fixed = np.eye(len(last.x))[PART]

@@ -80,9 +80,8 @@ HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
 TRANSFERS, BEYOND = (3e-1, 3e-2, 3e-3), 1e-3
 
 #: With few blocks it is left at these products, and friction grows all the way, like this power:
-#: the states found are lower, but with many blocks the path then has too many folds. The error from
-#: which on it is followed with many.
-FEW_BLOCKS, GROWN, GROWING_POWER, EARLIER = 100, 3e-3, 0.2, 1e-2
+#: the states found are lower, but with many blocks the path then has too many folds.
+FEW_BLOCKS, GROWN, GROWING_POWER = 100, 3e-3, 0.2
 
 #: Smallest size of p and q by which changes along the path of the structure are measured, in parts
 #: of the displacement that strains it.
@@ -354,9 +353,7 @@ class WorkControl:
         growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if few else None
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
-        best = run.converge(
-            run.start(start, 1.0), True, HALFWAY if few else EARLIER, window=FOLD_STEPS
-        )
+        best = run.converge(run.start(start, 1.0), True, HALFWAY, window=FOLD_STEPS)
         products = path.mean_product(best.iterate)
         now = path.start(best.state(work), products)
         best.destroy()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact.central_path import CentralPath, Place
-from fenics_contact.few_points import LEFT, MOST, PART, TURN, FewPoints
+from fenics_contact.few_points import LEFT, MOST, PART, SOLVED, TURN, FewPoints
 from fenics_contact.path_equations import Iterate, Workspace
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import Loaded, coulomb
@@ -112,10 +112,8 @@ def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded):
     d = path.scales.displacement
     opening, slip = np.abs(residual.opening) / d / size_p, np.abs(residual.slip) / d / size_q
     points = few._chosen[:, 1]
-    assert max(opening[points].max(), slip[points].max()) < 1e-5
+    assert max(opening[points].max(), slip[points].max()) < SOLVED
     assert max(opening.max(), slip.max()) <= LEFT * (1.0 + 1e-6)
-    equilibrium = residual.equilibrium.norm() / path.scales.force
-    assert equilibrium < 1e-9
     assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
 
 
@@ -145,7 +143,10 @@ def test_step_made_again_is_less_far_and_needs_no_factor(loaded):
     assert near.reached
     assert far.products < near.products < place.products
     assert path._left(near.iterate) <= limit * (1.0 + 1e-6)
-    assert path.residual(near.iterate).equilibrium.norm() / path.scales.force < 1e-9
+    same = few.again(1e-9, LEFT)
+    assert same.products == pytest.approx(far.products, rel=1e-9)
+    assert same.iterate.load_factor == pytest.approx(far.iterate.load_factor, rel=1e-12)
+    assert same.iterate.pressure == pytest.approx(far.iterate.pressure, rel=1e-6)
     few.destroy()
 
 
