@@ -145,7 +145,7 @@ def test_no_capacity_curve(monkeypatch):
     monkeypatch.setattr(module, "capacity_curve", None)  # not to be called
     result = limit_load(replace(scene, output=OutputOptions(capacity=0)))
     assert (len(with_curve.capacity), result.capacity) == (3, [])
-    assert result.load_factor == with_curve.load_factor
+    assert result.load_factor == pytest.approx(with_curve.load_factor, rel=1e-9)
     assert result.factorizations < with_curve.factorizations
 
 
@@ -214,7 +214,8 @@ def test_mode_that_certifies_needs_no_program(monkeypatch):
     assert certificate.static_factor == certified.load_factor
     assert certificate.kinematic_factor == pytest.approx(certified.load_factor, rel=1e-6)
     Calls(monkeypatch, RigidBlocks, "collapse", forbid=True)
-    assert limit_load(wall(coulomb(0.65))).load_factor == certified.load_factor
+    again = limit_load(wall(coulomb(0.65)))
+    assert again.load_factor == pytest.approx(certified.load_factor, rel=1e-9)
 
 
 @pytest.mark.parametrize(
