@@ -15,8 +15,10 @@ angles to the tangent, and then along it,
 
 (products of the relative changes of p and q at all points, with log mu counted once per point), mu
 falling where the determinant of the equations is positive, and rising where it is not. A few points
-whose laws bend on the way are taken as they are (`few_points`), all others on their tangents.
-Friction may grow along the path, as a function of mu.
+whose laws bend on the way are taken as they are (`few_points`), all others on their tangents. Where
+the next step does not reach the path, this one led too far, and is made again with all points
+nearer to their laws, for which no other factor is needed. Friction may grow along the path, as a
+function of mu.
 """
 
 from __future__ import annotations
@@ -137,11 +139,15 @@ class CentralPath(PathEquations):
             raise
         return now, products
 
-    def destroy(self) -> None:
-        """Free what the last steps left."""
+    def forget(self) -> None:
+        """Free what the last steps left; others from elsewhere may follow."""
+        self._trust(None)
+        self._limit = LEFT
+
+    def _trust(self, here: FewPoints | None) -> None:
         if self._trusted is not None:
             self._trusted.destroy()
-            self._trusted = None
+        self._trusted = here
 
     def _step(self, now: Iterate, products: float, end: float, ending: bool) -> Step:
         """A step on from a point, or the last one again where that led too far."""
@@ -153,14 +159,12 @@ class CentralPath(PathEquations):
             self._limit *= SHORTER
             return self._trusted.again(end, self._limit)
         self._limit = min(LEFT, self._limit / SHORTER)
-        if ending and found.reached:
-            here.destroy()
+        if found.reached and not ending:
+            self._trust(here)
             return found
-        self.destroy()
-        if found.reached:
-            self._trusted = here
-        else:
-            here.destroy()
+        if not found.reached:
+            self._trust(None)
+        here.destroy()
         return found
 
     def place(self, now: Iterate, products: float) -> Place:

@@ -364,6 +364,7 @@ class WorkControl:
             try:
                 now, products = path.follow(now, products, end * scales.elastic_part, close)
             except SolverError as error:
+                path.forget()
                 if not found:
                     raise
                 _log.info("  modes of the blocks, from products %.1e: %s", found[-1][1], error)
@@ -372,6 +373,7 @@ class WorkControl:
             forces = here.load_factor, here.pressure, here.shear
             found.append((State(here.u, *forces, work, here.strained), products))
         now.destroy()
+        path.forget()
         return found
 
     def _past_folds(
@@ -420,6 +422,7 @@ class WorkControl:
                     now.destroy()
                     raise SolverError(f"central path: products {products:.1e} after all steps")
             except SolverError:
+                path.forget()
                 if not found:
                     raise
                 break
@@ -428,6 +431,7 @@ class WorkControl:
             if found[-1].error <= max(tolerance, enough) or end == ends[-1]:
                 now.destroy()
                 break
+        path.forget()
         found.sort(key=lambda reached: reached.error)
         for other in found[1:]:
             other.destroy()
