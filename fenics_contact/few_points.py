@@ -12,8 +12,8 @@ structure answers by displacements:
 twice as many equations as chosen points, for their p and q, exact where the other points' laws are
 as good as linear. Their solutions are followed by length too, first across to the path, part from
 0 to 1, at right angles to the tangent, or if that leads nowhere at the same mu; then along it, turn
-from there, as far as the others' laws allow; points that stop it are chosen in addition. (Nonlinear elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci.
-Comput. 17 (1996) 538.)
+from there, as far as the others' laws allow; points that stop it are chosen in addition. (Nonlinear
+elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci. Comput. 17 (1996) 538.)
 """
 
 from __future__ import annotations
