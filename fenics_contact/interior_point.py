@@ -38,6 +38,9 @@ from fenics_contact.springs import SpringStiffness
 
 _log = logging.getLogger("fenics_contact")
 
+#: Error of an interior point iterate of the blocks' modes up to which a path may begin there.
+NEAR_ENOUGH = 0.1
+
 #: Springs of the collapse mode: products of open and sliding joints, in units of force times
 #: displacement, and the cap on closed ones, in units of the mean diagonal of K. No forces arise
 #: in a mechanism, so that a moderate cap lets nothing penetrate and keeps its digits.
@@ -354,6 +357,9 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
         best = run.converge(run.start(start, 1.0), True, HALFWAY, window=FOLD_STEPS)
+        if not best.error <= NEAR_ENOUGH:
+            best.destroy()
+            raise SolverError(f"interior point: residual {best.error:.1e}, no path to begin")
         products = path.mean_product(best.iterate)
         now = path.start(best.state(work), products)
         best.destroy()
