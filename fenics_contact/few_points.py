@@ -21,6 +21,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -103,10 +104,10 @@ class LinearStates:
         return np.array([opening, -k_n * opening, slip, -k_t * slip - coupling * opening])
 
     def excess(self, states: Array) -> Array:
-        """Forces in excess of those of the springs, normal ones first, shape (2 points, ...)."""
+        """Forces in excess of those of the springs, normal ones first, shape (2, ..., points)."""
         k_n, k_t, coupling = self.springs
         y, r, w, shear = states
-        return np.concatenate([r + k_n * y, shear + k_t * w + coupling * y])
+        return np.array([r + k_n * y, shear + k_t * w + coupling * y])
 
     def at(self, points: Integers) -> LinearStates:
         """Those of some points."""
@@ -125,7 +126,8 @@ class _OnCurve:
         forces: Forces in excess of those of the springs.
         sizes: By which changes of x are measured.
         slopes: Derivatives of `rest` by x, shape (2 points, 2 points + 2).
-        force_slopes: Those of `forces`, likewise.
+        excess: Those of a point's two forces by its p and q, and by part and turn, shape
+            (2, 4, points).
     """
 
     x: Array
@@ -133,7 +135,13 @@ class _OnCurve:
     forces: Array
     sizes: Array
     slopes: Array
-    force_slopes: Array
+    excess: Array
+
+    def force_slope(self, row: Array) -> Array:
+        """Derivative of the product of a row with the forces by x."""
+        normal, shear = row.reshape(2, -1)
+        p, q, part, turn = normal * self.excess[0] + shear * self.excess[1]
+        return np.concatenate([p, q, (part.sum(), turn.sum())])
 
     @property
     def left(self) -> float:
@@ -149,15 +157,15 @@ class _Traced:
         last: The last point.
         furthest: That with the largest part.
         complete: Whether the last one is the end asked for.
+        forward: Row whose product with the direction there is positive.
         stopped: Distances of this rank's points from their laws where these ended it, or None.
-        steps: Number of steps.
     """
 
     last: _OnCurve
     furthest: _OnCurve
     complete: bool
+    forward: Array
     stopped: Array | None
-    steps: int
 
 
 @dataclass(frozen=True)
@@ -190,31 +198,47 @@ class FewEquations:
         mu = self.products * float(np.exp(turn))
         states, by = self.laws.linearised(p, q, mu)
         difference = states.values - self.linear.moved(part, turn)
-        forces = self._forces(difference)
-        rest = difference[[0, 2]].ravel() - self.compliance @ forces
-        sizes = np.append(self.laws.sizes(states, mu).ravel(), np.ones(2))
-        displacements, slopes = np.zeros((2, 2 * count, 2 * count + 2))
+        # A point's p and q change its own forces alone, part and turn those of all.
+        changes = np.array([difference, by.p, by.q, -self.linear.across, by.mu - self.linear.along])
+        excess = self.linear.excess(changes.swapaxes(0, 1)) * self._carried
+        displacements = changes[:, [0, 2]].reshape(5, -1)
+        some = (
+            displacements[[0, 3, 4]]
+            - excess[:, [0, 3, 4]].swapaxes(0, 1).reshape(3, -1) @ self.compliance.T
+        )
+        slopes = np.empty((2 * count, 2 * count + 2))
+        slopes[:, PART:] = some[1:].T
+        normal, shear = self.compliance[:, :count], self.compliance[:, count:]
         point = np.arange(count)
-        for first, change in ((0, by.p), (count, by.q)):
-            excess = self._forces(change)
-            for row, of in enumerate((0, 2)):
-                displacements[row * count + point, first + point] = change[of]
-                slopes[row * count + point, first + point] = excess[row * count + point]
-        for column, change in ((PART, -self.linear.across), (TURN, by.mu - self.linear.along)):
-            displacements[:, column] = change[[0, 2]].ravel()
-            slopes[:, column] = self._forces(change)
-        displacements -= self.compliance @ slopes
-        return _OnCurve(x, rest, forces, sizes, displacements, slopes)
+        for k in (1, 2):
+            columns = slopes[:, (k - 1) * count : k * count]
+            columns[:] = -normal * excess[0, k] - shear * excess[1, k]
+            columns[point, point] += changes[k, 0]
+            columns[count + point, point] += changes[k, 2]
+        sizes = np.append(self.laws.sizes(states, mu).ravel(), (1.0, 1.0))
+        return _OnCurve(x, some[0], excess[:, 0].ravel(), sizes, slopes, excess[:, 1:])
+
+    def continued(self, last: _OnCurve) -> Array:
+        """Where the first few of these points led, with the others on their tangents."""
+        before = len(last.x) // 2 - 1
+        forces = np.zeros((2, len(self.laws.sticky)))
+        forces[:, :before] = last.forces.reshape(2, -1)
+        opening, slip = np.split(self.compliance @ forces.ravel(), 2)
+        values = self.linear.moved(*last.x[[PART, TURN]]) + self.linear.answer(opening, slip)
+        states = JointStates(values)
+        p, q = np.split(last.x[:-2], 2)
+        return np.concatenate([p, states.p[before:], q, states.q[before:], last.x[-2:]])
 
     def turned(self, start: _OnCurve, last: _OnCurve) -> float:
         """Sign of the determinant of their derivatives, relative to that at the start."""
         signs = (np.linalg.slogdet(at.slopes[:, :-2])[0] for at in (start, last))
         return float(np.prod(list(signs))) or 1.0
 
-    def _forces(self, difference: Array) -> Array:
-        """Excess forces; none where slip is free."""
-        carried = np.concatenate([np.ones_like(self.laws.sticky), self.laws.sticky])
-        return self.linear.excess(difference) * carried
+    @cached_property
+    def _carried(self) -> Array:
+        """Whether there is a force, normal or shear: none where slip is free; shape (2, 1, n)."""
+        sticky = self.laws.sticky
+        return np.array([np.ones(len(sticky)), sticky])[:, None]
 
 
 @dataclass(frozen=True)
@@ -310,8 +334,8 @@ class FewPoints:
         """The same step, but not as far: the factor is no longer needed."""
         with np.errstate(all="ignore"):
             equations = self._equations()
-            last, reached, _ = self._traced(equations, end, True, limit)
-            return self._moved(last, equations, reached)
+            traced, reached = self._traced(equations, end, True, limit)
+            return self._moved(traced.last, equations, reached)
 
     def destroy(self) -> None:
         """Free the vectors of the place, and the answers."""
@@ -320,51 +344,66 @@ class FewPoints:
 
     def _on(self, end: float, along: bool, limit: float) -> tuple[_OnCurve, FewEquations, bool]:
         """The point that a step leads to, the equations there, and whether the path was reached."""
-        new = self._choose(along)
-        for _ in range(ROUNDS):
-            self._answer(new)
-            equations = self._equations()
-            last, reached, stopped = self._traced(equations, end, along, limit)
-            if stopped is None or (reached and abs(last.x[TURN] - self.back) > ENOUGH):
+        self._answer(self._choose(along))
+        equations = self._equations()
+        traced, reached = self._traced(equations, end, along, limit)
+        for _ in range(ROUNDS - 1):
+            enough = reached and abs(traced.last.x[TURN] - self.back) > ENOUGH
+            if traced.stopped is None or enough:
                 break
-            new = self._worst(stopped, MOST - len(self._chosen))
+            new = self._worst(traced.stopped, MOST - len(self._chosen))
             if not len(new):
                 break
+            self._answer(new)
+            equations = self._equations()
+            further = self._further(equations, traced, end, limit) if reached else None
+            if further is not None:
+                traced = further
+            else:
+                traced, reached = self._traced(equations, end, along, limit)
         if not reached and self.problem.max(self._distances(1.0, self.back)) <= LEFT:
             self._free_answers()
             self._choose_none()
             equations = self._equations()
-            last, reached, _ = self._traced(equations, end, along, limit)
-        return last, equations, reached
+            traced, reached = self._traced(equations, end, along, limit)
+        return traced.last, equations, reached
 
     def _traced(
         self, equations: FewEquations, end: float, along: bool, limit: float
-    ) -> tuple[_OnCurve, bool, Array | None]:
+    ) -> tuple[_Traced, bool]:
         """Where the chosen points lead across to the path, and then along it.
 
         Returns:
-            The last point, whether the path was reached, and the distances of this rank's points
-            from their laws where these ended it, or None.
+            What was followed last, and whether the path was reached.
         """
         start = equations.at(equations.start)
         curve = _Curve(equations, start, *self._at_right_angles(equations, start), PART)
-        across = traced = self._trace(curve, start, 1.0, (BACK, 1.0), LEFT)
+        across = self._trace(curve, start, curve.fixed, (BACK, 1.0), LEFT)
         if not across.complete:  # then it does not lead to other products either
             none = np.zeros_like(start.forces)
             curve = _Curve(equations, start, np.eye(len(start.x))[TURN], none, PART)
-            across = traced = self._trace(curve, start, 1.0, (BACK, 1.0), LEFT)
-        last = across.last if across.complete else across.furthest
-        if across.complete and along:
-            fixed = np.eye(len(last.x))[PART]
-            curve = _Curve(equations, last, fixed, np.zeros_like(last.forces), TURN)
-            sign = self.place.sign * equations.turned(start, last)
-            traced = self._trace(curve, last, sign, self._reach(last.x[TURN], end), limit)
-            last = traced.last
-        _log.debug(
-            "         few points: %d, %d + %d steps, part %.2g, turn %.2g",
-            *(len(self._chosen), across.steps, traced.steps, *last.x[[PART, TURN]]),
-        )
-        return last, across.complete, traced.stopped
+            across = self._trace(curve, start, curve.fixed, (BACK, 1.0), LEFT)
+        if not across.complete:
+            return replace(across, last=across.furthest), False
+        if not along:
+            return across, True
+        sign = self.place.sign * equations.turned(start, across.last)
+        reach = self._reach(across.last.x[TURN], end)
+        curve = _Curve.along(equations, across.last)
+        return self._trace(curve, across.last, sign * curve.fixed, reach, limit), True
+
+    def _further(
+        self, equations: FewEquations, before: _Traced, end: float, limit: float
+    ) -> _Traced | None:
+        """Where more points lead along the path from where the first of them did; None: nowhere."""
+        curve = _Curve.along(equations, equations.at(equations.continued(before.last)))
+        here = curve.corrected()
+        if here is None:
+            return None
+        p, q = np.split(before.forward[:-2], 2)
+        none = np.zeros(len(equations.laws.sticky) - len(p))
+        forward = np.concatenate([p, none, q, none, before.forward[-2:]])
+        return self._trace(curve, here, forward, self._reach(self.back, end), limit)
 
     def _rates(self, change: Array) -> Array:
         """Relative changes of p and q, shape (2, points)."""
@@ -553,7 +592,7 @@ class FewPoints:
         self,
         curve: _Curve,
         here: _OnCurve,
-        sign: float,
+        forward: Array,
         reach: tuple[float, float],
         limit: float,
     ) -> _Traced:
@@ -562,17 +601,17 @@ class FewPoints:
         Args:
             curve: Of the chosen points.
             here: Where it begins.
-            sign: Of the change of its coordinate there. It may turn back, and forth again.
+            forward: Row whose product with the direction there is positive. The curve may turn
+                back, and forth again.
             reach: Coordinates between which it is followed.
             limit: Distance of other points from their laws at which it ends.
         """
         furthest = here
-        along: Array | None = None
         stopped: Array | None = None
         length, steps, ended = FIRST_LENGTH, 0, False
         while not ended and steps < CURVE_STEPS:
             steps += 1
-            along = curve.tangent(here, along, sign)
+            along = curve.tangent(here, forward)
             found: tuple[_OnCurve, int] | None = None
             while along is not None and length > SHORTEST:
                 found = curve.step(here, along, length, reach)
@@ -588,14 +627,20 @@ class FewPoints:
                 found, length = None, length * SHORTER[1]
                 if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
-            if found is None:
+            if along is None or found is None:
                 break
             here, corrections = found
+            forward = along / here.sizes**2
             if here.x[curve.coordinate] > furthest.x[curve.coordinate]:
                 furthest = here
             length = min(length * (LONGER if corrections <= QUICK else 1.0), LONGEST)
             ended = not reach[0] < here.x[curve.coordinate] < reach[1]
-        return _Traced(here, furthest, here.x[curve.coordinate] >= reach[1], stopped, steps)
+        _log.debug(
+            "         few points: %d, %d steps, part %.2g, turn %.2g",
+            *(len(here.x) // 2 - 1, steps, *here.x[[PART, TURN]]),
+        )
+        complete = here.x[curve.coordinate] >= reach[1]
+        return _Traced(here, furthest, complete, forward, stopped)
 
     def _moved(self, last: _OnCurve, equations: FewEquations, reached: bool) -> Step:
         """The step to the point with equal products of the states there."""
@@ -654,15 +699,19 @@ class _Curve:
         self.forces = forces
         self.coordinate = coordinate
 
-    def tangent(self, here: _OnCurve, before: Array | None, sign: float) -> Array | None:
+    @classmethod
+    def along(cls, equations: FewEquations, begin: _OnCurve) -> _Curve:
+        """The path itself, from some point of it."""
+        fixed, none = np.eye(len(begin.x))[PART], np.zeros_like(begin.forces)
+        return cls(equations, begin, fixed, none, TURN)
+
+    def tangent(self, here: _OnCurve, forward: Array) -> Array | None:
         """Direction on from a point, the largest relative change one; None where there is none.
 
         Args:
             here: The point.
-            before: That of the point before.
-            sign: Of the change of the coordinate, where there is none before.
+            forward: Row whose product with it is positive.
         """
-        forward = self._fixed() * sign if before is None else before / here.sizes**2
         along = self._solved(here, forward, np.zeros(len(here.rest) + 1), 1.0)
         if along is None or not np.all(np.isfinite(along)):
             return None
@@ -679,25 +728,38 @@ class _Curve:
         x = here.x + length * along
         if end != ahead:
             x = here.x + length * (end - coordinate) / (ahead - coordinate) * along
-            x[self.coordinate], forward = end, self._fixed()
-        new = self.equations.at(x)
+            x[self.coordinate], forward = end, self.fixed
+        return self._newton(self.equations.at(x), here.x[TURN], forward, end, reach)
+
+    def corrected(self) -> _OnCurve | None:
+        """The point of the curve where it is to begin, at the same coordinate; None: not found."""
+        end = float(self.begin.x[self.coordinate])
+        found = self._newton(self.begin, self.begin.x[TURN], self.fixed, end, (end, end))
+        return None if found is None else found[0]
+
+    def _newton(
+        self, new: _OnCurve, turn: float, forward: Array, end: float, reach: tuple[float, float]
+    ) -> tuple[_OnCurve, int] | None:
+        """The point of the curve in a plane, or at the end of reach if that is beyond."""
         for corrections in range(NEWTON_STEPS + 1):
             if new.left <= SOLVED:
                 if reach[0] <= new.x[self.coordinate] <= reach[1]:
                     return new, corrections
                 new.x[self.coordinate] = end = float(np.clip(new.x[self.coordinate], *reach))
-                new, forward = self.equations.at(new.x), self._fixed()
+                new, forward = self.equations.at(new.x), self.fixed
                 continue
             away = abs(new.x[self.coordinate] - end)
             if not np.isfinite(new.left) or away > LONGEST or corrections == NEWTON_STEPS:
                 return None
             change = self._solved(new, forward, np.append(-new.rest, -self._changed(new)), 0.0)
-            if change is None or not abs(new.x[TURN] + change[TURN] - here.x[TURN]) <= LONGEST:
+            if change is None or not abs(new.x[TURN] + change[TURN] - turn) <= LONGEST:
                 return None
             new = self.equations.at(new.x + change)
         return None
 
-    def _fixed(self) -> Array:
+    @property
+    def fixed(self) -> Array:
+        """Row of the coordinate itself."""
         return np.eye(len(self.row))[self.coordinate]
 
     def _changed(self, here: _OnCurve) -> float:
@@ -707,7 +769,7 @@ class _Curve:
 
     def _solved(self, at: _OnCurve, forward: Array, rest: Array, product: float) -> Array | None:
         """A change of x by which rest, condition and the product with a row change as asked for."""
-        row = self.row + self.forces @ at.force_slopes
+        row = self.row + at.force_slope(self.forces)
         matrix = np.vstack([at.slopes, row, forward])
         try:
             return np.linalg.solve(matrix, np.append(rest, product))

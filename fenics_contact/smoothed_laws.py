@@ -20,7 +20,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 #: Newton steps that leave nothing but rounding of a distance from the bound.
-NEWTON_STEPS = 6
+NEWTON_STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def distance_from_bound(q: Array, gamma: Array, mu: float) -> Array:
     large = 0.5 * (np.sqrt(rest**2 + 4.0 * mu) + np.abs(rest))
     s = np.minimum(np.where(rest > 0.0, large, mu / large), gamma)
     for _ in range(NEWTON_STEPS):
-        near, far = mu / s, mu / (2.0 * gamma - s)
-        slope = 1.0 + near / s + far / (2.0 * gamma - s)
-        s = s - (s - near + far - rest) / slope
+        other = 2.0 * gamma - s
+        near, far = mu / s, mu / other
+        s = s - (s - near + far - rest) / (1.0 + near / s + far / other)
     return np.asarray(np.minimum(s, gamma))
