@@ -53,6 +53,7 @@ AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.8, 3.0
 #: Steps along the curve of few points, at most, and how often the place is halved up to which it
 #: is to lead.
 CURVE_STEPS, HALVINGS = 80, 6
+MARGIN, LESS, CLOSE_ENOUGH = 1.0, (0.1, 0.5), 0.5
 
 #: Lengths of these steps, the largest relative change of p, q and the parameter: the first, the
 #: shortest, the shortest before a point that is not chosen, the longest.
@@ -608,9 +609,10 @@ class FewPoints:
         """
         furthest = here
         stopped: Array | None = None
-        length, steps, ended = FIRST_LENGTH, 0, False
+        length, near, steps, ended = FIRST_LENGTH, 0.0, 0, False
         while not ended and steps < CURVE_STEPS:
             steps += 1
+            rejected = None
             along = curve.tangent(here, forward)
             found: tuple[_OnCurve, int] | None = None
             while along is not None and length > SHORTEST:
@@ -621,20 +623,26 @@ class FewPoints:
                 part, turn = found[0].x[[PART, TURN]]
                 errors = self._distances(part, turn, found[0].forces)
                 errors = np.where(self._others, errors, 0.0)
-                stopped = errors if not self.problem.max(errors) <= limit else None
-                if stopped is None:
+                furthest_other = self.problem.max(errors)
+                if furthest_other <= limit:
                     break
-                found, length = None, length * SHORTER[1]
+                found, rejected = None, errors
+                length *= np.clip(MARGIN*(limit - near) / (furthest_other - near), *LESS)
                 if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
             if along is None or found is None:
+                stopped = rejected
                 break
             here, corrections = found
             forward = along / here.sizes**2
             if here.x[curve.coordinate] > furthest.x[curve.coordinate]:
                 furthest = here
             length = min(length * (LONGER if corrections <= QUICK else 1.0), LONGEST)
+            near = furthest_other
             ended = not reach[0] < here.x[curve.coordinate] < reach[1]
+            if not ended and rejected is not None and near >= CLOSE_ENOUGH * limit:
+                stopped = rejected
+                break
         _log.debug(
             "         few points: %d, %d steps, part %.2g, turn %.2g",
             *(len(here.x) // 2 - 1, steps, *here.x[[PART, TURN]]),
