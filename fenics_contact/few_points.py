@@ -21,6 +21,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import Enum, auto
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -77,6 +78,14 @@ PART, TURN = -2, -1
 
 #: Columns of C that are solved for at once.
 COLUMNS = 32
+
+
+class Course(Enum):
+    """What is followed: the way across to the path, at right angles or at its mu, and the path."""
+
+    ACROSS = auto()
+    LEVEL = auto()
+    ALONG = auto()
 
 
 @dataclass(frozen=True)
@@ -167,6 +176,11 @@ class _Traced:
     complete: bool
     forward: Array
     stopped: Array | None
+
+    @property
+    def turn(self) -> float:
+        """Turn at the last point."""
+        return float(self.last.x[TURN])
 
 
 @dataclass(frozen=True)
@@ -329,82 +343,81 @@ class FewPoints:
             limit: Distance of points from their laws at which going along ends.
         """
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
-            return self._moved(*self._on(end, along, limit))
+            self._answer(self._choose(along))
+            step = self._led(end, along, limit, ROUNDS)
+            if not step.reached and self.problem.max(self._distances(1.0, self.back)) <= LEFT:
+                step.iterate.destroy()
+                self._free_answers()
+                self._choose_none()
+                step = self._led(end, along, limit, 0)
+            return step
 
     def again(self, end: float, limit: float) -> Step:
         """The same step, but not as far: the factor is no longer needed."""
         with np.errstate(all="ignore"):
-            equations = self._equations()
-            traced, reached = self._traced(equations, end, True, limit)
-            return self._moved(traced.last, equations, reached)
+            return self._led(end, True, limit, 0)
 
     def destroy(self) -> None:
         """Free the vectors of the place, and the answers."""
         self.place.destroy()
         self._free_answers()
 
-    def _on(self, end: float, along: bool, limit: float) -> tuple[_OnCurve, FewEquations, bool]:
-        """The point that a step leads to, the equations there, and whether the path was reached."""
-        self._answer(self._choose(along))
+    def _led(self, end: float, along: bool, limit: float, rounds: int) -> Step:
+        """Where the chosen points lead, and those that are chosen in addition in some rounds."""
         equations = self._equations()
-        traced, reached = self._traced(equations, end, along, limit)
-        for _ in range(ROUNDS - 1):
-            enough = reached and abs(traced.last.x[TURN] - self.back) > ENOUGH
-            if traced.stopped is None or enough:
-                break
-            new = self._worst(traced.stopped, MOST - len(self._chosen))
-            if not len(new):
-                break
-            self._answer(new)
-            equations = self._equations()
-            further = self._further(equations, traced, end, limit) if reached else None
-            if further is not None:
-                traced = further
+        curve = self._curve(Course.ACROSS, equations)
+        here, forward = curve.begin, curve.fixed
+        while True:
+            on_path = curve.course is Course.ALONG
+            reach = self._reach(self.back, end) if on_path else (BACK, 1.0)
+            traced = self._trace(curve, here, forward, reach, limit if on_path else LEFT)
+            if traced.complete and along and not on_path:
+                sign = self.place.sign * equations.turned(curve.begin, traced.last)
+                curve, here = self._curve(Course.ALONG, equations, traced.last), traced.last
+                forward = sign * curve.fixed
+                continue
+            enough = traced.complete or (on_path and abs(traced.turn - self.back) > ENOUGH)
+            new = self._chosen[:0]
+            if rounds and traced.stopped is not None and not enough:
+                new = self._worst(traced.stopped, MOST - len(self._chosen))
+            if len(new):
+                rounds -= 1
+                self._answer(new)
+                equations = self._equations()
+                curve, here, forward = self._gone_on(equations, curve.course, traced)
+            elif on_path or traced.complete:
+                return self._moved(traced.last, equations, True)
+            elif curve.course is Course.LEVEL:
+                return self._moved(traced.furthest, equations, False)
             else:
-                traced, reached = self._traced(equations, end, along, limit)
-        if not reached and self.problem.max(self._distances(1.0, self.back)) <= LEFT:
-            self._free_answers()
-            self._choose_none()
-            equations = self._equations()
-            traced, reached = self._traced(equations, end, along, limit)
-        return traced.last, equations, reached
+                curve = self._curve(Course.LEVEL, equations)
+                here, forward = curve.begin, curve.fixed
 
-    def _traced(
-        self, equations: FewEquations, end: float, along: bool, limit: float
-    ) -> tuple[_Traced, bool]:
-        """Where the chosen points lead across to the path, and then along it.
+    def _curve(
+        self, course: Course, equations: FewEquations, begin: _OnCurve | None = None
+    ) -> _Curve:
+        """The curve of a course, from the place itself if no other point is given."""
+        begin = equations.at(equations.start) if begin is None else begin
+        rows, none = np.eye(len(begin.x)), np.zeros_like(begin.forces)
+        if course is Course.ACROSS:
+            return _Curve(course, equations, begin, *self._at_right_angles(equations, begin))
+        return _Curve(
+            course, equations, begin, rows[PART if course is Course.ALONG else TURN], none
+        )
 
-        Returns:
-            What was followed last, and whether the path was reached.
-        """
-        start = equations.at(equations.start)
-        curve = _Curve(equations, start, *self._at_right_angles(equations, start), PART)
-        across = self._trace(curve, start, curve.fixed, (BACK, 1.0), LEFT)
-        if not across.complete:  # then it does not lead to other products either
-            none = np.zeros_like(start.forces)
-            curve = _Curve(equations, start, np.eye(len(start.x))[TURN], none, PART)
-            across = self._trace(curve, start, curve.fixed, (BACK, 1.0), LEFT)
-        if not across.complete:
-            return replace(across, last=across.furthest), False
-        if not along:
-            return across, True
-        sign = self.place.sign * equations.turned(start, across.last)
-        reach = self._reach(across.last.x[TURN], end)
-        curve = _Curve.along(equations, across.last)
-        return self._trace(curve, across.last, sign * curve.fixed, reach, limit), True
-
-    def _further(
-        self, equations: FewEquations, before: _Traced, end: float, limit: float
-    ) -> _Traced | None:
-        """Where more points lead along the path from where the first of them did; None: nowhere."""
-        curve = _Curve.along(equations, equations.at(equations.continued(before.last)))
-        here = curve.corrected()
+    def _gone_on(
+        self, equations: FewEquations, course: Course, before: _Traced
+    ) -> tuple[_Curve, _OnCurve, Array]:
+        """How more points go on from where the first of them led, or else from the beginning."""
+        there = equations.at(equations.continued(before.last))
+        curve = self._curve(course, equations, there if course is Course.ALONG else None)
+        here = curve.corrected(there)
         if here is None:
-            return None
+            curve = self._curve(Course.ACROSS, equations)
+            return curve, curve.begin, curve.fixed
         p, q = np.split(before.forward[:-2], 2)
         none = np.zeros(len(equations.laws.sticky) - len(p))
-        forward = np.concatenate([p, none, q, none, before.forward[-2:]])
-        return self._trace(curve, here, forward, self._reach(self.back, end), limit)
+        return curve, here, np.concatenate([p, none, q, none, before.forward[-2:]])
 
     def _rates(self, change: Array) -> Array:
         """Relative changes of p and q, shape (2, points)."""
@@ -627,7 +640,7 @@ class FewPoints:
                 if furthest_other <= limit:
                     break
                 found, rejected = None, errors
-                length *= np.clip(MARGIN*(limit - near) / (furthest_other - near), *LESS)
+                length *= np.clip(MARGIN * (limit - near) / (furthest_other - near), *LESS)
                 if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
             if along is None or found is None:
@@ -686,32 +699,33 @@ class _Curve:
     """States of the chosen points, part and turn that one linear condition makes a curve.
 
     Attributes:
+        course: What it is.
         coordinate: Place of the coordinate in x that tells how far it leads: part or turn.
     """
 
     def __init__(
-        self, equations: FewEquations, begin: _OnCurve, row: Array, forces: Array, coordinate: int
+        self,
+        course: Course,
+        equations: FewEquations,
+        begin: _OnCurve,
+        row: Array,
+        forces: Array,
     ) -> None:
         """Set the condition.
 
         Args:
+            course: What it is.
             equations: Of the chosen points.
             begin: Where it begins.
             row: The product of this with x,
             forces: and of this with the forces, which together stay as they are there.
-            coordinate: As in the attributes.
         """
+        self.course = course
         self.equations = equations
         self.begin = begin
         self.row = row
         self.forces = forces
-        self.coordinate = coordinate
-
-    @classmethod
-    def along(cls, equations: FewEquations, begin: _OnCurve) -> _Curve:
-        """The path itself, from some point of it."""
-        fixed, none = np.eye(len(begin.x))[PART], np.zeros_like(begin.forces)
-        return cls(equations, begin, fixed, none, TURN)
+        self.coordinate = TURN if course is Course.ALONG else PART
 
     def tangent(self, here: _OnCurve, forward: Array) -> Array | None:
         """Direction on from a point, the largest relative change one; None where there is none.
@@ -739,10 +753,10 @@ class _Curve:
             x[self.coordinate], forward = end, self.fixed
         return self._newton(self.equations.at(x), here.x[TURN], forward, end, reach)
 
-    def corrected(self) -> _OnCurve | None:
-        """The point of the curve where it is to begin, at the same coordinate; None: not found."""
-        end = float(self.begin.x[self.coordinate])
-        found = self._newton(self.begin, self.begin.x[TURN], self.fixed, end, (end, end))
+    def corrected(self, near: _OnCurve) -> _OnCurve | None:
+        """The point of the curve at the coordinate of another; None: not found."""
+        end = float(near.x[self.coordinate])
+        found = self._newton(near, near.x[TURN], self.fixed, end, (end, end))
         return None if found is None else found[0]
 
     def _newton(
