@@ -309,7 +309,7 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
         few = modes.count <= FEW_BLOCKS
-        ends = FOLLOW_TO if few else (BEYOND, *FOLLOW_TO[1:])
+        ends = (BEYOND, *FOLLOW_TO[1:])
         near = self._near(modes, work, start, scales, few)
         while True:
             state, products = near.pop()
