@@ -355,14 +355,16 @@ class FewPoints:
     def again(self, end: float, limit: float) -> Step:
         """The same step, but not as far: the factor is no longer needed."""
         with np.errstate(all="ignore"):
-            return self._led(end, True, limit, 0)
+            return self._led(end, True, limit, 0, limit)
 
     def destroy(self) -> None:
         """Free the vectors of the place, and the answers."""
         self.place.destroy()
         self._free_answers()
 
-    def _led(self, end: float, along: bool, limit: float, rounds: int) -> Step:
+    def _led(
+        self, end: float, along: bool, limit: float, rounds: int, across: float = LEFT
+    ) -> Step:
         """Where the chosen points lead, and those that are chosen in addition in some rounds."""
         equations = self._equations()
         curve = self._curve(Course.ACROSS, equations)
@@ -370,7 +372,7 @@ class FewPoints:
         while True:
             on_path = curve.course is Course.ALONG
             reach = self._reach(self.back, end) if on_path else (BACK, 1.0)
-            traced = self._trace(curve, here, forward, reach, limit if on_path else LEFT)
+            traced = self._trace(curve, here, forward, reach, limit if on_path else across)
             if traced.complete and along and not on_path:
                 sign = self.place.sign * equations.turned(curve.begin, traced.last)
                 curve, here = self._curve(Course.ALONG, equations, traced.last), traced.last
