@@ -114,8 +114,8 @@ def test_step_that_led_too_far_is_taken_back(plain, monkeypatch):
     def counted(self, end, limit):
         limits.append(limit)
         shorter = again(self, end, limit)
-        assert shorter.reached
-        assert steps[1].products <= shorter.products < self.place.products
+        assert steps[1].products <= shorter.products <= self.place.products
+        assert path._left(shorter.iterate) <= 2.0 * limit
         return shorter
 
     monkeypatch.setattr(FewPoints, "follow", bad_third)
