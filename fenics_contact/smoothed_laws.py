@@ -20,7 +20,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 #: Newton steps that leave nothing but rounding of a distance from the bound.
-NEWTON_STEPS = 5
+NEWTON_STEPS = 6
 
 
 @dataclass(frozen=True)
