@@ -41,7 +41,7 @@ Integers = npt.NDArray[np.int64]
 _log = logging.getLogger("fenics_contact")
 
 #: Points chosen first, most of them, and how often others are chosen in addition.
-FIRST, MOST, ROUNDS = 16, 32, 4
+FIRST, MOST, ROUNDS = 16, 32, 3
 
 #: Distance from its law, relative to its p and q, from which on a point is chosen, and the largest
 #: that is left.
@@ -49,7 +49,7 @@ SERIOUS, LEFT = 0.15, 0.3
 
 #: Change of log mu for which points are chosen, that is far enough for none to be added, and the
 #: largest.
-AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.8, 3.0
+AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.4, 3.0
 
 #: Steps along the curve of few points, at most, and how often the place is halved up to which it
 #: is to lead.
