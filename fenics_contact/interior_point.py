@@ -309,7 +309,8 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
         few = modes.count <= FEW_BLOCKS
-        ends = (BEYOND, *FOLLOW_TO[1:])
+        # Often nothing is left to follow; where the interior point method is slow there is.
+        ends: Sequence[float] = (np.inf, BEYOND, *FOLLOW_TO[1:])
         near = self._near(modes, work, start, scales, few)
         while True:
             state, products = near.pop()
@@ -326,6 +327,7 @@ class WorkControl:
                 if not near:
                     raise
                 _log.info("  from %.1e on the path of the modes: %s", products, error)
+                ends = ends[-len(FOLLOW_TO) :]
 
     def _near(
         self, modes: BlockModes, work: float, start: State, scales: Scales, few: bool
@@ -434,7 +436,7 @@ class WorkControl:
                     raise
                 break
             found.append(run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS))
-            enough = ACCEPTABLE if end == ends[0] else FOLLOWED
+            enough = ACCEPTABLE if end >= BEYOND else FOLLOWED
             if found[-1].error <= max(tolerance, enough) or end == ends[-1]:
                 now.destroy()
                 break
