@@ -10,7 +10,7 @@ blocks lead (`block_modes`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,12 +75,12 @@ FOLLOWED = 1e-7
 
 #: Error of an interior point iterate from which on the central path is followed past its folds, and
 #: products, in units of force times elastic displacement, at which the interior point method
-#: finishes, or if need be is tried again.
-HALFWAY, FOLLOW_TO = 1e-3, (3e-3, 3e-4, 3e-5, 3e-6)
+#: finishes, or if need be is tried again; at the first so many no more than `ACCEPTABLE` is left.
+HALFWAY, FOLLOW_TO, STRICT = 1e-3, (3e-3, 1e-3, 3e-4, 3e-5, 3e-6), 2
 
 #: Products, in the same units, at which the path of the blocks' modes is left for the structure's:
-#: the last, or where that leads nowhere one before; and those to which this is followed at least.
-TRANSFERS, BEYOND = (3e-1, 3e-2, 3e-3), 1e-3
+#: the last, or where that leads nowhere one before.
+TRANSFERS = 3e-1, 3e-2, 3e-3
 
 #: With few blocks it is left at these products, and friction grows all the way, like this power:
 #: the states found are lower, but with many blocks the path then has too many folds.
@@ -309,15 +309,13 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, None, work, scales)
         path = self._path(work, scales)
         few = modes.count <= FEW_BLOCKS
-        # Often nothing is left to follow; where the interior point method is slow there is.
-        ends: Sequence[float] = (np.inf, BEYOND, *FOLLOW_TO[1:])
         near = self._near(modes, work, start, scales, few)
         while True:
             state, products = near.pop()
             now = path.centred(state, products, state.strained)
             state.displacement.destroy()
             try:
-                best = self._to_end(run, path, now, products, ends, tolerance, settled)
+                best = self._to_end(run, path, now, products, tolerance, settled)
                 best.steps = self.factorizations - before
                 found = self._point(run, best, tolerance, followed=True)
                 for other, _ in near:
@@ -327,7 +325,6 @@ class WorkControl:
                 if not near:
                     raise
                 _log.info("  from %.1e on the path of the modes: %s", products, error)
-                ends = ends[-len(FOLLOW_TO) :]
 
     def _near(
         self, modes: BlockModes, work: float, start: State, scales: Scales, few: bool
@@ -398,7 +395,7 @@ class WorkControl:
         products = path.mean_product(best.halfway)
         now, steps = path.centred(best.state(run.work, halfway=True), products), best.steps
         best.destroy()
-        found = self._to_end(run, path, now, products, FOLLOW_TO, tolerance, settled)
+        found = self._to_end(run, path, now, products, tolerance, settled)
         found.steps = steps + self.springs.factorizations - before
         return found
 
@@ -414,7 +411,6 @@ class WorkControl:
         path: CentralPath,
         now: Iterate,
         products: float,
-        ends: Sequence[float],
         tolerance: float,
         settled: float,
     ) -> _Best:
@@ -424,7 +420,7 @@ class WorkControl:
             SolverError: If that is nowhere.
         """
         found: list[_Best] = []
-        for end in ends:
+        for end in FOLLOW_TO:
             try:
                 now, products = path.follow(now, products, end * run.scales.elastic_part)
                 if products > end * run.scales.elastic_part:
@@ -432,12 +428,14 @@ class WorkControl:
                     raise SolverError(f"central path: products {products:.1e} after all steps")
             except SolverError:
                 path.forget()
-                if not found:
+                if all(reached.error > FOLLOWED for reached in found):
+                    for reached in found:
+                        reached.destroy()
                     raise
                 break
             found.append(run.converge(now.copy(), False, tolerance, settled, FINISH_STEPS))
-            enough = ACCEPTABLE if end >= BEYOND else FOLLOWED
-            if found[-1].error <= max(tolerance, enough) or end == ends[-1]:
+            enough = ACCEPTABLE if end in FOLLOW_TO[:STRICT] else FOLLOWED
+            if found[-1].error <= max(tolerance, enough) or end == FOLLOW_TO[-1]:
                 now.destroy()
                 break
         path.forget()

@@ -8,7 +8,14 @@ import pytest
 from fenics_contact import SolveOptions, SolverError, limit_load
 from fenics_contact.block_modes import MODES, BlockModes, modes
 from fenics_contact.central_path import CentralPath
-from fenics_contact.interior_point import FEW_BLOCKS, TRANSFERS, PathPoint, WorkControl
+from fenics_contact.few_points import FewPoints
+from fenics_contact.interior_point import (
+    FEW_BLOCKS,
+    TRANSFERS,
+    PathPoint,
+    WorkControl,
+    _InteriorPoint,
+)
 from fenics_contact.meshing import wall
 from fenics_contact.path_equations import State
 from fenics_contact.search import FIRST_WORK
@@ -298,7 +305,40 @@ def test_path_of_the_modes_is_left_where_it_is_lost(folded, as_many, lost_at, mo
             from_modes(folded)
     else:
         assert from_modes(folded)[1].state.load_factor == pytest.approx(at_once, rel=1e-6)
-        assert calls[lost_at] < calls[0]
+        assert len(calls) > lost_at  # that of the structure
+
+
+def test_no_path_begins_far_from_one(folded, monkeypatch):
+    monkeypatch.setattr("fenics_contact.interior_point.NEAR_ENOUGH", 0.0)
+    monkeypatch.setattr(CentralPath, "follow", None)
+    with pytest.raises(SolverError, match="no path to begin"):
+        from_modes(folded)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_path_of_the_structure_is_followed_where_the_interior_point_method_is_slow(
+    quick, folded, monkeypatch
+):
+    """And only there; both ways lead to the same state."""
+    steps = []
+    follow, converge = FewPoints.follow, _InteriorPoint.converge
+
+    def counted(self, *args):
+        steps.append(self.path.problem is folded.structure.problem)
+        return follow(self, *args)
+
+    def slow_at_first(self, now, cold, *args, **options):
+        best = converge(self, now, cold, *args, **options)
+        if not cold and not quick and not any(steps):
+            best.error = 1e-3
+        return best
+
+    monkeypatch.setattr(FewPoints, "follow", counted)
+    monkeypatch.setattr(_InteriorPoint, "converge", slow_at_first)
+    load_factor = from_modes(folded)[1].state.load_factor
+    assert load_factor == pytest.approx(0.3558174, abs=5e-7)
+    assert steps
+    assert any(steps) != quick
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact.central_path import CentralPath, Place
-from fenics_contact.few_points import LEFT, MOST, PART, SOLVED, TURN, FewPoints
+from fenics_contact.few_points import BACK, LEFT, MOST, PART, SOLVED, TURN, Course, FewPoints
 from fenics_contact.path_equations import Iterate, Workspace
 from fenics_contact.search import FIRST_WORK
 from tests.helpers import Loaded, coulomb
@@ -149,6 +149,37 @@ def test_step_made_again_is_less_far_and_needs_no_factor(loaded):
     assert same.iterate.load_factor == pytest.approx(far.iterate.load_factor, rel=1e-12)
     assert same.iterate.pressure == pytest.approx(far.iterate.pressure, rel=1e-6)
     few.destroy()
+
+
+def test_more_points_go_on_from_where_the_first_led(loaded):
+    path, place = place_of(loaded)
+    few = FewPoints(path, place)
+    few._answer(few._choose(True))
+    first = few._equations()
+    across = few._curve(Course.ACROSS, first)
+    reached = few._trace(across, across.begin, across.fixed, (BACK, 1.0), LEFT)
+    assert reached.complete
+    curve = few._curve(Course.ALONG, first, reached.last)
+    traced = few._trace(curve, reached.last, -curve.fixed, few._reach(few.back, 1e-9), LEFT)
+    assert traced.stopped is not None
+    assert traced.turn < few.back
+    tangents = few._values(1.0, traced.turn, traced.last.forces)
+    new = few._worst(traced.stopped, 5)
+    assert len(new)
+    few._answer(new)
+    more = few._equations()
+    x = more.continued(traced.last)
+    p, q = np.split(x[:-2], 2)
+    count = len(p) - len(new)
+    assert np.array_equal(np.split(traced.last.x[:-2], 2), [p[:count], q[:count]])
+    y, r, w, shear = tangents[:, new[:, 1]]
+    assert p[count:] == pytest.approx(r - y, rel=1e-9)
+    assert q[count:] == pytest.approx(shear - w, rel=1e-9)
+    curve, here, forward = few._gone_on(more, Course.ALONG, traced)
+    assert here.left <= SOLVED
+    assert here.x[[PART, TURN]] == pytest.approx([1.0, traced.turn], rel=1e-12)
+    further = few._trace(curve, here, forward, few._reach(few.back, 1e-9), LEFT)
+    assert further.turn < traced.turn
 
 
 def test_points_far_from_their_laws_are_chosen_first(loaded):
