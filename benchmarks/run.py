@@ -89,6 +89,7 @@ class Row:
         seconds_solve: Everything after.
         bonded_solves: `seconds` in units of `seconds_bonded`.
         factorizations: Numeric factorisations.
+        mode_factorizations: Those among them of the blocks' modes, which are small.
         load_factor: nan if none was found.
         upper_bound: Of the load factor, by associative friction of rigid blocks; nan where it was
             not asked for.
@@ -123,6 +124,7 @@ class Row:
     seconds_solve: float = 0.0
     bonded_solves: float = math.nan
     factorizations: int = 0
+    mode_factorizations: int = 0
     load_factor: float = math.nan
     upper_bound: float = math.nan
     reference: float = math.nan
@@ -317,6 +319,7 @@ def measure(task: Task) -> Row:
         verified=result.status == "limit" and certificate is not None and certificate.passed,
         seconds=seconds["total"],
         factorizations=result.factorizations,
+        mode_factorizations=result.mode_factorizations,
         load_factor=result.load_factor,
         peak_memory=peak_memory(scene),
         versions=versions(),
@@ -509,10 +512,10 @@ def tasks(
 
 # Table
 
-COLUMNS = "{:24}{:>4}{:>8} {:12}{:>8}{:>6} {:14}{:>9}{:>9}{:>6} {:>13}{:>9}{:>9}{:>8}"
+COLUMNS = "{:24}{:>4}{:>8} {:12}{:>8}{:>6} {:14}{:>9}{:>9}{:>6}{:>6} {:>13}{:>9}{:>9}{:>8}"
 HEAD = COLUMNS.format(
     *("case", "el.", "dofs", "method", "tol.", "ranks", "status", "s", "bonded"),
-    *("fact", "load factor", "error", "residual", "MB"),
+    *("fact", "modes", "load factor", "error", "residual", "MB"),
 )
 
 
@@ -529,6 +532,7 @@ def line(row: Row) -> str:
         number(row.seconds, ".3g"),
         number(row.bonded_solves, ".3g"),
         row.factorizations,
+        row.mode_factorizations,
         number(row.load_factor, ".9f"),
         number(row.error, ".1e"),
         number(row.residual, ".1e"),
