@@ -12,8 +12,9 @@ structure answers by displacements:
 twice as many equations as chosen points, for their p and q, exact where the other points' laws are
 as good as linear. Their solutions are followed by length too, first across to the path, part from
 0 to 1, at right angles to the tangent, or if that leads nowhere at the same mu; then along it, turn
-from there, as far as the others' laws allow; points that stop it are chosen in addition. (Nonlinear
-elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci. Comput. 17 (1996) 538.)
+from there, as far as the others' laws allow; points that stop it are chosen in addition, and it
+goes on from there. (Nonlinear elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci.
+Comput. 17 (1996) 538.)
 """
 
 from __future__ import annotations
@@ -54,15 +55,17 @@ AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.4, 3.0
 #: Steps along the curve of few points, at most, and how often the place is halved up to which it
 #: is to lead.
 CURVE_STEPS, HALVINGS = 80, 6
-MARGIN, LESS, CLOSE_ENOUGH = 1.0, (0.1, 0.5), 0.5
 
 #: Lengths of these steps, the largest relative change of p, q and the parameter: the first, the
 #: shortest, the shortest before a point that is not chosen, the longest.
 FIRST_LENGTH, SHORTEST, CLOSE_TO_OTHERS, LONGEST = 1.0, 1e-4, 0.1, 3.0
 
-#: By how much they are shortened where Newton's method fails, or where a point that is not chosen
-#: is in the way, and made longer where it is quick.
-SHORTER, LONGER, QUICK = (0.4, 0.35), 3.0, 3
+#: By how much they are shortened where Newton's method fails, and made longer where it is quick.
+SHORTER, LONGER, QUICK = 0.4, 3.0, 3
+
+#: By how much they are shortened, at most and at least, where a point that is not chosen leaves its
+#: law, and from which part of the distance that ends a curve on none is tried again.
+LESS, NEARLY = (0.1, 0.5), 0.5
 
 #: Newton steps of each, and what they leave, relative to p and q.
 NEWTON_STEPS, SOLVED = 7, 1e-2
@@ -464,12 +467,8 @@ class FewPoints:
             values = self.linear.moved(part, turn)
         else:
             values = self._values(part, turn, forces)
-        linear, mu = JointStates(values), self.place.products * np.exp(turn)
-        states = self.laws.states(linear.p, linear.q, mu)
-        size_p, size_q = self.laws.sizes(states, mu)
-        opening = np.abs(states.values[0] - values[0]) / size_p
-        slip = np.where(self.laws.sticky, np.abs(states.values[2] - values[2]) / size_q, 0.0)
-        return np.nan_to_num(np.maximum(opening, slip), nan=np.inf)
+        distances = self.laws.distances(values, self.place.products * float(np.exp(turn)))
+        return np.nan_to_num(distances, nan=np.inf)
 
     def _choose_none(self) -> None:
         """Leave all points on their tangents."""
@@ -633,16 +632,16 @@ class FewPoints:
             while along is not None and length > SHORTEST:
                 found = curve.step(here, along, length, reach)
                 if found is None:
-                    length *= SHORTER[0]
+                    length *= SHORTER
                     continue
                 part, turn = found[0].x[[PART, TURN]]
                 errors = self._distances(part, turn, found[0].forces)
                 errors = np.where(self._others, errors, 0.0)
-                furthest_other = self.problem.max(errors)
-                if furthest_other <= limit:
+                leaving = self.problem.max(errors)
+                if leaving <= limit:
                     break
                 found, rejected = None, errors
-                length *= np.clip(MARGIN * (limit - near) / (furthest_other - near), *LESS)
+                length *= float(np.clip((limit - near) / (leaving - near), *LESS))
                 if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
             if along is None or found is None:
@@ -653,9 +652,9 @@ class FewPoints:
             if here.x[curve.coordinate] > furthest.x[curve.coordinate]:
                 furthest = here
             length = min(length * (LONGER if corrections <= QUICK else 1.0), LONGEST)
-            near = furthest_other
+            near = leaving
             ended = not reach[0] < here.x[curve.coordinate] < reach[1]
-            if not ended and rejected is not None and near >= CLOSE_ENOUGH * limit:
+            if not ended and rejected is not None and near >= NEARLY * limit:
                 stopped = rejected
                 break
         _log.debug(

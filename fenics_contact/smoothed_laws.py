@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-#: Newton steps that leave nothing but rounding of a distance from the bound.
-NEWTON_STEPS = 6
+#: Newton steps that leave nothing but rounding of a distance from the bound, or 1e-6 of it.
+NEWTON_STEPS, FEWER = 6, 4
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,27 @@ class SmoothedLaws:
         of_q = self._bound(r, mu) + np.abs(w)
         return np.maximum(np.array([r + y, of_q]), self.smallest)
 
+    def distances(self, values: Array, mu: float) -> Array:
+        """Distances from the laws of other states with the same p and q, to six digits.
+
+        Args:
+            values: As those of `JointStates`.
+            mu: The product.
+
+        Returns:
+            The larger of the differences of openings and slips, relative to p and q.
+        """
+        opening, pressure, slip, shear = values
+        y, r = normal_law(pressure - opening, mu)
+        q, gamma = shear - slip, self._bound(r, mu)
+        near = distance_from_bound(np.abs(q), gamma, mu, FEWER)
+        w = np.copysign(gamma - near, q) - q
+        of_p = np.abs(y - opening) / np.maximum(r + y, self.smallest)
+        of_q = np.abs(w - slip) / np.maximum(gamma + np.abs(w), self.smallest)
+        return np.asarray(np.maximum(of_p, np.where(self.sticky, of_q, 0.0)))
+
     def linearised(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Derivatives]:
-        """The same states, and their derivatives."""
+        """The same states, to six digits, and their derivatives."""
         none = np.zeros_like(p)
         y, r = normal_law(p, mu)
         root = y + r
@@ -127,7 +146,7 @@ class SmoothedLaws:
         gamma, gamma_r = self._bound(r, mu), part * self.friction
         r_p, y_p, r_mu = r / root, -y / root, mu / root
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
-        near = distance_from_bound(np.abs(q), gamma, mu)
+        near = distance_from_bound(np.abs(q), gamma, mu, FEWER)
         far = 2.0 * gamma - near
         by_s = 1.0 + mu / near**2 + mu / far**2
         by_gamma = -1.0 - 2.0 * mu / far**2
@@ -164,7 +183,7 @@ def normal_law(p: Array, mu: float) -> tuple[Array, Array]:
     return np.where(p > 0.0, small, large), np.where(p > 0.0, large, small)
 
 
-def distance_from_bound(q: Array, gamma: Array, mu: float) -> Array:
+def distance_from_bound(q: Array, gamma: Array, mu: float, steps: int = NEWTON_STEPS) -> Array:
     """Distance s of the shear force from the bound that it is nearer to.
 
     Solves s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
@@ -173,13 +192,14 @@ def distance_from_bound(q: Array, gamma: Array, mu: float) -> Array:
         q: |q|.
         gamma: The bound, above 0.
         mu: The product.
+        steps: Of Newton's method.
     """
     # Without the third term s is larger, and the first step goes too far: the left-hand side is
     # concave. From there Newton's method climbs to the solution and never passes it.
     rest = gamma - q
     large = 0.5 * (np.sqrt(rest**2 + 4.0 * mu) + np.abs(rest))
     s = np.minimum(np.where(rest > 0.0, large, mu / large), gamma)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(steps):
         other = 2.0 * gamma - s
         near, far = mu / s, mu / other
         s = s - (s - near + far - rest) / (1.0 + near / s + far / other)

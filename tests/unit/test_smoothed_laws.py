@@ -54,10 +54,26 @@ def test_laws_without_products_are_those_of_signorini_and_coulomb():
 
 
 @pytest.mark.parametrize("growth", [None, Growth(1e-4, 0.2)])
+def test_distances_from_the_laws(growth):
+    """Forces and displacements that change alike leave p and q as they are."""
+    law = laws(growth)
+    states = law.states(P, Q, MU)
+    of_p, of_q = law.sizes(states, MU)
+    assert np.all(law.distances(states.values, MU) < 1e-6)
+    normal, shear = np.array([1.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    for part in (0.1, -0.3):
+        values = states.values + part * normal[:, None] * of_p
+        assert law.distances(values, MU) == pytest.approx(abs(part), abs=1e-6)
+        values = states.values + part * shear[:, None] * of_q
+        expected = np.where(law.sticky, abs(part), 0.0)
+        assert law.distances(values, MU) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("growth", [None, Growth(1e-4, 0.2)])
 def test_derivatives_are_those_of_differences(growth):
     law, h = laws(growth), 1e-6
     states, found = law.linearised(P, Q, MU)
-    assert np.array_equal(states.values, law.states(P, Q, MU).values)
+    assert states.values == pytest.approx(law.states(P, Q, MU).values, rel=1e-6, abs=1e-9)
     for name, (p, q, mu) in {"p": (h, 0.0, 0.0), "q": (0.0, h, 0.0), "mu": (0.0, 0.0, h)}.items():
         ahead = law.states(P + p, Q + q, MU * np.exp(mu)).values
         behind = law.states(P - p, Q - q, MU * np.exp(-mu)).values
