@@ -138,6 +138,11 @@ class _Best:
     steps: int
     halfway: Iterate
 
+    @property
+    def joints(self) -> float:
+        """The largest residual, of all but equilibrium."""
+        return _largest_but_equilibrium(self.sizes)
+
     def destroy(self) -> None:
         """Free the vectors."""
         self.iterate.destroy()
@@ -356,7 +361,7 @@ class WorkControl:
         run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
         best = run.converge(run.start(start, 1.0), True, HALFWAY, window=FOLD_STEPS)
-        error = _largest_but_equilibrium(best.sizes)  # of equilibrium a large T cancels digits
+        error = best.joints  # of equilibrium a large T cancels digits
         if not error <= NEAR_ENOUGH:
             best.destroy()
             raise SolverError(f"interior point: joints' residual {error:.1e}, no path to begin")
@@ -603,21 +608,27 @@ class _InteriorPoint(PathEquations):
                 part = max(self.growth.part(self.mean_product(now)), self.mobile)
                 more = self.mobilise(part) * now.pressure
                 now.s1, now.s2 = now.s1 + more, now.s2 + more
-        best.steps = step
-        now.destroy()
-        self.balance(best, tolerance)
+        last_one = _Best(now, sizes, error, step, best.halfway.copy())
+        if best.error > tolerance and last_one.joints < best.joints:
+            step += self.balance(last_one, tolerance)
+            if last_one.error < best.error:
+                best, last_one = last_one, best
+        last_one.destroy()
+        best.steps = step + self.balance(best, tolerance)
         return best
 
-    def balance(self, best: _Best, tolerance: float) -> None:
+    def balance(self, best: _Best, tolerance: float) -> int:
         """Take steps towards equilibrium alone where only that is missing.
 
         Rounding of long steps with stiff springs leaves forces that short ones take away.
+
+        Returns:
+            Number of steps.
         """
-        for _ in range(BALANCING):
-            equilibrium = best.sizes.get("equilibrium", 0.0)
-            rest = _largest_but_equilibrium(best.sizes)
+        for step in range(BALANCING):
+            equilibrium, rest = best.sizes.get("equilibrium", 0.0), best.joints
             if equilibrium <= tolerance or rest > max(tolerance, FOLLOWED):
-                return
+                return step
             now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)
             try:
                 springs = self.factor(
@@ -625,21 +636,21 @@ class _InteriorPoint(PathEquations):
                 )
             except SolverError:
                 now.destroy()
-                return
+                return step
             residual = self.residual(now)
             same = none, none, none
             (back,) = self.directions(now, springs, [(residual, same)], first=True)
             now.move(min(1.0, STEP_FRACTION * self._length(now, back)), back)
             back.destroy()
-            best.steps += 1
             sizes = self.sizes(now, self.residual(now))
             error = float(np.max(list(sizes.values())))
             worse = _largest_but_equilibrium(sizes) > 2.0 * max(rest, tolerance)
             if worse or not sizes["equilibrium"] < equilibrium:
                 now.destroy()
-                return
+                return step + 1
             best.iterate.destroy()
             best.iterate, best.sizes, best.error = now, sizes, error
+        return BALANCING
 
     def step(self, now: Iterate, residual: Residual) -> None:
         """One predictor-corrector step on one factor."""

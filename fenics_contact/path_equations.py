@@ -372,9 +372,15 @@ class PathEquations:
         pressure = c_n / now.y - k_n * y
         shear = k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure
         s1, s2 = self.friction * pressure - shear, self.friction * pressure + shear
-        z1 = np.where(self.sticky, (c_1 - now.z1 * s1) / now.s1, 0.0)
-        z2 = np.where(self.sticky, (c_2 - now.z2 * s2) / now.s2, 0.0)
-        s1, s2 = np.where(self.sticky, s1, 0.0), np.where(self.sticky, s2, 0.0)
+        z1, z2 = (c_1 - now.z1 * s1) / now.s1, (c_2 - now.z2 * s2) / now.s2
+        # Next to its bound the shear force has lost the digits that tell how far a point slides.
+        slid, unit = slip - residual.slip, self.scales.displacement / self.scales.force
+        lower, upper = now.z1 / now.s1, now.z2 / now.s2
+        down, up = lower > np.maximum(upper, unit), upper > np.maximum(lower, unit)
+        z1, z2 = np.where(down, z2 - slid, z1), np.where(up, z1 + slid, z2)
+        s1 = np.where(down, (c_1 - now.s1 * z1) / now.z1, s1)
+        s2 = np.where(up, (c_2 - now.s2 * z2) / now.z2, s2)
+        s1, s2, z1, z2 = (np.where(self.sticky, change, 0.0) for change in (s1, s2, z1, z2))
         return Iterate(u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2)
 
     def hold_work(self, u: PETSc.Vec, excess: float = 0.0) -> float:

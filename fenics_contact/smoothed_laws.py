@@ -39,7 +39,9 @@ class Growth:
 
     def part(self, products: float) -> float:
         """Part of the friction that is there."""
-        return min((self.full_at / products) ** self.power, 1.0)
+        if products <= self.full_at:  # zero where a tangent leads anywhere
+            return 1.0
+        return (self.full_at / products) ** self.power
 
     def rate(self, products: float) -> float:
         """Its derivative with respect to the logarithm of the products, in units of itself."""

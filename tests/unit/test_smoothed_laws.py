@@ -124,3 +124,9 @@ def test_growth_of_friction():
     slope = (growth.part(1e-1 * (1.0 + step)) / growth.part(1e-1) - 1.0) / step
     assert growth.rate(1e-1) == pytest.approx(slope, rel=1e-5)
     assert growth.rate(1e-4) == 0.0
+
+
+def test_growth_where_a_tangent_leads_anywhere():
+    growth = Growth(1e-3, 0.5)
+    assert growth.part(0.0) == 1.0
+    assert growth.part(np.inf) == 0.0
