@@ -61,6 +61,9 @@ SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 #: Both where the central path can be followed instead, and for the last steps after it was.
 FOLD_STEPS, FINISH_STEPS = 8, 4
 
+#: And the part of itself that one of these last steps may leave of it, until it is small.
+STUCK = 0.99
+
 #: Steps towards equilibrium alone, at most, where only that is missing.
 BALANCING = 3
 
@@ -589,7 +592,9 @@ class _InteriorPoint(PathEquations):
             else:
                 errors.append(errors[-1])
             slow = step >= slow_steps and errors[step] > SLOW * errors[step - slow_steps]
-            stalled = not np.isfinite(error) or slow or step - best_step >= patience
+            finishing = window > 0 and not cold and best.error > ACCEPTABLE
+            stuck = finishing and step > 0 and joints > STUCK * errors[step - 1]
+            stalled = not np.isfinite(error) or slow or stuck or step - best_step >= patience
             # The rest of the load factor's change is to the last one as that is to the one before,
             # or as the products are.
             products, moved = sizes["complementarity"], abs(now.load_factor - last.load_factor)
