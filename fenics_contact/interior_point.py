@@ -49,6 +49,9 @@ MODE_CENTRING, MODE_SPRING = 1e-12, 1e3
 #: Fraction of the way to the boundary that a step may go.
 STEP_FRACTION = 0.995
 
+#: Weights of the corrector that are tried.
+WEIGHTS = 9
+
 MAX_STEPS = 80
 
 #: Steps without progress after which the best iterate so far is judged: after a warm start, and
@@ -606,7 +609,7 @@ class _InteriorPoint(PathEquations):
                 break
             last = _Last(now.load_factor, moved, products)
             try:
-                self.step(now, residual)
+                self.step(now, residual, cold)
             except SolverError:
                 break
             if self.growth is not None and self.mobile < 1.0:
@@ -645,7 +648,8 @@ class _InteriorPoint(PathEquations):
             residual = self.residual(now)
             same = none, none, none
             (back,) = self.directions(now, springs, [(residual, same)], first=True)
-            now.move(min(1.0, STEP_FRACTION * self._length(now, back)), back)
+            (length,) = self._lengths(self._rates(now, back)[None])
+            now.move(min(1.0, STEP_FRACTION * float(length)), back)
             back.destroy()
             sizes = self.sizes(now, self.residual(now))
             error = float(np.max(list(sizes.values())))
@@ -657,34 +661,51 @@ class _InteriorPoint(PathEquations):
             best.iterate, best.sizes, best.error = now, sizes, error
         return BALANCING
 
-    def step(self, now: Iterate, residual: Residual) -> None:
-        """One predictor-corrector step on one factor."""
-        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
-        here = self.products(now)
-        y, r, s1, s2, z1, z2 = now.y, now.pressure, now.s1, now.s2, now.z1, now.z2
-        changes = -y * r, -s1 * z1, -s2 * z2
-        (affine,) = self.directions(now, springs, [(residual, changes)], first=True)
-        ahead = now.copy()
-        ahead.move(self._length(now, affine), affine)
-        target = here / self.count * max(self.products(ahead) / here, 0.0) ** 3
-        changes = (
-            target - y * r - affine.y * affine.pressure,
-            target - s1 * z1 - affine.s1 * affine.z1,
-            target - s2 * z2 - affine.s2 * affine.z2,
-        )
-        (corrected,) = self.directions(now, springs, [(residual, changes)])
-        length = STEP_FRACTION * self._length(now, corrected)
-        now.move(min(1.0, length), corrected)
-        for iterate in (affine, ahead, corrected):
-            iterate.destroy()
+    def step(self, now: Iterate, residual: Residual, cold: bool) -> None:
+        """One predictor-corrector step on one factor.
 
-    def _length(self, now: Iterate, direction: Iterate) -> float:
-        """Longest step that keeps all products' factors non-negative, at most 1 / STEP_FRACTION."""
-        ratio = 0.0
-        for name in ("y", "pressure", "s1", "s2", "z1", "z2"):
-            here, there = getattr(now, name), getattr(direction, name)
-            ratio = max(ratio, float(np.max(-there / here, initial=0.0)))
-        return 1.0 / max(self.problem.comm.allreduce(ratio, MPI.MAX), STEP_FRACTION)
+        The corrector takes the second-order part of the whole predictor from the products, of
+        which only a part may be taken. Close to a state it has the weight, from 1 to the square of
+        that part, with which the step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41
+        (2008) 277); far from one, where longer steps lead past low states, it has all.
+        """
+        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
+        here, none = self.products(now), np.zeros_like(now.y)
+        changes = -now.y * now.pressure, -now.s1 * now.z1, -now.s2 * now.z2
+        (step,) = self.directions(now, springs, [(residual, changes)], first=True)
+        towards = self._rates(now, step)
+        (part,) = self._lengths(towards[None])
+        ahead = (1.0 - part) * here + part**2 * self.products(step)
+        target = here / self.count * max(ahead / here, 0.0) ** 3
+        changes = (
+            target - step.y * step.pressure,
+            target - step.s1 * step.z1,
+            target - step.s2 * step.z2,
+        )
+        rest = Residual(self.workspace.zero, none, none, 0.0)
+        (corrector,) = self.directions(now, springs, [(rest, changes)])
+        weights = np.linspace(1.0, min(part, 1.0) ** 2, 1 if cold else WEIGHTS)
+        lengths = self._lengths(towards + weights[:, None] * self._rates(now, corrector))
+        longest = int(np.argmax(lengths))
+        step.move(float(weights[longest]), corrector)
+        now.move(min(1.0, STEP_FRACTION * float(lengths[longest])), step)
+        for direction in (step, corrector):
+            direction.destroy()
+
+    def _rates(self, now: Iterate, direction: Iterate) -> Array:
+        """Rates at which a direction takes the products' factors to zero, of this rank's points."""
+        names = "y", "pressure", "s1", "s2", "z1", "z2"
+        return np.concatenate([-getattr(direction, name) / getattr(now, name) for name in names])
+
+    def _lengths(self, rates: Array) -> Array:
+        """Longest steps that keep all factors non-negative, at most 1 / STEP_FRACTION.
+
+        Args:
+            rates: A row for each step.
+        """
+        largest = np.max(rates, axis=1, initial=0.0)
+        self.problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        return np.asarray(1.0 / np.maximum(largest, STEP_FRACTION))
 
 
 def _largest_but_equilibrium(sizes: dict[str, float]) -> float:

@@ -334,17 +334,51 @@ def test_no_steps_where_equilibrium_is_not_what_is_missing(bond):
 
 def test_the_last_iterate_counts_where_only_equilibrium_is_missing(bond):
     """Though another had a smaller error before: steps to balance are all that it needs."""
-    run, best = out_of_balance(bond, 1e-4)
-    assert best.joints < 1e-10 < best.error
-    said = iter([{"equilibrium": 1e-9, "opening": 1e-8, "complementarity": 1e-12}])
-    assert best.error > 1e-8
+    run, best = out_of_balance(bond, 1e-6)
+    larger = 0.5 * best.error
+    assert best.joints < 1e-10 < larger
+    said = iter([{"equilibrium": 1e-12, "opening": larger, "complementarity": 1e-12}])
     sizes = run.sizes
     # The first iterate is said to be near, the others are told as they are.
     run.sizes = lambda now, residual: next(said, None) or sizes(now, residual)
-    run.step = lambda now, residual: None
+    run.step = lambda now, residual, cold: None
     found = run.converge(best.iterate.copy(), False, 1e-10, window=1)
     assert found.error <= 1e-10
     assert found.sizes["equilibrium"] <= 1e-10
+
+
+@pytest.mark.parametrize(
+    ("falls", "cold", "window", "steps"),
+    [(0.995, False, 8, 1), (0.98, False, 8, 8), (0.995, True, 8, 8), (0.995, False, 0, 10)],
+)
+def test_last_steps_end_where_one_leaves_nearly_all(bond, falls, cold, window, steps):
+    run, best = out_of_balance(bond, 0.0)
+    left = iter(falls**k for k in range(100))
+    run.sizes = lambda now, residual: {"opening": next(left), "complementarity": 1e-12}
+    run.step = lambda now, residual, cold: None
+    assert run.converge(best.iterate.copy(), cold, 1e-10, window=window).steps == steps
+
+
+def test_corrector_has_the_weight_that_makes_the_step_longest(bond):
+    """What is left of openings tells how long a step was."""
+    start, scales = bond.start(FIRST_WORK)
+    point = control_of(bond).solve(None, start.work, start, scales)
+    structure = bond.structure
+    parts = structure.problem, structure.springs, Workspace(structure.problem)
+    run = _InteriorPoint(*parts, None, start.work, scales)
+    parts_taken = []
+    for seed in range(10):
+        noise = 1.0 + np.random.default_rng(seed).normal(size=point.state.pressure.size)
+        moved = replace(point.state, pressure=np.abs(noise) * point.state.pressure)
+        for cold in (True, False):
+            now = run.centred(moved, 1e-6)
+            before = run.residual(now)
+            run.step(now, before, cold)
+            after = run.sizes(now, run.residual(now))["opening"]
+            parts_taken.append(1.0 - after / run.sizes(now, before)["opening"])
+    whole, weighted = np.reshape(parts_taken, (-1, 2)).T
+    assert np.all(weighted >= whole - 1e-9)
+    assert np.any(weighted > 1.2 * whole)
 
 
 @pytest.mark.parametrize("products", [1e-10, 1e-16])
