@@ -581,11 +581,13 @@ class _InteriorPoint(PathEquations):
             error = float(np.max(list(sizes.values())))  # nan where any is nan
             _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
             if error < best.error:
+                best_step = step
+            if error < best.error or error <= tolerance:  # then the load factor still settles
                 if best.error > HALFWAY:
                     best.halfway.destroy()
                     best.halfway = now.copy()
                 best.iterate.destroy()
-                best.iterate, best.sizes, best.error, best_step = now.copy(), sizes, error, step
+                best.iterate, best.sizes, best.error = now.copy(), sizes, error
             if best.error <= tolerance:
                 patience = min(patience, RESTING)
             joints = _largest_but_equilibrium(sizes)

@@ -359,6 +359,22 @@ def test_last_steps_end_where_one_leaves_nearly_all(bond, falls, cold, window, s
     assert run.converge(best.iterate.copy(), cold, 1e-10, window=window).steps == steps
 
 
+def test_of_iterates_within_the_tolerance_the_last_counts(bond):
+    """Though rounding left less of an earlier one: the load factor had not settled."""
+    run, best = out_of_balance(bond, 0.0)
+    left = iter((1e-4, 1e-10, 5e-10, 8e-10, 6e-10))
+    run.sizes = lambda now, residual: {"opening": next(left), "complementarity": 1e-12}
+
+    def step(now, residual, cold):
+        now.load_factor = 1.0 - (1.0 - now.load_factor) ** 2
+
+    run.step = step
+    best.iterate.load_factor = 0.9
+    found = run.converge(best.iterate, False, 1e-9, settled=1e-6)
+    assert found.steps == 4
+    assert found.iterate.load_factor == pytest.approx(1.0, abs=1e-14)
+
+
 def test_corrector_has_the_weight_that_makes_the_step_longest(bond):
     """What is left of openings tells how long a step was."""
     start, scales = bond.start(FIRST_WORK)
