@@ -160,7 +160,7 @@ class Workspace:
     def __init__(self, problem: ContactProblem) -> None:
         self.rights = problem.dead.duplicate(), problem.dead.duplicate()
         self.frees = problem.dead.duplicate(), problem.dead.duplicate()
-        self.border = problem.dead.duplicate()
+        self.border, self.dual = problem.dead.duplicate(), problem.dead.duplicate()
         self.rest = problem.dead.duplicate()
         self.zero = problem.dead.duplicate()  # duplicates are zero
         self.opening = problem.normal.createVecLeft()
@@ -168,7 +168,7 @@ class Workspace:
 
     def destroy(self) -> None:
         """Free the vectors."""
-        rest = self.border, self.rest, self.zero, self.opening, self.slip
+        rest = self.border, self.dual, self.rest, self.zero, self.opening, self.slip
         for vector in (*self.rights, *self.frees, *rest):
             vector.destroy()
 
@@ -313,7 +313,9 @@ class PathEquations:
     ) -> list[Iterate]:
         """Newton directions on the last factor, at most two.
 
-        The first ones on a factor find A^-1 f_L too; all is then solved for at once.
+        The first ones on a factor find A^-1 f_L and A^-T f_L too. Under work control these are
+        solutions of A u = b + d lambda f_L with f_L.u given; with A^-T f_L d lambda is known before
+        u, whose digits would else cancel: next to a mechanism A^-1 b and A^-1 f_L are far larger.
 
         Args:
             now: Where.
@@ -327,14 +329,22 @@ class PathEquations:
         drives = [
             self._right(now, *one, springs, right) for one, right in zip(asked, rights, strict=True)
         ]
+        load_factors = [0.0] * count
+        if self.load_factor is None:
+            dual = self.workspace.dual
+            if first:
+                self.springs.solve_transposed(live, dual)
+            for k, ((residual, _), right) in enumerate(zip(asked, rights, strict=True)):
+                load_factors[k] = float((-residual.work - right.dot(dual)) / live.dot(dual))
+                right.axpy(load_factors[k], live)
         if first and self.load_factor is None:
             self.springs.solve_together((*rights, live), (*frees, self.workspace.border))
         else:
             for right, free in zip(rights, frees, strict=True):
                 self.springs.solve(right, free)
         return [
-            self._found(now, *one, springs, drive, free)
-            for one, drive, free in zip(asked, drives, frees, strict=True)
+            self._found(now, *one, springs, *found)
+            for one, *found in zip(asked, drives, frees, load_factors, strict=True)
         ]
 
     def _right(
@@ -362,11 +372,13 @@ class PathEquations:
         springs: tuple[Array, Array, Array],
         drive: Array,
         free: PETSc.Vec,
+        load_factor: float,
     ) -> Iterate:
         """The direction of a solution, with A^-1 f_L in `workspace.border`."""
         (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
         u = free.copy()
-        load_factor = self.hold_work(u, residual.work) if self.load_factor is None else 0.0
+        if self.load_factor is None:
+            load_factor += self.hold_work(u, residual.work)
         opening, slip = self.joint_displacements(u)
         y = opening - residual.opening
         pressure = c_n / now.y - k_n * y

@@ -151,6 +151,10 @@ class SpringStiffness:
         """Solve A x = b with the last factor."""
         self._factors[self._current][1].solve(right, solution)
 
+    def solve_transposed(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solve A^T x = b with the last factor."""
+        self._factors[self._current][1].solveTranspose(right, solution)
+
     def solve_together(self, rights: Sequence[PETSc.Vec], solutions: Sequence[PETSc.Vec]) -> None:
         """Solve A x = b for several b at once, which reads the factor only once."""
         count = len(rights)

@@ -359,6 +359,14 @@ def test_last_steps_end_where_one_leaves_nearly_all(bond, falls, cold, window, s
     assert run.converge(best.iterate.copy(), cold, 1e-10, window=window).steps == steps
 
 
+@pytest.mark.parametrize("larger", [1e2, 1e3, 1e4])
+def test_large_motion_takes_no_digits_from_the_directions(bond, larger):
+    """A^-1 b and A^-1 f_L are as large as the motion; what is left of both balances the forces."""
+    start, scales = bond.start(larger * FIRST_WORK)
+    point = control_of(bond).solve(None, start.work, start, scales)
+    assert point.residuals["equilibrium"] <= 1e-13
+
+
 def test_of_iterates_within_the_tolerance_the_last_counts(bond):
     """Though rounding left less of an earlier one: the load factor had not settled."""
     run, best = out_of_balance(bond, 0.0)

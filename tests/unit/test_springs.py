@@ -70,7 +70,12 @@ def test_solution_is_that_of_the_dense_system(structure, springs, coupled):
     exact = np.random.default_rng(2).standard_normal(len(matrix))
     factor(structure, springs, *values)
     found = solved(structure, springs, matrix @ exact)
-    assert found == pytest.approx(exact, abs=1e-16 * np.linalg.cond(matrix) + 1e-12)
+    rounding = 1e-16 * np.linalg.cond(matrix) + 1e-12
+    assert found == pytest.approx(exact, abs=rounding)
+    right = vector_like(structure.problem.dead, matrix.T @ exact)
+    transposed = right.duplicate()
+    springs.solve_transposed(right, transposed)
+    assert whole(transposed) == pytest.approx(exact, abs=rounding)
 
 
 def test_coupling_makes_a_difference(structure, springs):
