@@ -649,7 +649,7 @@ class _InteriorPoint(PathEquations):
                 return step
             residual = self.residual(now)
             same = none, none, none
-            (back,) = self.directions(now, springs, [(residual, same)], first=True)
+            (back,) = self.directions(now, springs, [(residual, same)], True, careful=True)
             (length,) = self._lengths(self._rates(now, back)[None])
             now.move(min(1.0, STEP_FRACTION * float(length)), back)
             back.destroy()
@@ -669,12 +669,13 @@ class _InteriorPoint(PathEquations):
         The corrector takes the second-order part of the whole predictor from the products, of
         which only a part may be taken. Close to a state it has the weight, from 1 to the square of
         that part, with which the step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41
-        (2008) 277); far from one, where longer steps lead past low states, it has all.
+        (2008) 277). Far from one longer steps lead past low states, and digits do not count.
         """
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         here, none = self.products(now), np.zeros_like(now.y)
         changes = -now.y * now.pressure, -now.s1 * now.z1, -now.s2 * now.z2
-        (step,) = self.directions(now, springs, [(residual, changes)], first=True)
+        careful = not cold
+        (step,) = self.directions(now, springs, [(residual, changes)], True, careful)
         towards = self._rates(now, step)
         (part,) = self._lengths(towards[None])
         ahead = (1.0 - part) * here + part**2 * self.products(step)
@@ -685,7 +686,7 @@ class _InteriorPoint(PathEquations):
             target - step.s2 * step.z2,
         )
         rest = Residual(self.workspace.zero, none, none, 0.0)
-        (corrector,) = self.directions(now, springs, [(rest, changes)])
+        (corrector,) = self.directions(now, springs, [(rest, changes)], False, careful)
         weights = np.linspace(1.0, min(part, 1.0) ** 2, 1 if cold else WEIGHTS)
         lengths = self._lengths(towards + weights[:, None] * self._rates(now, corrector))
         longest = int(np.argmax(lengths))

@@ -310,12 +310,15 @@ class PathEquations:
         springs: tuple[Array, Array, Array],
         asked: Sequence[tuple[Residual, Changes]],
         first: bool = False,
+        careful: bool = False,
     ) -> list[Iterate]:
         """Newton directions on the last factor, at most two.
 
-        The first ones on a factor find A^-1 f_L and A^-T f_L too. Under work control these are
-        solutions of A u = b + d lambda f_L with f_L.u given; with A^-T f_L d lambda is known before
-        u, whose digits would else cancel: next to a mechanism A^-1 b and A^-1 f_L are far larger.
+        The first ones on a factor find A^-1 f_L too; all is then solved for at once.
+
+        Under work control they are solutions of A u = b + d lambda f_L with f_L.u given. Next to a
+        mechanism A^-1 b and A^-1 f_L are far larger than u, and cancel digits; with A^-T f_L
+        d lambda is known before.
 
         Args:
             now: Where.
@@ -323,22 +326,23 @@ class PathEquations:
             asked: What is left of the linear conditions and to be taken away, and the changes of
                 the products y r_N, s1 z1, s2 z2.
             first: Whether they are the first ones.
+            careful: Whether to keep these digits; as for the first ones.
         """
-        count, live = len(asked), self.problem.live
-        rights, frees = self.workspace.rights[:count], self.workspace.frees[:count]
+        count, live, work = len(asked), self.problem.live, self.workspace
+        rights, frees = work.rights[:count], work.frees[:count]
         drives = [
             self._right(now, *one, springs, right) for one, right in zip(asked, rights, strict=True)
         ]
-        load_factors = [0.0] * count
-        if self.load_factor is None:
-            dual = self.workspace.dual
+        held, load_factors = self.load_factor is None, [0.0] * count
+        if held and careful:
             if first:
-                self.springs.solve_transposed(live, dual)
+                self.springs.solve_transposed(live, work.dual)
             for k, ((residual, _), right) in enumerate(zip(asked, rights, strict=True)):
-                load_factors[k] = float((-residual.work - right.dot(dual)) / live.dot(dual))
+                missing = -residual.work - right.dot(work.dual)
+                load_factors[k] = float(missing / live.dot(work.dual))
                 right.axpy(load_factors[k], live)
-        if first and self.load_factor is None:
-            self.springs.solve_together((*rights, live), (*frees, self.workspace.border))
+        if first and held:
+            self.springs.solve_together((*rights, live), (*frees, work.border))
         else:
             for right, free in zip(rights, frees, strict=True):
                 self.springs.solve(right, free)
