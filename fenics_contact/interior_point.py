@@ -611,7 +611,7 @@ class _InteriorPoint(PathEquations):
                 break
             last = _Last(now.load_factor, moved, products)
             try:
-                self.step(now, residual, cold)
+                self.step(now, residual, close=not cold or error <= HALFWAY)
             except SolverError:
                 break
             if self.growth is not None and self.mobile < 1.0:
@@ -663,7 +663,7 @@ class _InteriorPoint(PathEquations):
             best.iterate, best.sizes, best.error = now, sizes, error
         return BALANCING
 
-    def step(self, now: Iterate, residual: Residual, cold: bool) -> None:
+    def step(self, now: Iterate, residual: Residual, close: bool) -> None:
         """One predictor-corrector step on one factor.
 
         The corrector takes the second-order part of the whole predictor from the products, of
@@ -674,8 +674,7 @@ class _InteriorPoint(PathEquations):
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         here, none = self.products(now), np.zeros_like(now.y)
         changes = -now.y * now.pressure, -now.s1 * now.z1, -now.s2 * now.z2
-        careful = not cold
-        (step,) = self.directions(now, springs, [(residual, changes)], True, careful)
+        (step,) = self.directions(now, springs, [(residual, changes)], True, careful=close)
         towards = self._rates(now, step)
         (part,) = self._lengths(towards[None])
         ahead = (1.0 - part) * here + part**2 * self.products(step)
@@ -686,8 +685,8 @@ class _InteriorPoint(PathEquations):
             target - step.s2 * step.z2,
         )
         rest = Residual(self.workspace.zero, none, none, 0.0)
-        (corrector,) = self.directions(now, springs, [(rest, changes)], False, careful)
-        weights = np.linspace(1.0, min(part, 1.0) ** 2, 1 if cold else WEIGHTS)
+        (corrector,) = self.directions(now, springs, [(rest, changes)], careful=close)
+        weights = np.linspace(1.0, min(part, 1.0) ** 2, WEIGHTS if close else 1)
         lengths = self._lengths(towards + weights[:, None] * self._rates(now, corrector))
         longest = int(np.argmax(lengths))
         step.move(float(weights[longest]), corrector)

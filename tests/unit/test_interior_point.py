@@ -341,7 +341,7 @@ def test_the_last_iterate_counts_where_only_equilibrium_is_missing(bond):
     sizes = run.sizes
     # The first iterate is said to be near, the others are told as they are.
     run.sizes = lambda now, residual: next(said, None) or sizes(now, residual)
-    run.step = lambda now, residual, cold: None
+    run.step = lambda now, residual, close: None
     found = run.converge(best.iterate.copy(), False, 1e-10, window=1)
     assert found.error <= 1e-10
     assert found.sizes["equilibrium"] <= 1e-10
@@ -355,7 +355,7 @@ def test_last_steps_end_where_one_leaves_nearly_all(bond, falls, cold, window, s
     run, best = out_of_balance(bond, 0.0)
     left = iter(falls**k for k in range(100))
     run.sizes = lambda now, residual: {"opening": next(left), "complementarity": 1e-12}
-    run.step = lambda now, residual, cold: None
+    run.step = lambda now, residual, close: None
     assert run.converge(best.iterate.copy(), cold, 1e-10, window=window).steps == steps
 
 
@@ -373,7 +373,7 @@ def test_of_iterates_within_the_tolerance_the_last_counts(bond):
     left = iter((1e-4, 1e-10, 5e-10, 8e-10, 6e-10))
     run.sizes = lambda now, residual: {"opening": next(left), "complementarity": 1e-12}
 
-    def step(now, residual, cold):
+    def step(now, residual, close):
         now.load_factor = 1.0 - (1.0 - now.load_factor) ** 2
 
     run.step = step
@@ -394,10 +394,10 @@ def test_corrector_has_the_weight_that_makes_the_step_longest(bond):
     for seed in range(10):
         noise = 1.0 + np.random.default_rng(seed).normal(size=point.state.pressure.size)
         moved = replace(point.state, pressure=np.abs(noise) * point.state.pressure)
-        for cold in (True, False):
+        for close in (False, True):
             now = run.centred(moved, 1e-6)
             before = run.residual(now)
-            run.step(now, before, cold)
+            run.step(now, before, close)
             after = run.sizes(now, run.residual(now))["opening"]
             parts_taken.append(1.0 - after / run.sizes(now, before)["opening"])
     whole, weighted = np.reshape(parts_taken, (-1, 2)).T
