@@ -207,6 +207,7 @@ class CoulombFriction:
         at_once: bool = False,
         attracting: bool = False,
         past_folds: bool = True,
+        few_blocks: bool = False,
     ) -> None:
         """Choose how to iterate.
 
@@ -221,6 +222,7 @@ class CoulombFriction:
             attracting: Whether a state found so counts only if it attracts the fixed point; it is
                 looked for with friction that grows, where low states are met first.
             past_folds: Whether its path may be followed past folds, to wherever it ends.
+            few_blocks: Whether the interior point method may find that state alone.
         """
         self.control = control
         self.problem = control.problem
@@ -233,6 +235,7 @@ class CoulombFriction:
         self.at_once = at_once
         self.attracting = attracting
         self.past_folds = past_folds
+        self.few_blocks = few_blocks
 
     def solve(
         self,
@@ -273,19 +276,19 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             if self.past_folds and self.attracting:
-                point = self._follow(start, work, start.load_factor, anywhere, history, modes=True)
+                if self.few_blocks:
+                    point = self._directly(start, work, history)
+                if point is None:
+                    before = start.load_factor
+                    point = self._follow(start, work, before, anywhere, history, modes=True)
+            if point is None:
+                point = self._monolithic(
+                    start, work, 1.0, anywhere, history, self.attracting, self.past_folds
+                )
             if point is not None:
                 return point, history
-            point = self._monolithic(
-                start, work, 1.0, anywhere, history, self.attracting, self.past_folds
-            )
-            # Which state a step across folds meets is chance; the path has a beginning.
-            asked = self.attracting and point is not None and not point.followed
-            if point is not None and not (asked and self._repels(point)):
-                return point, history
-            if point is None and not iterate:
+            if not iterate:
                 raise SolverError("none at once")
-            point = None
         for _ in range(MAX_ITERATIONS):
             try:
                 point, steps = self._given_friction(point, start, bound, work, change, coulomb)
@@ -357,7 +360,7 @@ class CoulombFriction:
         """Whether the fixed point moves away from a state, which is then given up."""
         repels = self._interior.repels(point.state, point.bound, self.scales)
         if repels:
-            _log.info("  monolithic step not used: the fixed point leaves its state")
+            _log.info("  its state not used: the fixed point leaves it")
             point.state.destroy()
         return repels
 
@@ -450,7 +453,22 @@ class CoulombFriction:
                 past_folds,
             )
 
-        return self._taken(solve, "monolithic step", start.load_factor, allowed, history)
+        # Which state a step across folds meets is chance; the path has a beginning.
+        return self._taken(
+            solve, "monolithic step", start.load_factor, allowed, history, attracting=growing
+        )
+
+    def _directly(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
+        """The same with friction that grows from little, which finds low states of few blocks."""
+
+        def solve() -> PathPoint:
+            settled = SETTLED * self.tolerance
+            return self._interior.directly(work, start, self.scales, self.final, settled)
+
+        anywhere = np.inf, np.inf
+        return self._taken(
+            solve, "interior point method", start.load_factor, anywhere, history, attracting=True
+        )
 
     def _follow(
         self,
@@ -480,8 +498,12 @@ class CoulombFriction:
         before: float,
         allowed: tuple[float, float],
         history: FixedPointHistory,
+        attracting: bool = False,
     ) -> PathPoint | None:
-        """The state that a solver with the bound in its equations finds, if it is as allowed."""
+        """The state that a solver with the bound in its equations finds, if it is as allowed.
+
+        With `attracting` only if the fixed point stays there, unless its path was followed.
+        """
         spent = self._interior.factorizations
         try:
             found = solve()
@@ -495,6 +517,8 @@ class CoulombFriction:
             found.state.destroy()
             return None
         steps = self._interior.factorizations - spent
+        if attracting and not found.followed and self._repels(found):
+            return None
         history.steps.append(FixedPointStep(factor, 0.0, 1.0, steps))
         history.method, history.converged = "monolithic", True
         self._report(history)

@@ -92,6 +92,11 @@ TRANSFERS = 3e-1, 3e-2, 3e-3
 #: the states found are lower, but with many blocks the path then has too many folds.
 FEW_BLOCKS, GROWN, GROWING_POWER = 100, 3e-3, 0.2
 
+#: With so few the interior point method is tried alone before, with friction that grows from this
+#: coefficient to its full size while the products fall to these, in units of force times
+#: displacement; its error has to halve over so many steps.
+FIRST_FRICTION, FULL_AT, DIRECT_STEPS = 0.1, 1e-4, 12
+
 #: Smallest size of p and q by which changes along the path of the structure are measured, in parts
 #: of the displacement that strains it.
 SMALLEST_STRAIN = 3.0
@@ -272,6 +277,27 @@ class WorkControl:
         return self.solve(
             bound, work, start, scales, centring, tolerance, load_factor, settled, growing
         )
+
+    def directly(
+        self,
+        work: float,
+        start: State,
+        scales: Scales,
+        tolerance: float,
+        settled: float = np.inf,
+    ) -> PathPoint:
+        """Solve with Coulomb friction that grows, by the interior point method alone.
+
+        Arguments and what is returned are those of `follow`.
+
+        Raises:
+            SolverError: If it stalls.
+        """
+        largest = self.problem.max(self.problem.friction) / FIRST_FRICTION
+        power = np.log(max(largest, 1.0)) / np.log(1.0 / FULL_AT)
+        run = _InteriorPoint(*self._shared, None, work, scales, growth=Growth(FULL_AT, power))
+        best = run.converge(run.start(start, 1.0), True, tolerance, settled, DIRECT_STEPS)
+        return self._point(run, best, tolerance)
 
     def follow(
         self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf

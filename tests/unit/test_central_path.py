@@ -193,6 +193,7 @@ def test_many_blocks_start_further_along(method, many):
 
 def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
     """Here a wall of few blocks that counts as one of many, and whose first path leads nowhere."""
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
     monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
     monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
     tried = []
@@ -217,6 +218,7 @@ def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
 
 def test_many_blocks_try_no_path_twice(monkeypatch):
     """Two attempts from the modes and with the bound in the equations, then the fixed point."""
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
     monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
     monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
     tried, from_modes = [], []

@@ -18,7 +18,9 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
+from fenics_contact.block_modes import BlockModes
 from fenics_contact.bounds import RigidBlocks
+from fenics_contact.central_path import CentralPath
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.interior_point import WorkControl
 from fenics_contact.plan import FIXED_POINT
@@ -78,14 +80,41 @@ def test_state_that_repels_the_fixed_point_is_iterated_for(monkeypatch):
 
 
 def test_fixed_point_where_the_path_leads_nowhere(monkeypatch):
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
     monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
+    monkeypatch.setattr(CoulombFriction, "_monolithic", lambda *_, **__: None)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
     assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
     assert len(result.positive.history[0].steps) > 3
     assert not any(item.startswith(FIXED_POINT) for item in result.plan.skipped)
 
 
+def test_few_blocks_need_neither_modes_nor_path(monkeypatch):
+    Calls(monkeypatch, BlockModes, "build", forbid=True)
+    Calls(monkeypatch, CentralPath, "follow", forbid=True)
+    Calls(monkeypatch, CoulombFriction, "_given_friction", forbid=True)
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert result.mode_factorizations == 0
+
+
+def test_what_few_blocks_find_counts_only_if_it_attracts_the_fixed_point(monkeypatch):
+    monkeypatch.setattr(WorkControl, "repels", lambda *_: True)
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
+    assert result.mode_factorizations > 0
+
+
+def test_more_blocks_begin_with_their_modes(monkeypatch):
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 45)
+    Calls(monkeypatch, WorkControl, "directly", forbid=True)
+    result = limit_load(wall_scene("W3", coulomb(0.65)))
+    assert len(result.structure.bodies.centre) == 46
+    assert result.mode_factorizations > 0
+
+
 def test_state_past_a_fold_needs_no_iteration(monkeypatch):
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
     Calls(monkeypatch, CoulombFriction, "_given_friction", forbid=True)
     Calls(monkeypatch, WorkControl, "repels", forbid=True)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
