@@ -3,8 +3,8 @@
 A predictor-corrector method (S. Mehrotra, SIAM J. Optim. 2 (1992) 575) drives the products of the
 path's equations (`path_equations`) to zero. As T grows, lambda(T) rises to the limit load and
 stays; du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero. Where the
-method stalls the central path is followed (`central_path`), by default from where the modes of the
-blocks lead (`block_modes`).
+method stalls, and with many blocks before it is tried alone, the central path is followed
+(`central_path`), by default from where the modes of the blocks lead (`block_modes`).
 """
 
 from __future__ import annotations
