@@ -134,7 +134,7 @@ def test_solver_that_finds_no_state_is_not_an_answer(tmp_path, monkeypatch, caps
     def fail(*_, **__):
         raise SolverError("interior point: broken on purpose")
 
-    for way in ("solve", "from_modes"):
+    for way in ("solve", "from_modes", "directly"):
         monkeypatch.setattr(WorkControl, way, fail)
     scene = write_scene(tmp_path)
     found = run_here(["solve", scene, "-o", tmp_path / "out"], capsys)
