@@ -207,7 +207,7 @@ class CoulombFriction:
         at_once: bool = False,
         attracting: bool = False,
         past_folds: bool = True,
-        few_blocks: bool = False,
+        small: bool = False,
     ) -> None:
         """Choose how to iterate.
 
@@ -222,7 +222,7 @@ class CoulombFriction:
             attracting: Whether a state found so counts only if it attracts the fixed point; it is
                 looked for with friction that grows, where low states are met first.
             past_folds: Whether its path may be followed past folds, to wherever it ends.
-            few_blocks: Whether the interior point method may find that state alone.
+            small: Whether the interior point method alone is tried first.
         """
         self.control = control
         self.problem = control.problem
@@ -235,7 +235,7 @@ class CoulombFriction:
         self.at_once = at_once
         self.attracting = attracting
         self.past_folds = past_folds
-        self.few_blocks = few_blocks
+        self.small = small
 
     def solve(
         self,
@@ -276,7 +276,7 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             if self.past_folds and self.attracting:
-                if self.few_blocks:
+                if self.small:
                     point = self._directly(start, work, history)
                 if point is None:
                     before = start.load_factor

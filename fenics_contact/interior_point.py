@@ -3,8 +3,8 @@
 A predictor-corrector method (S. Mehrotra, SIAM J. Optim. 2 (1992) 575) drives the products of the
 path's equations (`path_equations`) to zero. As T grows, lambda(T) rises to the limit load and
 stays; du/dT is then the collapse mode and d lambda/dT = 1 / (f_L . A^-1 f_L) is zero. Where the
-method stalls, and with many blocks before it is tried alone, the central path is followed
-(`central_path`), by default from where the modes of the blocks lead (`block_modes`).
+method stalls, and with many blocks or a fine mesh before it is tried alone, the central path is
+followed (`central_path`), by default from where the modes of the blocks lead (`block_modes`).
 """
 
 from __future__ import annotations
@@ -92,10 +92,11 @@ TRANSFERS = 3e-1, 3e-2, 3e-3
 #: the states found are lower, but with many blocks the path then has too many folds.
 FEW_BLOCKS, GROWN, GROWING_POWER = 100, 3e-3, 0.2
 
-#: With so few the interior point method is tried alone before, with friction that grows from this
-#: coefficient to its full size while the products fall to these, in units of force times
-#: displacement; its error has to halve over so many steps.
-FIRST_FRICTION, FULL_AT, DIRECT_STEPS = 0.1, 1e-4, 12
+#: With so few, and so few displacements per block that factors of modes cost little less, the
+#: interior point method is tried alone before, with friction that grows from this coefficient to
+#: its full size while the products fall to these, in units of force times displacement; its error
+#: has to halve over so many steps.
+COARSE, FIRST_FRICTION, FULL_AT, DIRECT_STEPS = 100, 0.1, 1e-4, 12
 
 #: Smallest size of p and q by which changes along the path of the structure are measured, in parts
 #: of the displacement that strains it.

@@ -21,7 +21,7 @@ from fenics_contact.certificate import (
 from fenics_contact.continuation import LoadPath
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import FEW_BLOCKS, ZERO_FACTOR, PathPoint, WorkControl
+from fenics_contact.interior_point import COARSE, FEW_BLOCKS, ZERO_FACTOR, PathPoint, WorkControl
 from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.splitting import JointForces, SplittingHistory
@@ -333,7 +333,7 @@ class Search:
             at_once=self.at_once,
             attracting=self.method == "auto",
             past_folds=self.past_folds,
-            few_blocks=len(self.structure.bodies.centre) <= FEW_BLOCKS,
+            small=self._small,
         )
         try:
             growth, warm = self._growth(work), bool(self.history)
@@ -409,6 +409,12 @@ class Search:
             motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
         mode = self.structure.rigid_motion(motion)
         return mode, slope, certified(mode, rigid_limit)
+
+    @property
+    def _small(self) -> bool:
+        """Whether blocks are few, and coarsely meshed."""
+        blocks = len(self.structure.bodies.centre)
+        return blocks <= FEW_BLOCKS and self.problem.live.getSize() <= COARSE * blocks
 
     @property
     def _no_upper(self) -> bool:

@@ -105,8 +105,9 @@ def test_what_few_blocks_find_counts_only_if_it_attracts_the_fixed_point(monkeyp
     assert result.mode_factorizations > 0
 
 
-def test_more_blocks_begin_with_their_modes(monkeypatch):
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 45)
+@pytest.mark.parametrize(("limit", "least"), [("FEW_BLOCKS", 45), ("COARSE", 10)])
+def test_more_blocks_and_finer_meshes_begin_with_modes(monkeypatch, limit, least):
+    monkeypatch.setattr(f"fenics_contact.search.{limit}", least)
     Calls(monkeypatch, WorkControl, "directly", forbid=True)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
     assert len(result.structure.bodies.centre) == 46
