@@ -79,6 +79,14 @@ FINAL_TOLERANCE, SETTLED = 1e-3, 2e-3
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
 
 
+#: Methods of `WorkControl` that look for a state with Coulomb friction, and what they follow.
+WAYS = {
+    "directly": "interior point method",
+    "from_modes": "modes of the blocks",
+    "follow": "central path",
+}
+
+
 class GivenFriction(Protocol):
     """Solves for states with given friction, as `interior_point.WorkControl` does.
 
@@ -276,11 +284,10 @@ class CoulombFriction:
         if self.at_once and coulomb and not warm:
             anywhere = (np.inf, np.inf)
             if self.past_folds and self.attracting:
-                if self.small:
-                    point = self._directly(start, work, history)
-                if point is None:
-                    before = start.load_factor
-                    point = self._follow(start, work, before, anywhere, history, modes=True)
+                for way in ("directly", "from_modes") if self.small else ("from_modes",):
+                    if point is None:
+                        before = start.load_factor
+                        point = self._follow(start, work, before, anywhere, history, way)
             if point is None:
                 point = self._monolithic(
                     start, work, 1.0, anywhere, history, self.attracting, self.past_folds
@@ -344,9 +351,8 @@ class CoulombFriction:
         point = self._continue(start, work, growth, history) if self.monolithic else None
         if point is None and self.monolithic and afresh is not None:
             near = self._near(start, growth)
-            point = self._follow(
-                afresh, work, start.load_factor, near, history, modes=self.attracting
-            )
+            way = "from_modes" if self.attracting else "follow"
+            point = self._follow(afresh, work, start.load_factor, near, history, way)
         if point is None:
             raise SolverError("no state next to the last one")
         return point, history
@@ -458,18 +464,6 @@ class CoulombFriction:
             solve, "monolithic step", start.load_factor, allowed, history, attracting=growing
         )
 
-    def _directly(self, start: State, work: float, history: FixedPointHistory) -> PathPoint | None:
-        """The same with friction that grows from little, which finds low states of few blocks."""
-
-        def solve() -> PathPoint:
-            settled = SETTLED * self.tolerance
-            return self._interior.directly(work, start, self.scales, self.final, settled)
-
-        anywhere = np.inf, np.inf
-        return self._taken(
-            solve, "interior point method", start.load_factor, anywhere, history, attracting=True
-        )
-
     def _follow(
         self,
         start: State,
@@ -477,19 +471,17 @@ class CoulombFriction:
         before: float,
         allowed: tuple[float, float],
         history: FixedPointHistory,
-        modes: bool = False,
+        way: str,
     ) -> PathPoint | None:
-        """The same along the central path past its folds, from a load factor `before`.
-
-        With `modes` from where the modes of the blocks lead.
-        """
-        way = self._interior.from_modes if modes else self._interior.follow
-        name = "modes of the blocks" if modes else "central path"
+        """The same from a load factor `before`, by one of `WAYS`."""
+        solver = getattr(self._interior, way)
 
         def solve() -> PathPoint:
-            return way(work, start, self.scales, self.final, SETTLED * self.tolerance)
+            settled = SETTLED * self.tolerance
+            return cast(PathPoint, solver(work, start, self.scales, self.final, settled))
 
-        return self._taken(solve, name, before, allowed, history)
+        alone = way == "directly"
+        return self._taken(solve, WAYS[way], before, allowed, history, attracting=alone)
 
     def _taken(
         self,

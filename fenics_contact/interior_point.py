@@ -137,7 +137,7 @@ class _Best:
     """What some steps have led to.
 
     Attributes:
-        iterate: The best one.
+        iterate: The best one, or of those within the tolerance the last.
         sizes: Its residuals.
         error: The largest of them.
         steps: Number of steps.
@@ -280,12 +280,7 @@ class WorkControl:
         )
 
     def directly(
-        self,
-        work: float,
-        start: State,
-        scales: Scales,
-        tolerance: float,
-        settled: float = np.inf,
+        self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf
     ) -> PathPoint:
         """Solve with Coulomb friction that grows, by the interior point method alone.
 
@@ -326,12 +321,7 @@ class WorkControl:
         return self._point(run, best, tolerance, followed=True)
 
     def from_modes(
-        self,
-        work: float,
-        start: State,
-        scales: Scales,
-        tolerance: float,
-        settled: float = np.inf,
+        self, work: float, start: State, scales: Scales, tolerance: float, settled: float = np.inf
     ) -> PathPoint:
         """Solve with Coulomb friction from where blocks that only move, stretch and bend lead.
 
@@ -645,12 +635,12 @@ class _InteriorPoint(PathEquations):
                 part = max(self.growth.part(self.mean_product(now)), self.mobile)
                 more = self.mobilise(part) * now.pressure
                 now.s1, now.s2 = now.s1 + more, now.s2 + more
-        last_one = _Best(now, sizes, error, step, best.halfway.copy())
-        if best.error > tolerance and last_one.joints < best.joints:
-            step += self.balance(last_one, tolerance)
-            if last_one.error < best.error:
-                best, last_one = last_one, best
-        last_one.destroy()
+        other = _Best(now, sizes, error, step, best.halfway.copy())
+        if best.error > tolerance and other.joints < best.joints:  # only equilibrium is missing
+            step += self.balance(other, tolerance)
+            if other.error < best.error:
+                best, other = other, best
+        other.destroy()
         best.steps = step + self.balance(best, tolerance)
         return best
 
