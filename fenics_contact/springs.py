@@ -23,6 +23,15 @@ from fenics_contact.joints import JointOperators
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
 
+#: Options of MUMPS for A with coupling. It is nearly symmetric with springs of very different size on
+#: the diagonal: searching off-diagonal pivots cancels digits that plain elimination keeps, and that
+#: needs no scaling. The determinant is asked for.
+PLAIN_ELIMINATION = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1}
+
+#: Ordering by approximate minimum fill, for up to so many unknowns: the automatic choice, PORD, takes
+#: several times as long and saves nothing there.
+MINIMUM_FILL, FILL_UNKNOWNS = 2, 100_000
+
 
 @dataclass(frozen=True)
 class JointRows:
@@ -225,13 +234,14 @@ class SpringStiffness:
         preconditioner.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         solver.setOperators(matrix)
         if kind == PETSc.PC.Type.LU:
-            # A is nearly symmetric with springs of very different size on the diagonal: searching
-            # off-diagonal pivots cancels digits that plain elimination keeps.
-            preconditioner.setFactorSetUpSolverType()
-            factor = preconditioner.getFactorMatrix()
-            factor.setMumpsIcntl(6, 0)
-            factor.setMumpsCntl(1, 0.0)
-            factor.setMumpsIcntl(33, 1)  # the determinant
+            small = matrix.getSize()[0] <= FILL_UNKNOWNS
+            prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
+            solver.setOptionsPrefix(prefix)
+            options = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
+            for name, value in PLAIN_ELIMINATION.items():
+                options[f"mat_mumps_{name}"] = value
+            if small:
+                options["mat_mumps_icntl_7"] = MINIMUM_FILL
         return matrix, solver
 
     def _add(
