@@ -666,7 +666,8 @@ class _InteriorPoint(PathEquations):
                 return step
             residual = self.residual(now)
             same = none, none, none
-            (back,) = self.directions(now, springs, [(residual, same)], True, careful=True)
+            self.cancelling = True
+            (back,) = self.directions(now, springs, [(residual, same)], first=True)
             (length,) = self._lengths(self._rates(now, back)[None])
             now.move(min(1.0, STEP_FRACTION * float(length)), back)
             back.destroy()
@@ -686,12 +687,12 @@ class _InteriorPoint(PathEquations):
         The corrector takes the second-order part of the whole predictor from the products, of
         which only a part may be taken. Close to a state it has the weight, from 1 to the square of
         that part, with which the step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41
-        (2008) 277). Far from one longer steps lead past low states, and digits do not count.
+        (2008) 277); far from one longer steps lead past low states.
         """
         springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
         here, none = self.products(now), np.zeros_like(now.y)
         changes = -now.y * now.pressure, -now.s1 * now.z1, -now.s2 * now.z2
-        (step,) = self.directions(now, springs, [(residual, changes)], True, careful=close)
+        (step,) = self.directions(now, springs, [(residual, changes)], first=True)
         towards = self._rates(now, step)
         (part,) = self._lengths(towards[None])
         ahead = (1.0 - part) * here + part**2 * self.products(step)
@@ -702,7 +703,7 @@ class _InteriorPoint(PathEquations):
             target - step.s2 * step.z2,
         )
         rest = Residual(self.workspace.zero, none, none, 0.0)
-        (corrector,) = self.directions(now, springs, [(rest, changes)], careful=close)
+        (corrector,) = self.directions(now, springs, [(rest, changes)])
         weights = np.linspace(1.0, min(part, 1.0) ** 2, WEIGHTS if close else 1)
         lengths = self._lengths(towards + weights[:, None] * self._rates(now, corrector))
         longest = int(np.argmax(lengths))

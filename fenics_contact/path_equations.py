@@ -52,6 +52,9 @@ NEAREST = 1e-9
 #: Points whose bound is below this fraction of the typical force transmit no shear.
 NO_FRICTION = 1e-12
 
+#: By how much larger than their sum the parts of a direction are from which on digits are kept.
+CANCELLING = 1e4
+
 #: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
 #: still move; it recovers as they come to rest.
 EQUILIBRIUM_WEIGHT = 1e-3
@@ -209,6 +212,9 @@ class PathEquations:
             self.sticky = bound > NO_FRICTION * scales.force
         products = np.ones(len(self.sticky)) + 2.0 * self.sticky
         self.count = max(problem.sum(products), 1.0)
+        #: Whether digits of directions cancel, and are to be kept; the factor that `dual` is of.
+        self.cancelling = False
+        self._factor_of_dual = 0
 
     def mobilise(self, part: float) -> Array:
         """Set the part of Coulomb's coefficient that is there.
@@ -310,15 +316,14 @@ class PathEquations:
         springs: tuple[Array, Array, Array],
         asked: Sequence[tuple[Residual, Changes]],
         first: bool = False,
-        careful: bool = False,
     ) -> list[Iterate]:
         """Newton directions on the last factor, at most two.
 
         The first ones on a factor find A^-1 f_L too; all is then solved for at once.
 
         Under work control they are solutions of A u = b + d lambda f_L with f_L.u given. Next to a
-        mechanism A^-1 b and A^-1 f_L are far larger than u, and cancel digits; with A^-T f_L
-        d lambda is known before.
+        mechanism A^-1 b and A^-1 f_L are far larger than u, and cancel digits. With A^-T f_L
+        d lambda is known before, from the directions on that did cancel some.
 
         Args:
             now: Where.
@@ -326,7 +331,6 @@ class PathEquations:
             asked: What is left of the linear conditions and to be taken away, and the changes of
                 the products y r_N, s1 z1, s2 z2.
             first: Whether they are the first ones.
-            careful: Whether to keep these digits; as for the first ones.
         """
         count, live, work = len(asked), self.problem.live, self.workspace
         rights, frees = work.rights[:count], work.frees[:count]
@@ -334,9 +338,10 @@ class PathEquations:
             self._right(now, *one, springs, right) for one, right in zip(asked, rights, strict=True)
         ]
         held, load_factors = self.load_factor is None, [0.0] * count
-        if held and careful:
-            if first:
+        if held and self.cancelling:
+            if self._factor_of_dual != self.springs.factorizations:
                 self.springs.solve_transposed(live, work.dual)
+                self._factor_of_dual = self.springs.factorizations
             for k, ((residual, _), right) in enumerate(zip(asked, rights, strict=True)):
                 missing = -residual.work - right.dot(work.dual)
                 load_factors[k] = float(missing / live.dot(work.dual))
@@ -346,10 +351,17 @@ class PathEquations:
         else:
             for right, free in zip(rights, frees, strict=True):
                 self.springs.solve(right, free)
-        return [
-            self._found(now, *one, springs, *found)
-            for one, *found in zip(asked, drives, frees, load_factors, strict=True)
+        found = [
+            self._found(now, *one, springs, *answer)
+            for one, *answer in zip(asked, drives, frees, load_factors, strict=True)
         ]
+        if held and not self.cancelling:
+            border = work.border.norm(PETSc.NormType.INFINITY)
+            self.cancelling = any(
+                abs(one.load_factor) * border > CANCELLING * one.u.norm(PETSc.NormType.INFINITY)
+                for one in found
+            )
+        return found
 
     def _right(
         self,
