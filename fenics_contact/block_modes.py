@@ -8,11 +8,14 @@ columns of P, turn the structure into one with eight unknowns per block and the 
 whose central path (`central_path`) leads through the same folds at little cost: which joints open
 and slide hangs on how blocks move, and how forces spread among the others on how they strain as a
 whole. Its state, with the same joint forces, is where the path of the structure itself is taken up.
+As long as springs at the joints give way more than blocks do these need not even strain, and three
+unknowns per block are enough.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +29,7 @@ Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
 
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
-MODES = 8
+RIGID, MODES = 3, 8
 
 #: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
 DEPENDENT = 1e-10
@@ -37,40 +40,52 @@ class BlockModes:
     """Modes of all blocks, and the structure that moves in these alone.
 
     Attributes:
-        basis: P with orthonormal columns, eight for every block, in the supports' coordinates;
-            columns that are linear combinations of others are zero.
+        basis: P with orthonormal columns, equally many for every block, in the supports'
+            coordinates; columns that are linear combinations of others are zero.
         full: The structure that it reduces.
         reduced: That of the modes; modes that are none have the mean diagonal of K_P.
         springs: K_P with joint springs.
+        shapes: Displacements of this rank's nodes in every mode of their block, zero where held,
+            shape (nodes, 2, modes).
+        body: Block of every node of this rank.
+        sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
     """
 
     basis: PETSc.Mat
     full: ContactProblem
     reduced: ContactProblem
     springs: SpringStiffness
+    shapes: Array
+    body: Integers
+    sides: Integers
 
     @classmethod
     def build(
-        cls, problem: ContactProblem, shapes: Array, body: Integers, blocks: int, sides: Integers
+        cls,
+        problem: ContactProblem,
+        shapes: Array,
+        body: Integers,
+        blocks: int,
+        sides: Integers,
+        mean_diagonal: float = 0.0,
     ) -> BlockModes:
         """Reduce a structure.
 
         Args:
             problem: The structure.
-            shapes: Displacements of this rank's nodes in every mode of their block, as `modes`
-                gives them, zero where held, shape (nodes, 2, 8).
-            body: Block of every node of this rank.
+            shapes: As the attribute; `modes` gives them.
+            body: Likewise.
             blocks: Number of blocks.
-            sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+            sides: As the attribute.
+            mean_diagonal: To be taken for that of K_P, where that is zero but for rounding.
         """
-        basis = _orthonormal_columns(problem, shapes, body, blocks)
+        basis, is_mode = _orthonormal_columns(problem, shapes, body, blocks)
         stiffness = problem.stiffness.ptap(basis)
         diagonal = stiffness.getDiagonal()
         stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
-        none = diagonal.array_r <= 0.0
-        first, _ = stiffness.getOwnershipRange()
-        mean = diagonal.sum() / diagonal.getSize()
-        for row in first + np.flatnonzero(none):
+        first, last = stiffness.getOwnershipRange()
+        mean = mean_diagonal or diagonal.sum() / diagonal.getSize()
+        for row in first + np.flatnonzero(~is_mode[first:last]):
             stiffness.setValue(row, row, mean)
         stiffness.assemble()
         diagonal.destroy()
@@ -85,13 +100,28 @@ class BlockModes:
             basis.transposeMatMult(problem.rigid),
             problem.slip_origin,
         )
-        springs = SpringStiffness(stiffness, _rows(reduced, sides))
-        return cls(basis, problem, reduced, springs)
+        springs = SpringStiffness(stiffness, _rows(reduced, sides, shapes.shape[2]))
+        springs.mean_diagonal = mean_diagonal or springs.mean_diagonal
+        return cls(basis, problem, reduced, springs, shapes, body, sides)
+
+    @cached_property
+    def rigid(self) -> BlockModes:
+        """The same blocks, rigid; made when first asked for."""
+        rigid = self.shapes[:, :, :RIGID]
+        return self.build(
+            self.full, rigid, self.body, self.count, self.sides, self.springs.mean_diagonal
+        )
 
     @property
     def count(self) -> int:
         """Number of blocks."""
-        return int(self.basis.getSize()[1]) // MODES
+        return int(self.basis.getSize()[1]) // int(self.shapes.shape[2])
+
+    @property
+    def factorizations(self) -> int:
+        """Numeric factorisations so far, those of rigid blocks among them."""
+        rigid = self.rigid.factorizations if "rigid" in self.__dict__ else 0
+        return self.springs.factorizations + rigid
 
     def of(self, problem: ContactProblem) -> ContactProblem:
         """The reduced structure with the live load of `problem`, which may be reversed."""
@@ -119,6 +149,8 @@ class BlockModes:
 
     def destroy(self) -> None:
         """Free the PETSc objects, which would otherwise be kept for long."""
+        if "rigid" in self.__dict__:
+            self.rigid.destroy()
         self.springs.destroy()
         problem = self.reduced
         for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
@@ -146,10 +178,10 @@ def modes(arm: Array) -> Array:
 
 def _orthonormal_columns(
     problem: ContactProblem, shapes: Array, body: Integers, blocks: int
-) -> PETSc.Mat:
-    """P, of which a block's columns span its modes."""
-    comm = problem.comm
-    gram = np.zeros((blocks, MODES, MODES))
+) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
+    """P, of which a block's columns span its modes, and which of all columns are not zero."""
+    comm, motions = problem.comm, shapes.shape[2]
+    gram = np.zeros((blocks, motions, motions))
     order = np.argsort(body, kind="stable")
     present, start = np.unique(body[order], return_index=True)
     squares = np.matmul(np.swapaxes(shapes, 1, 2), shapes)[order]
@@ -163,11 +195,12 @@ def _orthonormal_columns(
     independent = size > DEPENDENT
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.einsum("nik,nkl->nil", shapes, columns[body])
-    first, last = (MODES * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
-    sizes = problem.dead.getSizes(), (last - first, MODES * blocks)
-    indices = np.repeat(MODES * body[:, None] + np.arange(MODES), 2, axis=0)
-    csr = [a.astype(PETSc.IntType) for a in (MODES * np.arange(2 * len(body) + 1), indices.ravel())]
-    return PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
+    first, last = (motions * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
+    sizes = problem.dead.getSizes(), (last - first, motions * blocks)
+    indices = np.repeat(motions * body[:, None] + np.arange(motions), 2, axis=0)
+    csr = [a.astype(PETSc.IntType) for a in (motions * np.arange(2 * len(body) + 1), indices.ravel())]
+    basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
+    return basis, independent.ravel()
 
 
 def _restricted(basis: PETSc.Mat, vector: PETSc.Vec) -> PETSc.Vec:
@@ -177,15 +210,21 @@ def _restricted(basis: PETSc.Mat, vector: PETSc.Vec) -> PETSc.Vec:
     return restricted
 
 
-def _rows(reduced: ContactProblem, sides: Integers) -> JointRows:
-    """Rows of B_P, joint by joint: the points between the same two blocks together."""
+def _rows(reduced: ContactProblem, sides: Integers, motions: int) -> JointRows:
+    """Rows of B_P, joint by joint: the points between the same two blocks together.
+
+    Args:
+        reduced: The reduced structure.
+        sides: Blocks on both sides of this rank's joint points.
+        motions: Modes per block.
+    """
     per_point = []
     for matrix in (reduced.normal, reduced.tangential):
         start, columns, values = matrix.getValuesCSR()
         point = np.repeat(np.arange(len(sides)), np.diff(start))
-        second = columns // MODES == sides[point, 1]
-        rows = np.zeros((len(sides), 2 * MODES))
-        rows[point, columns % MODES + MODES * second] = values
+        second = columns // motions == sides[point, 1]
+        rows = np.zeros((len(sides), 2 * motions))
+        rows[point, columns % motions + motions * second] = values
         per_point.append(rows)
-    dofs = np.where(sides[:, :, None] < 0, -1, MODES * sides[:, :, None] + np.arange(MODES))
-    return JointRows.grouped(dofs.reshape(-1, 2 * MODES), *per_point)
+    dofs = np.where(sides[:, :, None] < 0, -1, motions * sides[:, :, None] + np.arange(motions))
+    return JointRows.grouped(dofs.reshape(-1, 2 * motions), *per_point)

@@ -84,9 +84,10 @@ FOLLOWED = 1e-7
 #: finishes, or if need be is tried again; at the first so many no more than `ACCEPTABLE` is left.
 HALFWAY, FOLLOW_TO, STRICT = 1e-3, (3e-3, 1e-3, 3e-4, 3e-5, 3e-6), 2
 
-#: Products, in the same units, at which the path of the blocks' modes is left for the structure's:
-#: the last, or where that leads nowhere one before.
-TRANSFERS = 3e-1, 3e-2, 3e-3
+#: Products, in the same units, up to which blocks are rigid, unless they are few, and those at which
+#: the path of their modes is left for the structure's: the last, or where that leads nowhere one
+#: before.
+RIGID_TO, TRANSFERS = 1.0, (3e-1, 3e-2, 3e-3)
 
 #: With few blocks it is left at these products, and friction grows all the way, like this power:
 #: the states found are lower, but with many blocks the path then has too many folds.
@@ -362,36 +363,66 @@ class WorkControl:
         Raises:
             SolverError: If it leads nowhere.
         """
-        before = modes.springs.factorizations
-        coarse = WorkControl(modes.of(self.problem), modes.springs)
-        begin = modes.restricted(start)
+        near, made_of_modes = [(start, np.inf)], modes.factorizations
+        stages = [(modes, (GROWN,))] if few else [(modes.rigid, (RIGID_TO,)), (modes, TRANSFERS)]
         try:
-            found = coarse._along_modes(work, begin, scales, few)
+            for blocks, ends in stages:
+                coarse = WorkControl(blocks.of(self.problem), blocks.springs)
+                before, products = near[-1]
+                begin = blocks.restricted(before)
+                try:
+                    found = coarse._along_modes(work, begin, products, scales, ends, few)
+                except SolverError as error:
+                    if blocks is modes:
+                        raise
+                    _log.info("  rigid blocks: %s", error)
+                    continue
+                finally:
+                    begin.destroy()
+                    coarse.destroy()
+                near = [(blocks.prolonged(state), products) for state, products in found]
+                for state in (before, *(state for state, _ in found)):
+                    if state is not start:
+                        state.destroy()
         finally:
-            begin.destroy()
-            coarse.destroy()
-            self._of_modes += modes.springs.factorizations - before
-        near = [(modes.prolonged(state), products) for state, products in found]
-        for state, _ in found:
-            state.destroy()
+            self._of_modes += modes.factorizations - made_of_modes
         return near
 
     def _along_modes(
-        self, work: float, start: State, scales: Scales, few: bool
+        self,
+        work: float,
+        start: State,
+        products: float,
+        scales: Scales,
+        ends: tuple[float, ...],
+        few: bool,
     ) -> list[tuple[State, float]]:
-        """The same, for blocks that have nothing but these modes."""
+        """The same, for blocks that have nothing but these modes.
+
+        Args:
+            work: T.
+            start: State to start from.
+            products: Those at which it is on the path, infinite where it is not.
+            scales: Typical sizes.
+            ends: Products up to which the path is followed, in units of force times elastic
+                displacement; a state for each is returned, if there is a first.
+            few: Whether friction grows along it.
+        """
         growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if few else None
-        run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
-        best = run.converge(run.start(start, 1.0), True, HALFWAY, window=FOLD_STEPS)
-        error = best.joints  # of equilibrium a large T cancels digits
-        if not error <= NEAR_ENOUGH:
+        if np.isfinite(products):
+            now = path.start(start, products)
+        else:
+            run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
+            tolerance = max(HALFWAY, ends[0] * scales.elastic_part)
+            best = run.converge(run.start(start, 1.0), True, tolerance, window=FOLD_STEPS)
+            error = best.joints  # of equilibrium a large T cancels digits
+            if not error <= NEAR_ENOUGH:
+                best.destroy()
+                raise SolverError(f"interior point: joints' residual {error:.1e}, no path to begin")
+            products = path.mean_product(best.iterate)
+            now = path.start(best.state(work), products)
             best.destroy()
-            raise SolverError(f"interior point: joints' residual {error:.1e}, no path to begin")
-        products = path.mean_product(best.iterate)
-        now = path.start(best.state(work), products)
-        best.destroy()
-        ends = (GROWN,) if few else TRANSFERS
         found: list[tuple[State, float]] = []
         for end in ends:
             close = CLOSE if end == ends[-1] else np.inf

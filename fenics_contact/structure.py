@@ -162,7 +162,7 @@ class Structure:
     def mode_factorizations(self) -> int:
         """Numeric factorisations of `block_modes` so far."""
         made = "block_modes" in self.__dict__
-        return self.block_modes.springs.factorizations if made else 0
+        return self.block_modes.factorizations if made else 0
 
     @property
     def factorizations(self) -> int:
