@@ -371,7 +371,7 @@ class FewPoints:
         """Where the chosen points lead, and those that are chosen in addition in some rounds."""
         equations = self._equations()
         curve = self._curve(Course.ACROSS, equations)
-        here, forward = curve.begin, curve.fixed
+        here, forward, furthest = curve.begin, curve.fixed, curve.begin
         while True:
             on_path = curve.course is Course.ALONG
             reach = self._reach(self.back, end) if on_path else (BACK, 1.0)
@@ -393,8 +393,11 @@ class FewPoints:
             elif on_path or traced.complete:
                 return self._moved(traced.last, equations, True)
             elif curve.course is Course.LEVEL:
+                if furthest.x[PART] > traced.furthest.x[PART]:
+                    return self._moved(equations.at(equations.continued(furthest)), equations, False)
                 return self._moved(traced.furthest, equations, False)
             else:
+                furthest = traced.furthest
                 curve = self._curve(Course.LEVEL, equations)
                 here, forward = curve.begin, curve.fixed
 
