@@ -198,7 +198,9 @@ def _orthonormal_columns(
     first, last = (motions * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
     sizes = problem.dead.getSizes(), (last - first, motions * blocks)
     indices = np.repeat(motions * body[:, None] + np.arange(motions), 2, axis=0)
-    csr = [a.astype(PETSc.IntType) for a in (motions * np.arange(2 * len(body) + 1), indices.ravel())]
+    csr = [
+        a.astype(PETSc.IntType) for a in (motions * np.arange(2 * len(body) + 1), indices.ravel())
+    ]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
     return basis, independent.ravel()
 

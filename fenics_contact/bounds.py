@@ -282,8 +282,8 @@ class RigidBlocks:
         cost = np.zeros(a_eq.shape[1])
         cost[0] = -1.0
         options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        # The interior point method is ten times as fast on large walls, but not where any equilibrium
-        # will do; the simplex method tells infeasible from unbounded more surely.
+        # The interior point method is ten times as fast on large walls, but not where any
+        # equilibrium will do; the simplex method tells infeasible from unbounded more surely.
         any_will_do = limits[0] == (0.0, 0.0)
         for method in ("highs-ds",) if any_will_do else ("highs-ipm", "highs-ds"):
             answer = linprog(cost, a_ub, b_ub, a_eq, b_eq, limits, method, options=options)

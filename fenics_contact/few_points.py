@@ -393,9 +393,10 @@ class FewPoints:
             elif on_path or traced.complete:
                 return self._moved(traced.last, equations, True)
             elif curve.course is Course.LEVEL:
-                if furthest.x[PART] > traced.furthest.x[PART]:
-                    return self._moved(equations.at(equations.continued(furthest)), equations, False)
-                return self._moved(traced.furthest, equations, False)
+                if furthest.x[PART] < traced.furthest.x[PART]:
+                    furthest = traced.furthest
+                there = equations.at(equations.continued(furthest))
+                return self._moved(there, equations, False)
             else:
                 furthest = traced.furthest
                 curve = self._curve(Course.LEVEL, equations)

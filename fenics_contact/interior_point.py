@@ -84,10 +84,12 @@ FOLLOWED = 1e-7
 #: finishes, or if need be is tried again; at the first so many no more than `ACCEPTABLE` is left.
 HALFWAY, FOLLOW_TO, STRICT = 1e-3, (3e-3, 1e-3, 3e-4, 3e-5, 3e-6), 2
 
-#: Products, in the same units, up to which blocks are rigid, unless they are few, and those at which
-#: the path of their modes is left for the structure's: the last, or where that leads nowhere one
-#: before.
-RIGID_TO, TRANSFERS = 1.0, (3e-1, 3e-2, 3e-3)
+#: Products, in the same units, at which the path of the blocks' modes is left for the structure's:
+#: the last, or where that leads nowhere one before.
+TRANSFERS = 3e-1, 3e-2, 3e-3
+
+#: With many blocks, whose first work is large, they are rigid up to these products.
+MANY_BLOCKS, RIGID_TO = 200, 1.0
 
 #: With few blocks it is left at these products, and friction grows all the way, like this power:
 #: the states found are lower, but with many blocks the path then has too many folds.
@@ -363,8 +365,10 @@ class WorkControl:
         Raises:
             SolverError: If it leads nowhere.
         """
-        near, made_of_modes = [(start, np.inf)], modes.factorizations
-        stages = [(modes, (GROWN,))] if few else [(modes.rigid, (RIGID_TO,)), (modes, TRANSFERS)]
+        near, made = [(start, np.inf)], modes.factorizations
+        stages = [(modes, (GROWN,) if few else TRANSFERS)]
+        if modes.count > MANY_BLOCKS:
+            stages = [(modes.rigid, (RIGID_TO,)), *stages]
         try:
             for blocks, ends in stages:
                 coarse = WorkControl(blocks.of(self.problem), blocks.springs)
@@ -385,7 +389,7 @@ class WorkControl:
                     if state is not start:
                         state.destroy()
         finally:
-            self._of_modes += modes.factorizations - made_of_modes
+            self._of_modes += modes.factorizations - made
         return near
 
     def _along_modes(

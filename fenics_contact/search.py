@@ -21,7 +21,14 @@ from fenics_contact.certificate import (
 from fenics_contact.continuation import LoadPath
 from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import COARSE, FEW_BLOCKS, ZERO_FACTOR, PathPoint, WorkControl
+from fenics_contact.interior_point import (
+    COARSE,
+    FEW_BLOCKS,
+    MANY_BLOCKS,
+    ZERO_FACTOR,
+    PathPoint,
+    WorkControl,
+)
 from fenics_contact.path_equations import Scales, State
 from fenics_contact.problem import ContactProblem
 from fenics_contact.splitting import JointForces, SplittingHistory
@@ -37,9 +44,9 @@ MONOLITHIC = ("auto", "monolithic")
 #: First work of the live load in units of its work on the bonded structure, and largest.
 FIRST_WORK, LAST_WORK = 300.0, 1e12
 
-#: The load factor of structures of more than so many blocks still rises there: their first work is
-#: this times the square of their number.
-MANY_BLOCKS, WORK_OF_MANY = 200, 0.2
+#: The load factor of structures of many blocks still rises there: their first work is this times
+#: the square of their number.
+WORK_OF_MANY = 0.2
 
 #: Growth of the work, and by how much more at once where the load factor rises slowly.
 WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3

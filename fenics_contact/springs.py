@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
@@ -23,13 +24,18 @@ from fenics_contact.joints import JointOperators
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
 
-#: Options of MUMPS for A with coupling. It is nearly symmetric with springs of very different size on
-#: the diagonal: searching off-diagonal pivots cancels digits that plain elimination keeps, and that
-#: needs no scaling. The determinant is asked for.
+#: Options of MUMPS for A with coupling. It is nearly symmetric with springs of very different size
+#: on the diagonal: searching off-diagonal pivots cancels digits that plain elimination keeps, and
+#: that needs no scaling. The determinant is asked for.
 PLAIN_ELIMINATION = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1}
 
-#: Ordering by approximate minimum fill, for up to so many unknowns: the automatic choice, PORD, takes
-#: several times as long and saves nothing there.
+#: MUMPS' error where a pivot is zero. Without a zero spring that is rounding, next to a mechanism
+#: with large springs. From then on a pivot has at least this size, in units of the mean diagonal of
+#: K: it only tells how far the mechanism would go, and the work of the live load does that.
+SINGULAR, SMALLEST_PIVOT = -10, 1e-20
+
+#: Ordering by approximate minimum fill, for up to so many unknowns: the automatic choice, PORD,
+#: takes several times as long and saves nothing there.
 MINIMUM_FILL, FILL_UNKNOWNS = 2, 100_000
 
 
@@ -114,6 +120,7 @@ class SpringStiffness:
         self._factors: dict[str, tuple[PETSc.Mat, PETSc.KSP]] = {}
         self._together: dict[int, tuple[PETSc.Mat, ...]] = {}
         self._current = ""
+        self._smallest_pivot = 0.0
         diagonal = stiffness.getDiagonal()
         self.mean_diagonal = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
@@ -133,6 +140,19 @@ class SpringStiffness:
         """
         start = time.perf_counter()
         self._current = PETSc.PC.Type.CHOLESKY if coupling is None else PETSc.PC.Type.LU
+        error = self._factored(normal, tangential, coupling)
+        if error == SINGULAR and coupling is not None and not self._smallest_pivot:
+            softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
+            if self._elastic.comm.tompi4py().allreduce(softest, MPI.MIN) > 0.0:
+                self._smallest_pivot = SMALLEST_PIVOT * self.mean_diagonal
+                error = self._factored(normal, tangential, coupling)
+        self.factorizations += 1
+        self.seconds += time.perf_counter() - start
+        if error < 0:
+            raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
+
+    def _factored(self, normal: Array, tangential: Array, coupling: Array | None) -> int:
+        """Factor A; MUMPS' error, below zero where it failed."""
         if self._current not in self._factors:
             self._factors[self._current] = self._new_factor(self._current)
         matrix, solver = self._factors[self._current]
@@ -141,12 +161,10 @@ class SpringStiffness:
         matrix.setOption(PETSc.Mat.Option.SPD, coupling is None)
         preconditioner = solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
-        self.factorizations += 1
-        self.seconds += time.perf_counter() - start
-        error = preconditioner.getFactorMatrix().getMumpsInfog(1)
+        error = int(preconditioner.getFactorMatrix().getMumpsInfog(1))
         if error < 0:
             self._drop(self._current)
-            raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
+        return error
 
     @property
     def determinant_sign(self) -> float:
@@ -240,6 +258,7 @@ class SpringStiffness:
             options = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
             for name, value in PLAIN_ELIMINATION.items():
                 options[f"mat_mumps_{name}"] = value
+            options["mat_mumps_cntl_4"] = self._smallest_pivot or -1.0  # below zero: none
             if small:
                 options["mat_mumps_icntl_7"] = MINIMUM_FILL
         return matrix, solver
