@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolveOptions, SolverError, limit_load
-from fenics_contact.block_modes import MODES, BlockModes, modes
+from fenics_contact.block_modes import MODES, RIGID, BlockModes, modes
 from fenics_contact.central_path import CentralPath
 from fenics_contact.few_points import FewPoints
 from fenics_contact.interior_point import (
@@ -193,6 +193,36 @@ def test_a_reversed_load_is_reversed(structure):
     assert made.of(reversed_problem).slip_origin is reversed_problem.slip_origin
 
 
+def test_rigid_blocks_do_not_strain(structure):
+    """But those that supports hold in part."""
+    made = structure.block_modes.rigid
+    columns, problem = dense(made.basis), made.reduced
+    assert made.count == structure.block_modes.count
+    assert columns.shape[1] == RIGID * made.count
+    body = np.repeat(node_bodies(structure), 2)
+    touched = np.isin(np.arange(made.count), structure.supports.body)
+    for block in np.flatnonzero(~touched):
+        own = columns[:, RIGID * block : RIGID * (block + 1)]
+        assert own.T @ own == pytest.approx(np.eye(RIGID), abs=1e-12)
+        assert set(body[np.any(own != 0.0, axis=1)]) == {block}
+    unit, free = made.springs.mean_diagonal, np.repeat(~touched, RIGID)
+    assert unit == structure.block_modes.springs.mean_diagonal
+    stiffness = dense(problem.stiffness)
+    assert np.abs(stiffness[np.ix_(free, free)]).max() <= 1e-12 * unit
+    none = np.all(columns == 0.0, axis=0)
+    assert np.diag(stiffness)[none] == pytest.approx(np.full(none.sum(), unit), rel=1e-12)
+    for one, of in ((problem.normal, "normal"), (problem.tangential, "tangential")):
+        whole_rows = dense(getattr(structure.problem, of))
+        assert dense(one) == pytest.approx(whole_rows @ columns, abs=1e-12)
+
+
+def test_rigid_motions_are_modes(structure):
+    """So that a state of rigid blocks is one of blocks that may strain."""
+    columns = basis(structure)
+    rigid = dense(structure.block_modes.rigid.basis)
+    assert columns @ (columns.T @ rigid) == pytest.approx(rigid, abs=1e-12)
+
+
 # ---- the way through them
 
 
@@ -214,6 +244,47 @@ def test_without_modes_there_is_no_way(folded):
     control = WorkControl(folded.structure.problem, folded.structure.springs)
     with pytest.raises(SolverError, match="there are none"):
         control.from_modes(start.work, start, scales, 1e-9)
+
+
+def test_many_blocks_are_rigid_first(folded, monkeypatch):
+    """And end in the same state; what few blocks do not need is not made."""
+    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+    structure = folded.structure
+    structure.__dict__.pop("block_modes", None)
+    expected = from_modes(folded)[1].state.load_factor
+    assert "rigid" not in structure.block_modes.__dict__
+    monkeypatch.setattr("fenics_contact.interior_point.MANY_BLOCKS", 10)
+    before, of_modes = structure.factorizations, structure.block_modes.springs.factorizations
+    control, point = from_modes(folded)
+    made = structure.block_modes
+    assert point.state.load_factor == pytest.approx(expected, rel=1e-8)
+    assert made.rigid.factorizations > 0
+    assert made.factorizations == made.springs.factorizations + made.rigid.factorizations
+    assert structure.mode_factorizations == made.factorizations
+    assert point.steps == structure.factorizations - before
+    assert control._of_modes == made.factorizations - of_modes
+
+
+def test_where_rigid_blocks_lead_nowhere_their_modes_are_asked(folded, monkeypatch, caplog):
+    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+    expected = from_modes(folded)[1].state.load_factor
+    monkeypatch.setattr("fenics_contact.interior_point.MANY_BLOCKS", 10)
+    original, asked = CentralPath.follow, []
+
+    def lost(self, now, products, end, *close):
+        asked.append(now.u.getSize())
+        if len(asked) == 1:
+            now.destroy()
+            raise SolverError("lost")
+        return original(self, now, products, end, *close)
+
+    monkeypatch.setattr(CentralPath, "follow", lost)
+    with caplog.at_level("INFO", logger="fenics_contact"):
+        found = from_modes(folded)[1]
+    blocks = folded.structure.block_modes.count
+    assert asked[:2] == [RIGID * blocks, MODES * blocks]
+    assert found.state.load_factor == pytest.approx(expected, rel=1e-8)
+    assert "rigid blocks: lost" in caplog.text
 
 
 def test_far_less_is_left_to_the_structure(monkeypatch):

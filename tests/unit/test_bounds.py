@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.optimize
 from mpi4py import MPI
 
 from fenics_contact import JointLaw, Load, Scene
@@ -446,3 +447,20 @@ def test_all_ranks_have_the_pressure():
     pressures = MPI.COMM_WORLD.allgather(blocks.associative_pressure())
     assert all(np.array_equal(pressure, pressures[0]) for pressure in pressures)
     assert pressures[0].shape == structure.joints.length.shape
+
+
+@pytest.mark.parametrize("friction", [0.05, 3.0])
+def test_whether_the_dead_load_stands_is_asked_of_the_simplex_method_alone(friction, monkeypatch):
+    """On a slope of 15 degrees a block slides or stands; no interior point method is used."""
+    methods, linprog = [], scipy.optimize.linprog
+
+    def noted(*arguments, **options):
+        methods.append(arguments[6])
+        return linprog(*arguments, **options)
+
+    monkeypatch.setattr("scipy.optimize.linprog", noted)
+    blocks = slope(15.0, friction)
+    assert blocks.stands() == (friction > np.tan(np.radians(15.0)))
+    assert methods == ["highs-ds"]
+    blocks.bounds()
+    assert set(methods) >= ({"highs-ipm"} if friction == 3.0 else {"highs-ds"})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,25 @@ def test_chosen_points_save_factorisations(loaded, monkeypatch):
     monkeypatch.setattr("fenics_contact.few_points.FIRST", 0)
     monkeypatch.setattr("fenics_contact.few_points.MOST", 0)
     assert 0 < few < 0.5 * followed()
+
+
+def test_of_two_ways_that_end_short_of_the_path_the_one_that_leads_further_is_taken(
+    loaded, monkeypatch
+):
+    path, place = place_of(loaded)
+    original, reached = FewPoints._trace, {}
+
+    def short(self, curve, here, forward, reach, limit):
+        """Up to a part of the way only, and at the same products not even that."""
+        ends = {Course.ACROSS: 0.4, Course.LEVEL: 0.1}
+        traced = original(self, curve, here, forward, (BACK, ends[curve.course]), limit)
+        reached[curve.course] = traced.furthest
+        return replace(traced, complete=False, stopped=None)
+
+    monkeypatch.setattr(FewPoints, "_trace", short)
+    few = FewPoints(path, place)
+    step = few.follow(1e-9)
+    across, level = reached[Course.ACROSS], reached[Course.LEVEL]
+    assert across.x[PART] > level.x[PART]
+    assert not step.reached
+    assert step.products == pytest.approx(place.products * np.exp(across.x[TURN]), rel=1e-12)

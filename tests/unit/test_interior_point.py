@@ -9,7 +9,13 @@ import pytest
 
 from fenics_contact import JointLaw, Load, Scene, SolverError
 from fenics_contact.bounds import RigidBlocks
-from fenics_contact.interior_point import FOLLOWED, WorkControl, _Best, _InteriorPoint
+from fenics_contact.interior_point import (
+    BALANCING,
+    FOLLOWED,
+    WorkControl,
+    _Best,
+    _InteriorPoint,
+)
 from fenics_contact.meshing import polygons, running_bond, wall
 from fenics_contact.path_equations import State, Workspace
 from fenics_contact.search import FIRST_WORK
@@ -365,6 +371,29 @@ def test_large_motion_takes_no_digits_from_the_directions(bond, larger):
     start, scales = bond.start(larger * FIRST_WORK)
     point = control_of(bond).solve(None, start.work, start, scales)
     assert point.residuals["equilibrium"] <= 1e-13
+
+
+@pytest.mark.parametrize("cancelling", [0.0, np.inf])
+def test_digits_are_kept_from_where_they_cancel(bond, cancelling, monkeypatch):
+    """One more solve per factor, from the first direction on that is a small difference."""
+    monkeypatch.setattr("fenics_contact.path_equations.CANCELLING", cancelling)
+    start, scales = bond.start(1e4 * FIRST_WORK)
+    springs, factors = bond.structure.springs, []
+
+    def noted(right, solution):
+        factors.append(springs.factorizations)
+        original(right, solution)
+
+    original = springs.solve_transposed
+    monkeypatch.setattr(springs, "solve_transposed", noted)
+    point = control_of(bond).solve(None, start.work, start, scales, tolerance=1e-9)
+    assert len(set(factors)) == len(factors)  # once per factor
+    if cancelling:
+        assert point.residuals["equilibrium"] <= 1e-9
+        assert len(factors) <= BALANCING  # those steps keep digits in any case
+    else:
+        assert len(factors) == point.steps  # the first step's corrector is a direction too
+        assert point.residuals["equilibrium"] <= 1e-13
 
 
 def test_of_iterates_within_the_tolerance_the_last_counts(bond):

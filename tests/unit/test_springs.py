@@ -8,7 +8,13 @@ from petsc4py import PETSc
 
 from fenics_contact import SolverError
 from fenics_contact.joints import JointOperators, Slots
-from fenics_contact.springs import JointRows, SpringStiffness
+from fenics_contact.springs import (
+    MINIMUM_FILL,
+    SINGULAR,
+    SMALLEST_PIVOT,
+    JointRows,
+    SpringStiffness,
+)
 from fenics_contact.structure import Structure
 from tests.helpers import (
     dense,
@@ -120,6 +126,23 @@ def test_stiffness_itself_is_left_alone(structure, springs):
     assert np.array_equal(dense(structure.problem.stiffness), before)
 
 
+@pytest.mark.parametrize("largest", [10**9, 0])
+def test_minimum_fill_orders_small_unsymmetric_matrices(structure, springs, largest, monkeypatch):
+    """The solution is the same with MUMPS' own choice, which larger ones are left to."""
+    monkeypatch.setattr("fenics_contact.springs.FILL_UNKNOWNS", largest)
+    values = random_springs(structure, 5)
+    factor(structure, springs, *values)
+    factored = springs._factors["lu"][1].getPC().getFactorMatrix()
+    assert factored.getMumpsIcntl(7) == (MINIMUM_FILL if largest else 7)
+    for name, value in ((6, 0), (8, 0), (33, 1)):  # plain elimination, with the determinant
+        assert factored.getMumpsIcntl(name) == value
+    assert factored.getMumpsCntl(1) == 0.0
+    matrix = formula(structure, *values)
+    exact = np.random.default_rng(6).standard_normal(len(matrix))
+    found = solved(structure, springs, matrix @ exact)
+    assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
+
+
 def loose_node() -> tuple[SpringStiffness, PETSc.Vec]:
     """Two nodes with one joint point; nothing but its normal spring holds the second upright."""
     stiffness = PETSc.Mat().createAIJ((4, 4), nnz=1, comm=PETSc.COMM_SELF)
@@ -218,3 +241,40 @@ def test_two_right_hand_sides_at_once(structure):
         for one, other in zip(apart, together, strict=True):
             assert one.norm() > 0.0
             assert other.array == pytest.approx(one.array, rel=1e-9, abs=1e-12 * one.norm())
+
+
+@pytest.mark.parametrize("soft", [2.0, 0.0])
+def test_pivot_that_rounding_makes_zero_is_no_failure_unless_a_spring_is(soft, monkeypatch):
+    """Next to a spring that cancels all digits of the rest the second node moves as one with it."""
+    springs, load = loose_node()
+    tried = []
+
+    def zero_first(*values):
+        tried.append(springs._smallest_pivot)
+        return original(*values) if len(tried) > 1 else SINGULAR
+
+    original = springs._factored
+    monkeypatch.setattr(springs, "_factored", zero_first)
+    if soft:
+        springs.factor(np.array([soft]), SOME, NONE)
+        moved = load.duplicate()
+        springs.solve(load, moved)
+        assert moved.array == pytest.approx(LOOSE_NODE_MOVES, rel=1e-14)
+        assert tried == [0.0, SMALLEST_PIVOT * springs.mean_diagonal]
+    else:
+        with pytest.raises(SolverError, match="MUMPS cannot factor"):
+            springs.factor(NONE, SOME, NONE)
+        assert tried == [0.0]
+    assert springs.factorizations == 1
+
+
+def test_pivots_of_rounding_leave_a_mechanism_its_direction():
+    """A spring so stiff that the other one, 1e-30 of it, is lost."""
+    springs, load = loose_node()
+    springs._smallest_pivot = SMALLEST_PIVOT * springs.mean_diagonal
+    stiff, lost = np.array([1e30]), np.array([1e-12])
+    springs.factor(lost, stiff, NONE)
+    moved = load.duplicate()
+    springs.solve(load, moved)
+    assert moved.array[3] > 1e9  # 6 N on 1e-12 N/m, or on what is left of it
+    assert abs(moved.array[[0, 2]]).max() <= 1e-14 * moved.array[3]
