@@ -47,7 +47,7 @@ MAX_STEPS = 200
 SMALLEST = 1e-3
 
 #: Steps in a row that do not reach the path, until it is lost.
-LOST = 12
+LOST = 6
 
 #: By how much less far from the laws a step leads that is taken back, and when none is any more.
 SHORTER, LEAST = 0.3, 0.01
