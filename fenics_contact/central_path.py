@@ -17,7 +17,7 @@ angles to the tangent, and then along it,
 falling where the determinant of the equations is positive, and rising where it is not. A few points
 whose laws bend on the way are taken as they are (`few_points`), all others on their tangents. Where
 the next step does not reach the path, this one led too far, and is made again with all points
-nearer to their laws, for which no other factor is needed. Friction may grow along the path, as a
+nearer to their laws. Friction may grow along the path, as a
 function of mu.
 """
 
@@ -171,6 +171,13 @@ class CentralPath(PathEquations):
         """Factor the equations of a point with equal products."""
         springs, to_path, tangent, sign = self._directions(now, products)
         return Place(now, products, springs, to_path, tangent, sign)
+
+    def back_to(self, place: Place) -> None:
+        """Factor the equations of a place again, after those of others."""
+        self.grown(place.products)
+        largest = LARGEST_SPRING * self.springs.mean_diagonal
+        self.factor(place.iterate, largest, PROXIMAL_SPRING)
+        self.springs.solve(self.problem.live, self.workspace.border)
 
     def grown(self, products: float) -> float:
         """Set the friction that is there at some products; its rate."""

@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
 from fenics_contact.path_equations import Iterate, State
 from fenics_contact.smoothed_laws import JointStates, SmoothedLaws
@@ -260,23 +259,6 @@ class FewEquations:
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """What unit forces at some points do, normal and shear ones in turn.
-
-    Attributes:
-        displacements: Of the structure, a column for each, m per N/m.
-        load_factors: Changes of the load factor that keep the work of the live load.
-        opening: Openings of this rank's points, shape (points, forces).
-        slip: Their slips, likewise.
-    """
-
-    displacements: PETSc.Mat
-    load_factors: Array
-    opening: Array
-    slip: Array
-
-
-@dataclass(frozen=True)
 class Step:
     """Where a step leads.
 
@@ -334,7 +316,6 @@ class FewPoints:
         self._others: npt.NDArray[np.bool_]
         self._opening: Array
         self._slip: Array
-        self._answers: list[_Answer]
         self._choose_none()
 
     def follow(self, end: float, along: bool = True, limit: float = LEFT) -> Step:
@@ -350,20 +331,19 @@ class FewPoints:
             step = self._led(end, along, limit, ROUNDS)
             if not step.reached and self.problem.max(self._distances(1.0, self.back)) <= LEFT:
                 step.iterate.destroy()
-                self._free_answers()
                 self._choose_none()
                 step = self._led(end, along, limit, 0)
             return step
 
     def again(self, end: float, limit: float) -> Step:
-        """The same step, but not as far: the factor is no longer needed."""
+        """The same step, but not as far, after others were made: the place is factored again."""
+        self.path.back_to(self.place)
         with np.errstate(all="ignore"):
             return self._led(end, True, limit, 0, limit)
 
     def destroy(self) -> None:
-        """Free the vectors of the place, and the answers."""
+        """Free the vectors of the place."""
         self.place.destroy()
-        self._free_answers()
 
     def _led(
         self, end: float, along: bool, limit: float, rounds: int, across: float = LEFT
@@ -481,7 +461,6 @@ class FewPoints:
         self._others = np.ones(count, dtype=bool)
         #: Openings and slips of this rank's points for forces at the chosen ones.
         self._opening, self._slip = np.zeros((2, count, 0))
-        self._answers = []
 
     def _choose(self, along: bool) -> Integers:
         """Points whose laws bend first on the way across, and then along."""
@@ -539,12 +518,11 @@ class FewPoints:
             self._solved(new[first : first + COLUMNS // 2])
             for first in range(0, len(new), COLUMNS // 2)
         ]
-        self._answers += found
         # Normal forces first, then shear forces, as in all equations here.
         before = len(self._chosen)
         for name, columns in (
-            ("_opening", [answer.opening for answer in found]),
-            ("_slip", [answer.slip for answer in found]),
+            ("_opening", [opening for opening, _ in found]),
+            ("_slip", [slip for _, slip in found]),
         ):
             old = getattr(self, name)
             normal, shear = (
@@ -556,8 +534,12 @@ class FewPoints:
         self._chosen = np.concatenate([self._chosen, new])
         self._others[new[new[:, 0] == self.problem.comm.rank, 1]] = False
 
-    def _solved(self, points: Integers) -> _Answer:
-        """The answers to unit forces, normal and shear in turn."""
+    def _solved(self, points: Integers) -> tuple[Array, Array]:
+        """Openings and slips of this rank's points for unit forces, normal and shear in turn.
+
+        The displacements themselves are not kept: they take much memory, and one solve gives those
+        that are needed in the end.
+        """
         problem, path = self.problem, self.path
         live, border = problem.live.array_r, path.workspace.border
         mine = {}
@@ -570,18 +552,15 @@ class FewPoints:
         answers = solutions.getDenseArray()
         # The work of the live load stays.
         load_factors = -problem.comm.allreduce(live @ answers) / border.dot(problem.live)
-        answers += border.array_r[:, None] * load_factors
         found = []
-        for matrix in (problem.normal, problem.tangential):
+        for matrix, by_load in zip(
+            (problem.normal, problem.tangential), path.joint_displacements(border), strict=True
+        ):
             product = matrix.matMult(solutions)
-            found.append(product.getDenseArray().copy())
+            found.append(product.getDenseArray() + by_load[:, None] * load_factors)
             product.destroy()
-        return _Answer(solutions, load_factors, found[0], found[1])
-
-    def _free_answers(self) -> None:
-        for answer in self._answers:
-            answer.displacements.destroy()
-        self._answers = []
+        solutions.destroy()
+        return found[0], found[1]
 
     def _equations(self) -> FewEquations:
         """The chosen points' equations, gathered from their ranks."""
@@ -676,26 +655,25 @@ class FewPoints:
         moved = place.iterate.copy()
         moved.move(part, place.to_path)
         moved.move(turn, place.tangent)
-        change = path.problem.dead.duplicate()
-        first, forces = 0, f * last.forces.reshape(2, -1)
-        for answer in self._answers:
-            count = len(answer.load_factors) // 2
-            some = forces[:, first : first + count].T.ravel()
-            change.array[:] += answer.displacements.getDenseArray() @ some
-            moved.load_factor += float(answer.load_factors @ some)
-            first += count
+        mine = np.flatnonzero(self._chosen[:, 0] == self.problem.comm.rank)
+        forces = np.zeros((2, len(self._others)))
+        forces[:, self._chosen[mine, 1]] = f * last.forces.reshape(2, -1)[:, mine]
+        right, change = path.problem.dead.duplicate(), path.problem.dead.duplicate()
+        if len(self._chosen):
+            path.add_joint_forces(right, *forces)
+            path.springs.solve(right, change)
+            moved.load_factor += path.hold_work(change)
         moved.u.axpy(1.0, change)
         strained = self.problem.strained(change)
         moved.strained.axpy(1.0, strained)
         values = self._values(part, turn, last.forces)
         products = place.products * float(np.exp(turn))
-        mine = np.flatnonzero(self._chosen[:, 0] == self.problem.comm.rank)
         p, q = np.split(last.x[:-2], 2)
         values[:, self._chosen[mine, 1]] = equations.laws.states(p, q, products).values[:, mine]
         state = State(moved.u, moved.load_factor, values[1] * f, values[3] * f, path.work)
         path.grown(products)
         new = path.centred(state, products, moved.strained)
-        for vector in (change, strained, moved.u):
+        for vector in (right, change, strained, moved.u):
             vector.destroy()
         return Step(new, products, reached)
 

@@ -141,7 +141,7 @@ def test_step_without_chosen_points_is_one_along_tangents(loaded, monkeypatch):
     assert step.iterate.load_factor == pytest.approx(expected, rel=1e-12)
 
 
-def test_step_made_again_is_less_far_and_needs_no_factor(loaded):
+def test_step_made_again_is_less_far(loaded):
     path, place = place_of(loaded)
     few = FewPoints(path, place)
     far = few.follow(1e-9)
@@ -149,7 +149,7 @@ def test_step_made_again_is_less_far_and_needs_no_factor(loaded):
     path.place(far.iterate, far.products)  # another factor
     limit = 0.2 * LEFT
     near = few.again(1e-9, limit)
-    assert path.springs.factorizations == solved + 1
+    assert path.springs.factorizations == solved + 2  # once more where it began
     assert near.reached
     assert far.products < near.products < place.products
     assert path._left(near.iterate) <= limit * (1.0 + 1e-6)
