@@ -79,7 +79,7 @@ PAST = 0.999
 PART, TURN = -2, -1
 
 #: Columns of C that are solved for at once.
-COLUMNS = 32
+COLUMNS = 16
 
 
 class Course(Enum):

@@ -384,6 +384,7 @@ class WorkControl:
                 finally:
                     begin.destroy()
                     coarse.destroy()
+                    blocks.springs.forget()  # their memory is the structure's now
                 near = [(blocks.prolonged(state), products) for state, products in found]
                 for state in (before, *(state for state, _ in found)):
                     if state is not start:

@@ -133,13 +133,17 @@ class SpringStiffness:
         Args:
             normal: k_N of this rank's joint points, N/m.
             tangential: k_T, likewise.
-            coupling: c, likewise; when not given A is symmetric and factored as such.
+            coupling: c, likewise; until it is first given A is factored as the symmetric matrix
+                that it is, afterwards with the analysis of the other kind.
 
         Raises:
             SolverError: If A is numerically singular.
         """
         start = time.perf_counter()
-        self._current = PETSc.PC.Type.CHOLESKY if coupling is None else PETSc.PC.Type.LU
+        symmetric = coupling is None and PETSc.PC.Type.LU not in self._factors
+        self._current = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
+        if not symmetric and PETSc.PC.Type.CHOLESKY in self._factors:
+            self._drop(PETSc.PC.Type.CHOLESKY)  # one factor is in memory at a time
         error = self._factored(normal, tangential, coupling)
         if error == SINGULAR and coupling is not None and not self._smallest_pivot:
             softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
@@ -158,7 +162,7 @@ class SpringStiffness:
         matrix, solver = self._factors[self._current]
         self._elastic.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._add(matrix, normal, tangential, coupling)
-        matrix.setOption(PETSc.Mat.Option.SPD, coupling is None)
+        matrix.setOption(PETSc.Mat.Option.SPD, self._current == PETSc.PC.Type.CHOLESKY)
         preconditioner = solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
         error = int(preconditioner.getFactorMatrix().getMumpsInfog(1))
@@ -228,10 +232,14 @@ class SpringStiffness:
         transposed.destroy()
         return solutions
 
-    def destroy(self) -> None:
-        """Free the matrices and factors, which PETSc would otherwise keep for long."""
+    def forget(self) -> None:
+        """Free the factors; the next one is analysed afresh."""
         for kind in list(self._factors):
             self._drop(kind)
+
+    def destroy(self) -> None:
+        """Free the matrices and factors, which PETSc would otherwise keep for long."""
+        self.forget()
         for matrices in self._together.values():
             for matrix in matrices:
                 matrix.destroy()

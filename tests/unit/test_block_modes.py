@@ -263,6 +263,7 @@ def test_many_blocks_are_rigid_first(folded, monkeypatch):
     assert structure.mode_factorizations == made.factorizations
     assert point.steps == structure.factorizations - before
     assert control._of_modes == made.factorizations - of_modes
+    assert not made.springs._factors and not made.rigid.springs._factors  # no memory is held
 
 
 def test_where_rigid_blocks_lead_nowhere_their_modes_are_asked(folded, monkeypatch, caplog):

@@ -278,3 +278,22 @@ def test_pivots_of_rounding_leave_a_mechanism_its_direction():
     springs.solve(load, moved)
     assert moved.array[3] > 1e9  # 6 N on 1e-12 N/m, or on what is left of it
     assert abs(moved.array[[0, 2]]).max() <= 1e-14 * moved.array[3]
+
+
+def test_one_factor_is_in_memory_at_a_time(structure, springs):
+    """After the first coupling symmetric matrices are factored with the analysis made for that."""
+    *symmetric, coupling = random_springs(structure, 7)
+    exact = np.random.default_rng(8).standard_normal(structure.problem.dead.getSize())
+    for values, kind in (
+        (symmetric, "cholesky"),
+        ([*symmetric, coupling], "lu"),
+        (symmetric, "lu"),
+    ):
+        factor(structure, springs, *values)
+        assert list(springs._factors) == [kind]
+        found = solved(structure, springs, formula(structure, *values) @ exact)
+        assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
+    springs.forget()
+    assert not springs._factors
+    factor(structure, springs, *symmetric)
+    assert list(springs._factors) == ["cholesky"]
