@@ -17,8 +17,7 @@ angles to the tangent, and then along it,
 falling where the determinant of the equations is positive, and rising where it is not. A few points
 whose laws bend on the way are taken as they are (`few_points`), all others on their tangents. Where
 the next step does not reach the path, this one led too far, and is made again with all points
-nearer to their laws. Friction may grow along the path, as a
-function of mu.
+nearer to their laws. Friction may grow along the path, as a function of mu.
 """
 
 from __future__ import annotations
@@ -31,8 +30,6 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.few_points import LEFT, FewPoints, Step
 from fenics_contact.path_equations import (
-    LARGEST_SPRING,
-    PROXIMAL_SPRING,
     Array,
     Iterate,
     PathEquations,
@@ -175,8 +172,7 @@ class CentralPath(PathEquations):
     def back_to(self, place: Place) -> None:
         """Factor the equations of a place again, after those of others."""
         self.grown(place.products)
-        largest = LARGEST_SPRING * self.springs.mean_diagonal
-        self.factor(place.iterate, largest, PROXIMAL_SPRING)
+        self.factor(place.iterate)
         self.springs.solve(self.problem.live, self.workspace.border)
 
     def grown(self, products: float) -> float:
@@ -191,7 +187,7 @@ class CentralPath(PathEquations):
     ) -> tuple[tuple[Array, Array, Array], Iterate, Iterate, float]:
         """Springs of a factor, c and t, and the sign of dmu/ds."""
         rate = self.grown(products)
-        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
+        springs = self.factor(now)
         mu = np.full_like(now.y, products * self.unit)
         more = rate * self.friction * now.pressure  # of the bound: of s1 and s2
         none = np.zeros_like(now.y)

@@ -22,8 +22,6 @@ from fenics_contact.block_modes import BlockModes
 from fenics_contact.central_path import CLOSE, CentralPath
 from fenics_contact.errors import SolverError
 from fenics_contact.path_equations import (
-    LARGEST_SPRING,
-    PROXIMAL_SPRING,
     Array,
     Iterate,
     PathEquations,
@@ -365,32 +363,43 @@ class WorkControl:
         Raises:
             SolverError: If it leads nowhere.
         """
-        near, made = [(start, np.inf)], modes.factorizations
-        stages = [(modes, (GROWN,) if few else TRANSFERS)]
-        if modes.count > MANY_BLOCKS:
-            stages = [(modes.rigid, (RIGID_TO,)), *stages]
+        made, begin, products = modes.factorizations, start, np.inf
+        ends = (GROWN,) if few else TRANSFERS
         try:
-            for blocks, ends in stages:
-                coarse = WorkControl(blocks.of(self.problem), blocks.springs)
-                before, products = near[-1]
-                begin = blocks.restricted(before)
+            if modes.count > MANY_BLOCKS:
                 try:
-                    found = coarse._along_modes(work, begin, products, scales, ends, few)
+                    ((begin, products),) = self._led(
+                        modes.rigid, work, start, products, scales, (RIGID_TO,), few
+                    )
                 except SolverError as error:
-                    if blocks is modes:
-                        raise
                     _log.info("  rigid blocks: %s", error)
-                    continue
-                finally:
-                    begin.destroy()
-                    coarse.destroy()
-                    blocks.springs.forget()  # their memory is the structure's now
-                near = [(blocks.prolonged(state), products) for state, products in found]
-                for state in (before, *(state for state, _ in found)):
-                    if state is not start:
-                        state.destroy()
+            return self._led(modes, work, begin, products, scales, ends, few)
         finally:
             self._of_modes += modes.factorizations - made
+            if begin is not start:
+                begin.destroy()
+
+    def _led(
+        self,
+        modes: BlockModes,
+        work: float,
+        start: State,
+        products: float,
+        scales: Scales,
+        ends: tuple[float, ...],
+        few: bool,
+    ) -> list[tuple[State, float]]:
+        """The same for one kind of modes; arguments are those of `_along_modes`."""
+        coarse, begin = WorkControl(modes.of(self.problem), modes.springs), modes.restricted(start)
+        try:
+            found = coarse._along_modes(work, begin, products, scales, ends, few)
+        finally:
+            begin.destroy()
+            coarse.destroy()
+            modes.springs.forget()  # their memory is the structure's now
+        near = [(modes.prolonged(state), products) for state, products in found]
+        for state, _ in found:
+            state.destroy()
         return near
 
     def _along_modes(
@@ -589,7 +598,7 @@ class WorkControl:
             return last
         run = PathEquations(*self._shared, bound, state.work, scales)
         now = run.centred(state, MODE_CENTRING)
-        k_n, k_t, _ = run.factor(now, MODE_SPRING * self.springs.mean_diagonal, MODE_CENTRING)
+        k_n, k_t, _ = run.factor(now, MODE_SPRING, MODE_CENTRING)
         drive = k_t * (now.z1 / now.s1 - now.z2 / now.s2)
         now.destroy()
         self.springs.solve(self.problem.live, self.workspace.border)
@@ -694,9 +703,7 @@ class _InteriorPoint(PathEquations):
                 return step
             now, none = best.iterate.copy(), np.zeros_like(best.iterate.y)
             try:
-                springs = self.factor(
-                    now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING
-                )
+                springs = self.factor(now)
             except SolverError:
                 now.destroy()
                 return step
@@ -725,7 +732,7 @@ class _InteriorPoint(PathEquations):
         that part, with which the step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41
         (2008) 277); far from one longer steps lead past low states.
         """
-        springs = self.factor(now, LARGEST_SPRING * self.springs.mean_diagonal, PROXIMAL_SPRING)
+        springs = self.factor(now)
         here, none = self.products(now), np.zeros_like(now.y)
         changes = -now.y * now.pressure, -now.s1 * now.z1, -now.s2 * now.z2
         (step,) = self.directions(now, springs, [(residual, changes)], first=True)

@@ -294,12 +294,20 @@ class PathEquations:
             "complementarity": self.mean_product(now),
         }
 
-    def factor(self, now: Iterate, largest: float, free: float) -> tuple[Array, Array, Array]:
-        """Factor A with the springs of an iterate, and springs `free` where there is no friction.
+    def factor(
+        self, now: Iterate, stiffest: float = LARGEST_SPRING, free: float = PROXIMAL_SPRING
+    ) -> tuple[Array, Array, Array]:
+        """Factor A with the springs of an iterate.
+
+        Args:
+            now: The iterate.
+            stiffest: Cap on them, in units of the mean diagonal of K.
+            free: Springs where there is no friction, in units of force over displacement.
 
         Returns:
             k_N, k_T (zero where there is no friction) and q.
         """
+        largest = stiffest * self.springs.mean_diagonal
         k_n = np.minimum(now.pressure / now.y, largest)
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
         k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)

@@ -145,7 +145,7 @@ class SpringStiffness:
         if not symmetric and PETSc.PC.Type.CHOLESKY in self._factors:
             self._drop(PETSc.PC.Type.CHOLESKY)  # one factor is in memory at a time
         error = self._factored(normal, tangential, coupling)
-        if error == SINGULAR and coupling is not None and not self._smallest_pivot:
+        if error == SINGULAR and not symmetric and not self._smallest_pivot:
             softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
             if self._elastic.comm.tompi4py().allreduce(softest, MPI.MIN) > 0.0:
                 self._smallest_pivot = SMALLEST_PIVOT * self.mean_diagonal

@@ -117,7 +117,9 @@ def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded, solved, m
     d = path.scales.displacement
     opening, slip = np.abs(residual.opening) / d / size_p, np.abs(residual.slip) / d / size_q
     points = few._chosen[:, 1]
-    assert max(opening[points].max(), slip[points].max()) <= solved
+    # The last of Newton's steps is one of the first that are good enough, or far better.
+    left = solved if solved == SOLVED else 0.01 * solved
+    assert max(opening[points].max(), slip[points].max()) <= left
     assert max(opening.max(), slip.max()) <= LEFT * (1.0 + 1e-6)
     assert residual.work == pytest.approx(0.0, abs=1e-9 * path.work)
     # Nothing is out of balance but what forces changed by when all points were put on their laws.
