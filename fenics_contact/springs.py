@@ -121,6 +121,7 @@ class SpringStiffness:
         self._together: dict[int, tuple[PETSc.Mat, ...]] = {}
         self._current = ""
         self._smallest_pivot = 0.0
+        self._symmetric_before = False
         diagonal = stiffness.getDiagonal()
         self.mean_diagonal = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
@@ -133,17 +134,19 @@ class SpringStiffness:
         Args:
             normal: k_N of this rank's joint points, N/m.
             tangential: k_T, likewise.
-            coupling: c, likewise; until it is first given A is factored as the symmetric matrix
-                that it is, afterwards with the analysis of the other kind.
+            coupling: c, likewise; when not given A is symmetric and factored as such, but for a
+                single one after others with coupling, which does with their analysis.
 
         Raises:
             SolverError: If A is numerically singular.
         """
         start = time.perf_counter()
-        symmetric = coupling is None and PETSc.PC.Type.LU not in self._factors
+        coupled_before = PETSc.PC.Type.LU in self._factors
+        symmetric = coupling is None and (self._symmetric_before or not coupled_before)
+        self._symmetric_before = coupling is None
         self._current = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
-        if not symmetric and PETSc.PC.Type.CHOLESKY in self._factors:
-            self._drop(PETSc.PC.Type.CHOLESKY)  # one factor is in memory at a time
+        if not symmetric and not coupled_before and PETSc.PC.Type.CHOLESKY in self._factors:
+            self._drop(PETSc.PC.Type.CHOLESKY)  # that of the bonded blocks, as a rule
         error = self._factored(normal, tangential, coupling)
         if error == SINGULAR and not symmetric and not self._smallest_pivot:
             softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
