@@ -3,13 +3,21 @@
 Displacements u = P a, with the rigid motions, uniform strains and pure bendings of every block as
 columns of P, turn the structure into one with eight unknowns per block and the same joint points,
 
-    K_P = P^T K P,   f_P = P^T f,   B_P = B P,
+    K_P = P^T K P,   f_P = P^T f,   B_P = B P.
 
-whose central path (`central_path`) leads through the same folds at little cost: which joints open
-and slide hangs on how blocks move, and how forces spread among the others on how they strain as a
-whole. Its state, with the same joint forces, is where the path of the structure itself is taken up.
-As long as springs at the joints give way more than blocks do these need not even strain, and three
-unknowns per block are enough.
+What the blocks give next to a joint force is in none of these, and is added at the joint points.
+Below a force on one node of a plane body it grows with the logarithm of the body's size over that
+of an element (K.L. Johnson, Contact Mechanics (1985), section 2.2), in units of what the node would
+give if all others were held, its entry of K:
+
+    w = B P a + diag(B C B^T) r,    C_ii = c ln(nodes of the block / 3) / K_ii,
+
+which is zero for a single triangle, whose modes are all that it has. The central path
+(`central_path`) of this structure leads through the same folds at little cost: which joints open
+and slide hangs on how blocks move, and how forces spread among the others on how they strain. Its
+state, with the same joint forces and the displacements P a + C B^T r, is where the path of the
+structure itself is taken up. As long as springs at the joints give way more than blocks do these
+need not even strain, and three unknowns per block are enough.
 """
 
 from __future__ import annotations
@@ -31,6 +39,9 @@ Integers = npt.NDArray[np.int32]
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
 RIGID, MODES = 3, 8
 
+#: c above: a fit to bricks of 15 to 561 nodes and linear triangles.
+LOCAL = 0.6
+
 #: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
 DEPENDENT = 1e-10
 
@@ -49,6 +60,7 @@ class BlockModes:
             shape (nodes, 2, modes).
         body: Block of every node of this rank.
         sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+        local: C_ii, m per N/m; None: nothing gives.
     """
 
     basis: PETSc.Mat
@@ -58,6 +70,7 @@ class BlockModes:
     shapes: Array
     body: Integers
     sides: Integers
+    local: PETSc.Vec | None
 
     @classmethod
     def build(
@@ -68,6 +81,7 @@ class BlockModes:
         blocks: int,
         sides: Integers,
         mean_diagonal: float = 0.0,
+        gives: bool = True,
     ) -> BlockModes:
         """Reduce a structure.
 
@@ -78,6 +92,7 @@ class BlockModes:
             blocks: Number of blocks.
             sides: As the attribute.
             mean_diagonal: To be taken for that of K_P, where that is zero but for rounding.
+            gives: Whether joint points give.
         """
         basis, is_mode = _orthonormal_columns(problem, shapes, body, blocks)
         stiffness = problem.stiffness.ptap(basis)
@@ -89,6 +104,7 @@ class BlockModes:
             stiffness.setValue(row, row, mean)
         stiffness.assemble()
         diagonal.destroy()
+        local = _local_compliance(problem, body, blocks) if gives else None
         reduced = ContactProblem(
             stiffness,
             _restricted(basis, problem.dead),
@@ -99,17 +115,23 @@ class BlockModes:
             problem.strength,
             basis.transposeMatMult(problem.rigid),
             problem.slip_origin,
+            _give(problem, local),
         )
         springs = SpringStiffness(stiffness, _rows(reduced, sides, shapes.shape[2]))
         springs.mean_diagonal = mean_diagonal or springs.mean_diagonal
-        return cls(basis, problem, reduced, springs, shapes, body, sides)
+        return cls(basis, problem, reduced, springs, shapes, body, sides, local)
 
     @cached_property
     def rigid(self) -> BlockModes:
         """The same blocks, rigid; made when first asked for."""
-        rigid = self.shapes[:, :, :RIGID]
         return self.build(
-            self.full, rigid, self.body, self.count, self.sides, self.springs.mean_diagonal
+            self.full,
+            self.shapes[:, :, :RIGID],
+            self.body,
+            self.count,
+            self.sides,
+            self.springs.mean_diagonal,
+            gives=False,
         )
 
     @property
@@ -138,8 +160,26 @@ class BlockModes:
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""
+        displacement = self._prolonged(state.displacement)
         strained = None if state.strained is None else self._prolonged(state.strained)
-        return replace(state, displacement=self._prolonged(state.displacement), strained=strained)
+        if self.local is not None:
+            given = displacement.duplicate()
+            for matrix, force in (
+                (self.full.normal, state.pressure),
+                (self.full.tangential, state.shear),
+            ):
+                joint = matrix.createVecLeft()
+                joint.array[:] = force
+                matrix.multTransposeAdd(joint, given, given)
+                joint.destroy()
+            given.pointwiseMult(given, self.local)
+            displacement.axpy(1.0, given)
+            if strained is not None:
+                strains = self.full.strained(given)
+                strained.axpy(1.0, strains)
+                strains.destroy()
+            given.destroy()
+        return replace(state, displacement=displacement, strained=strained)
 
     def _prolonged(self, amplitudes: PETSc.Vec) -> PETSc.Vec:
         """The displacements P a."""
@@ -155,8 +195,9 @@ class BlockModes:
         problem = self.reduced
         for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
             item.destroy()
-        for vector in (problem.dead, problem.live):
-            vector.destroy()
+        for vector in (problem.dead, problem.live, self.local):
+            if vector is not None:
+                vector.destroy()
         self.basis.destroy()
 
 
@@ -203,6 +244,32 @@ def _orthonormal_columns(
     ]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
     return basis, independent.ravel()
+
+
+def _local_compliance(problem: ContactProblem, body: Integers, blocks: int) -> PETSc.Vec:
+    """C_ii of all displacements, m per N/m."""
+    nodes = problem.comm.allreduce(np.bincount(body, minlength=blocks))
+    local = problem.stiffness.getDiagonal()
+    local.reciprocal()
+    local.array[:] *= np.repeat(LOCAL * np.log(np.maximum(nodes / 3.0, 1.0))[body], 2)
+    return local
+
+
+def _give(problem: ContactProblem, local: PETSc.Vec | None) -> Array:
+    """diag(B C B^T) of this rank's joint points, normal and tangential."""
+    give = np.zeros((2, len(problem.friction)))
+    if local is not None:
+        for side, matrix in enumerate((problem.normal, problem.tangential)):
+            start, columns, values = matrix.getValuesCSR()
+            squares = PETSc.Mat().createAIJ(
+                matrix.getSizes(), csr=(start, columns, values**2), comm=matrix.comm
+            )
+            of_points = squares.createVecLeft()
+            squares.mult(local, of_points)
+            give[side] = of_points.array_r
+            of_points.destroy()
+            squares.destroy()
+    return give
 
 
 def _restricted(basis: PETSc.Mat, vector: PETSc.Vec) -> PETSc.Vec:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum, auto
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -98,34 +98,40 @@ class LinearStates:
         start: States x0, shape (4, points).
         across: The step c to the path, likewise.
         along: The tangent t, likewise.
-        springs: k_N, k_T and q k_N of the factor, shape (3, points).
+        springs: Those that the blocks feel, normal, tangential and coupling, shape (3, points).
+        give: Compliance of the points themselves, normal and tangential, shape (2, points).
     """
 
     start: Array
     across: Array
     along: Array
     springs: Array
+    give: Array
 
     def moved(self, part: float, turn: float) -> Array:
         """x0 + part c + turn t."""
         return self.start + part * self.across + turn * self.along
 
     def answer(self, opening: Array, slip: Array) -> Array:
-        """States that change with displacements: springs answer."""
+        """States that change with displacements of blocks: springs answer."""
         k_n, k_t, coupling = self.springs
-        return np.array([opening, -k_n * opening, slip, -k_t * slip - coupling * opening])
+        r, shear = -k_n * opening, -k_t * slip - coupling * opening
+        return np.array([opening + self.give[0] * r, r, slip + self.give[1] * shear, shear])
+
+    def displacements(self, states: Array) -> Array:
+        """Openings and slips by displacements of blocks alone, shape (2, ..., points)."""
+        y, r, w, shear = states
+        return np.array([y - self.give[0] * r, w - self.give[1] * shear])
 
     def excess(self, states: Array) -> Array:
         """Forces in excess of those of the springs, normal ones first, shape (2, ..., points)."""
         k_n, k_t, coupling = self.springs
-        y, r, w, shear = states
-        return np.array([r + k_n * y, shear + k_t * w + coupling * y])
+        (opening, slip), r, shear = self.displacements(states), states[1], states[3]
+        return np.array([r + k_n * opening, shear + k_t * slip + coupling * opening])
 
     def at(self, points: Integers) -> LinearStates:
         """Those of some points."""
-        return LinearStates(
-            *(a[:, points] for a in (self.start, self.across, self.along, self.springs))
-        )
+        return LinearStates(*(getattr(self, field.name)[:, points] for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -217,8 +223,10 @@ class FewEquations:
         difference = states.values - self.linear.moved(part, turn)
         # A point's p and q change its own forces alone, part and turn those of all.
         changes = np.array([difference, by.p, by.q, -self.linear.across, by.mu - self.linear.along])
-        excess = self.linear.excess(changes.swapaxes(0, 1)) * self._carried
-        displacements = changes[:, [0, 2]].reshape(5, -1)
+        changes = changes.swapaxes(0, 1)
+        excess = self.linear.excess(changes) * self._carried
+        moved = self.linear.displacements(changes)
+        displacements = moved.swapaxes(0, 1).reshape(5, -1)
         some = (
             displacements[[0, 3, 4]]
             - excess[:, [0, 3, 4]].swapaxes(0, 1).reshape(3, -1) @ self.compliance.T
@@ -230,8 +238,8 @@ class FewEquations:
         for k in (1, 2):
             columns = slopes[:, (k - 1) * count : k * count]
             columns[:] = -normal * excess[0, k] - shear * excess[1, k]
-            columns[point, point] += changes[k, 0]
-            columns[count + point, point] += changes[k, 2]
+            columns[point, point] += moved[0, k]
+            columns[count + point, point] += moved[1, k]
         sizes = np.append(self.laws.sizes(states, mu).ravel(), (1.0, 1.0))
         return _OnCurve(x, some[0], excess[:, 0].ravel(), sizes, slopes, excess[:, 1:])
 
@@ -296,12 +304,12 @@ class FewPoints:
         def states(of: Iterate) -> Array:
             return np.stack([of.y, of.pressure, of.z2 - of.z1, of.shear]) / units
 
-        k_n, k_t, q = place.springs
         self.linear = LinearStates(
             states(place.iterate),
             states(place.to_path),
             states(place.tangent),
-            np.stack([k_n, k_t, q * k_n]) * d / f,
+            np.stack(path.felt(place.springs)) * d / f,
+            problem.give * f / d,
         )
         self.laws = SmoothedLaws(
             problem.friction, problem.strength / f, path.sticky, path.smallest, path.growth
@@ -430,8 +438,9 @@ class FewPoints:
         )
         of_others = self._product - along @ across, self._square - along @ along
         p, q = np.where(self._others, self._rates(self.linear.along) / self._sizes, 0.0)
-        k_n, k_t, coupling = self.linear.springs
-        by_opening, by_slip = -(1.0 + k_n) * p - coupling * q, -(1.0 + k_t) * q
+        (k_n, k_t, coupling), (give_n, give_t) = self.linear.springs, self.linear.give
+        p_r, q_r = (1.0 - give_n) * p, (1.0 - give_t) * q  # by the force that answers
+        by_opening, by_slip = -p - k_n * p_r - coupling * q_r, -q - k_t * q_r
         forces = self.problem.comm.allreduce(by_opening @ self._opening + by_slip @ self._slip)
         return np.append(along / sizes, of_others), forces
 
@@ -568,7 +577,7 @@ class FewPoints:
         mine = np.flatnonzero(chosen[:, 0] == comm.rank)
         points = chosen[mine, 1]
         linear, laws = self.linear.at(points), self.laws.at(points)
-        parts = linear.start, linear.across, linear.along, linear.springs
+        parts = [getattr(linear, field.name) for field in fields(linear)]
         rows = [
             *(row for part in parts for row in part),
             *(laws.friction, laws.strength, laws.sticky),
@@ -579,10 +588,11 @@ class FewPoints:
         values = np.empty((len(rows), len(chosen)))
         for places, some in gathered:
             values[:, places] = some
-        linear = LinearStates(values[0:4], values[4:8], values[8:12], values[12:15])
-        friction, strength, sticky = values[15:18]
+        ends = np.cumsum([len(part) for part in parts])
+        linear = LinearStates(*np.split(values[: ends[-1]], ends[:-1]))
+        friction, strength, sticky = values[ends[-1] : ends[-1] + 3]
         laws = replace(laws, friction=friction, strength=strength, sticky=sticky > 0.5)
-        opening, slip = np.split(values[18:], 2)
+        opening, slip = np.split(values[ends[-1] + 3 :], 2)
         compliance = np.concatenate([opening.T, slip.T])
         return FewEquations(laws, linear, compliance, self.place.products)
 

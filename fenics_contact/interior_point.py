@@ -63,7 +63,7 @@ SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 FOLD_STEPS, FINISH_STEPS = 8, 4
 
 #: And the part of itself that one of these last steps may leave of it, until it is small.
-STUCK = 0.99
+STUCK = 0.8
 
 #: Steps towards equilibrium alone, at most, where only that is missing.
 BALANCING = 3

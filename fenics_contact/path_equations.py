@@ -17,7 +17,8 @@ f_L:
 
     k_N = r_N / y,    k_T = 1 / (z1/s1 + z2/s2),    coupling  q k_N,  q = F k_T (z1/s1 - z2/s2),
 
-the coupling with Coulomb friction only.
+the coupling with Coulomb friction only. Joint points that give of themselves (`problem`) are
+springs in a row with these.
 
 The motion of a mechanism may be so much larger than what strains the blocks that u has no digits
 left for K u. So the part of u without rigid motions of blocks is summed up step by step for itself.
@@ -245,8 +246,7 @@ class PathEquations:
         It keeps p = r_N/f - w_N/d and q = r_T/f - w_T/d (`smoothed_laws`).
         """
         d, f = self.scales.displacement, self.scales.force
-        opening, slip = self.joint_displacements(start.displacement)
-        slip -= self.problem.slip_origin
+        opening, slip = self._moved(start.displacement, start.pressure, start.shear)
         p = start.pressure / f - opening / d
         y, pressure = normal_law(p, centring)
         y, pressure = y * d, pressure * f
@@ -276,8 +276,7 @@ class PathEquations:
         equilibrium.axpy(-1.0, problem.dead)
         equilibrium.axpy(-now.load_factor, problem.live)
         self.add_joint_forces(equilibrium, -now.pressure, -now.shear)
-        opening, slip = self.joint_displacements(now.u)
-        slip -= problem.slip_origin
+        opening, slip = self._moved(now.u, now.pressure, now.shear)
         work = problem.live.dot(now.u) - self.work if self.load_factor is None else 0.0
         return Residual(equilibrium, now.y - opening, now.z2 - now.z1 - slip, work)
 
@@ -313,10 +312,28 @@ class PathEquations:
         k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
         q = self.friction * k_t * (lower - upper)
         unit = self.scales.force / self.scales.displacement
+        normal, tangential, coupling = self.felt((k_n, k_t, q))
         self.springs.factor(
-            k_n, np.where(self.sticky, k_t, free * unit), q * k_n if self.given is None else None
+            normal,
+            np.where(self.sticky, tangential, free * unit),
+            coupling if self.given is None else None,
         )
         return k_n, k_t, q
+
+    def felt(self, springs: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        """Springs that blocks feel: those of the laws, k_N, k_T and q, and what gives, in a row.
+
+        Returns:
+            Normal and tangential springs and the coupling of shear to opening.
+        """
+        k_n, k_t, q = springs
+        normal, tangential = self._shares(k_n, k_t)
+        return normal * k_n, tangential * k_t, tangential * q * normal * k_n
+
+    def _shares(self, k_n: Array, k_t: Array) -> tuple[Array, Array]:
+        """Parts of the displacements of blocks that are left to the laws' springs."""
+        give_n, give_t = self.problem.give
+        return 1.0 / (1.0 + give_n * k_n), 1.0 / (1.0 + give_t * k_t)
 
     def directions(
         self,
@@ -383,9 +400,10 @@ class PathEquations:
         (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
         residual.equilibrium.copy(right)
         right.scale(-1.0)
-        push = c_n / now.y + k_n * residual.opening
+        normal, tangential = self._shares(k_n, k_t)
+        push = normal * (c_n / now.y + k_n * residual.opening)
         drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
-        self.add_joint_forces(right, push, k_t * drive + q * push)
+        self.add_joint_forces(right, push, tangential * (k_t * drive + q * push))
         return drive
 
     def _found(
@@ -404,9 +422,12 @@ class PathEquations:
         if self.load_factor is None:
             load_factor += self.hold_work(u, residual.work)
         opening, slip = self.joint_displacements(u)
-        y = opening - residual.opening
-        pressure = c_n / now.y - k_n * y
-        shear = k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure
+        give_n, give_t = self.problem.give
+        normal, tangential = self._shares(k_n, k_t)
+        pressure = normal * (c_n / now.y - k_n * (opening - residual.opening))
+        y = opening + give_n * pressure - residual.opening
+        shear = tangential * (k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure)
+        slip += give_t * shear
         s1, s2 = self.friction * pressure - shear, self.friction * pressure + shear
         z1, z2 = (c_1 - now.z1 * s1) / now.s1, (c_2 - now.z2 * s2) / now.s2
         # Next to its bound the shear force has lost the digits that tell how far a point slides.
@@ -445,6 +466,11 @@ class PathEquations:
         self.problem.normal.mult(u, opening)
         self.problem.tangential.mult(u, slip)
         return opening.array.copy(), slip.array.copy()
+
+    def _moved(self, u: PETSc.Vec, pressure: Array, shear: Array) -> tuple[Array, Array]:
+        """Openings and slips, of blocks and of what gives, at this rank's points."""
+        (opening, slip), (give_n, give_t) = self.joint_displacements(u), self.problem.give
+        return opening + give_n * pressure, slip - self.problem.slip_origin + give_t * shear
 
     def add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
         """Add B_N^T r_N + B_T^T r_T."""

@@ -28,6 +28,8 @@ class ContactProblem:
         strength: Given bound on the shear force at this rank's points, N/m (Tresca).
         slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
         rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
+        give: Compliance of the joint points themselves, normal and tangential, that K lacks, so
+            that openings and slips are B u + give r, m per N/m, shape (2, points); zero by default.
     """
 
     stiffness: PETSc.Mat
@@ -39,10 +41,13 @@ class ContactProblem:
     strength: npt.NDArray[np.float64]
     rigid: PETSc.Mat
     slip_origin: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    give: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))
 
     def __post_init__(self) -> None:
         if len(self.slip_origin) != len(self.friction):
             object.__setattr__(self, "slip_origin", np.zeros(len(self.friction)))
+        if self.give.shape[1] != len(self.friction):
+            object.__setattr__(self, "give", np.zeros((2, len(self.friction))))
 
     @property
     def comm(self) -> MPI.Comm:

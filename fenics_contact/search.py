@@ -24,7 +24,6 @@ from fenics_contact.errors import SolverError
 from fenics_contact.interior_point import (
     COARSE,
     FEW_BLOCKS,
-    MANY_BLOCKS,
     ZERO_FACTOR,
     PathPoint,
     WorkControl,
@@ -44,9 +43,9 @@ MONOLITHIC = ("auto", "monolithic")
 #: First work of the live load in units of its work on the bonded structure, and largest.
 FIRST_WORK, LAST_WORK = 300.0, 1e12
 
-#: The load factor of structures of many blocks still rises there: their first work is this times
-#: the square of their number.
-WORK_OF_MANY = 0.2
+#: The load factor of structures of more than a few blocks still rises there: their first work is
+#: the first of these times the cube of their number, at most the second times its square.
+WORK_OF_MANY = 5e-4, 0.2
 
 #: Growth of the work, and by how much more at once where the load factor rises slowly.
 WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
@@ -234,8 +233,8 @@ class Search:
         """Look for a verified collapse state at more work, then at less."""
         self.start = start  # where a path that is followed afresh begins
         first_ratio, first = start.work / self.per_ratio, None
-        if self.at_once and len(self.structure.bodies.centre) > MANY_BLOCKS:
-            # With many blocks the fixed point takes very long: sooner less work.
+        if self.at_once and len(self.structure.bodies.centre) > FEW_BLOCKS:
+            # With more than a few blocks the fixed point takes very long: sooner less work.
             for ratio in (first_ratio, WORK_DECREASE * first_ratio):
                 if first is None:
                     beginning = self._beginning(ratio * self.per_ratio)
@@ -587,8 +586,9 @@ def first_work(
     at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.
     """
     if method not in ("splitting", "active-set"):
-        many = blocks > MANY_BLOCKS and method in MONOLITHIC
-        return WORK_OF_MANY * blocks**2 if many else FIRST_WORK
+        many = blocks > FEW_BLOCKS and method in MONOLITHIC
+        cube, square = WORK_OF_MANY
+        return min(cube * blocks, square) * blocks**2 if many else FIRST_WORK
     upper = program().upper
     upper = np.inf if upper is None else upper
     return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolveOptions, SolverError, limit_load
-from fenics_contact.block_modes import MODES, RIGID, BlockModes, modes
+from fenics_contact.block_modes import LOCAL, MODES, RIGID, BlockModes, modes
 from fenics_contact.central_path import CentralPath
 from fenics_contact.few_points import FewPoints
 from fenics_contact.interior_point import (
@@ -151,6 +151,36 @@ def test_reduced_structure_is_that_of_the_formula(structure):
     assert reduced @ rigid == pytest.approx(np.zeros_like(rigid), abs=1e-9 * unit)
 
 
+def test_joint_points_give_what_their_nodes_do_of_themselves(structure):
+    made, problem = structure.block_modes, structure.problem
+    nodes = np.bincount(node_bodies(structure))
+    stiffness = np.diag(dense(problem.stiffness))
+    local = LOCAL * np.log(np.repeat(nodes[node_bodies(structure)] / 3.0, 2)) / stiffness
+    assert whole(made.local) == pytest.approx(local, rel=1e-12)
+    points = structure.operators.points
+    for give, rows in zip(made.reduced.give, joint_rows(structure), strict=True):
+        assert give == pytest.approx(np.diag(rows @ np.diag(local) @ rows.T)[points], rel=1e-12)
+    assert made.of(structure.reversed()).give is made.reduced.give
+    assert np.all(made.rigid.reduced.give == 0.0)
+
+
+@pytest.mark.parametrize("elements", [2, 4, 8])
+def test_points_give_what_the_modes_of_a_block_lack(elements):
+    """On average, of a brick: K^+ less its part in the modes, below each joint point."""
+    structure = Structure.build(on_ground(wall([[1]], elements=elements), coulomb(0.5)))
+    problem, made = structure.problem, structure.block_modes
+    columns, stiffness = dense(made.basis), dense(problem.stiffness)
+    inverse = np.linalg.pinv(stiffness, rcond=1e-9, hermitian=True)
+    of_modes = np.linalg.pinv(dense(made.reduced.stiffness), rcond=1e-9, hermitian=True)
+    rigid = dense(problem.rigid)
+    elastic = np.eye(len(rigid)) - rigid @ rigid.T
+    lacking = inverse - elastic @ columns @ of_modes @ columns.T @ elastic
+    for give, matrix in zip(made.reduced.give, (problem.normal, problem.tangential), strict=True):
+        rows = dense(matrix)
+        exact = np.einsum("ij,jk,ik->i", rows, lacking, rows)
+        assert give.mean() == pytest.approx(exact.mean(), rel=0.35)
+
+
 def test_springs_of_the_reduced_structure_are_those_of_the_formula(structure):
     random = np.random.default_rng(3)
     made, count = structure.block_modes, len(structure.joints.length)
@@ -175,9 +205,27 @@ def test_a_state_of_the_modes_is_one_of_the_structure(structure):
     vector = vector_like(made.reduced.dead, amplitudes)
     pressure, shear = np.arange(float(count)), -np.arange(float(count))
     state = made.prolonged(State(vector, 0.5, pressure, shear, 7.0, vector))
-    assert whole(state.displacement) == pytest.approx(basis(structure) @ amplitudes)
-    assert whole(state.strained) == pytest.approx(whole(state.displacement))
-    back = made.restricted(state)
+    # Moved by their modes, and by what they give next to joint forces.
+    problem, moved = structure.problem, basis(structure) @ amplitudes
+    forces = dense(problem.normal).T @ pressure + dense(problem.tangential).T @ shear
+    given = whole(made.local) * forces
+    assert np.abs(given).max() > 0.0
+    assert whole(state.displacement) == pytest.approx(moved + given)
+    rigid = dense(problem.rigid)
+    assert whole(state.strained) == pytest.approx(moved + given - rigid @ (rigid.T @ given))
+    rigid_state = made.rigid.prolonged(
+        State(vector_like(made.rigid.reduced.dead, 1.0), 0.5, pressure, shear, 7.0)
+    )
+    assert whole(rigid_state.displacement) == pytest.approx(dense(made.rigid.basis).sum(axis=1))
+    assert rigid_state.strained is None
+
+
+def test_modes_of_a_state_are_their_part_of_its_displacements(structure):
+    made, count = structure.block_modes, len(structure.operators.points)
+    amplitudes = np.random.default_rng(4).normal(size=made.basis.getSize()[1])
+    pressure, shear = np.arange(float(count)), -np.arange(float(count))
+    moved = vector_like(structure.problem.dead, basis(structure) @ amplitudes)
+    back = made.restricted(State(moved, 0.5, pressure, shear, 7.0, moved))
     kept = np.sum(basis(structure) ** 2, axis=0) > 0.5
     assert whole(back.displacement) == pytest.approx(np.where(kept, amplitudes, 0.0), abs=1e-12)
     assert back.strained is None

@@ -13,7 +13,7 @@ from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.few_points import LEFT, FewPoints
 from fenics_contact.interior_point import PathPoint, WorkControl
 from fenics_contact.path_equations import Iterate, Scales, Workspace
-from fenics_contact.search import FIRST_WORK, WORK_OF_MANY, first_work
+from fenics_contact.search import FIRST_WORK, first_work
 from fenics_contact.smoothed_laws import Growth
 from fenics_contact.springs import SpringStiffness
 from tests.helpers import Loaded, coulomb
@@ -180,22 +180,29 @@ def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain
     assert point.state.load_factor == solved(plain, "solve").state.load_factor
 
 
-@pytest.mark.parametrize(("method", "many"), [("auto", True), ("fixed-point", False)])
-def test_many_blocks_start_further_along(method, many):
+@pytest.mark.parametrize(
+    ("method", "blocks", "expected"),
+    [
+        ("auto", 100, FIRST_WORK),
+        ("auto", 101, 5e-4 * 101**3),
+        ("auto", 399, 5e-4 * 399**3),
+        ("auto", 1000, 0.2 * 1000**2),
+        ("fixed-point", 1000, FIRST_WORK),
+    ],
+)
+def test_many_blocks_start_further_along(method, blocks, expected):
     def never() -> None:
         raise AssertionError("no bound is needed")
 
-    scales = Scales(1.0, 1.0, 0.5)
-    expected = WORK_OF_MANY * 201**2 if many else FIRST_WORK
-    assert first_work(method, never, scales, 201) == expected > FIRST_WORK * (2 if many else 0.5)
-    assert first_work(method, never, scales, 200) == FIRST_WORK
+    first = first_work(method, never, Scales(1.0, 1.0, 0.5), blocks)
+    assert first == pytest.approx(expected)
+    assert first >= FIRST_WORK
 
 
 def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
     """Here a wall of few blocks that counts as one of many, and whose first path leads nowhere."""
     monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
-    monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
-    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
+    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
     tried = []
 
     def failing_first(original):
@@ -219,8 +226,7 @@ def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
 def test_many_blocks_try_no_path_twice(monkeypatch):
     """Two attempts from the modes and with the bound in the equations, then the fixed point."""
     monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
-    monkeypatch.setattr("fenics_contact.search.MANY_BLOCKS", 10)
-    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", 1e4 / 33**2)
+    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
     tried, from_modes = [], []
 
     def fails(self, start, work, centring, *rest, **options):
