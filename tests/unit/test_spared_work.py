@@ -80,7 +80,7 @@ def test_state_that_repels_the_fixed_point_is_iterated_for(monkeypatch):
 
 
 def test_fixed_point_where_the_path_leads_nowhere(monkeypatch):
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.search.COARSE", 0)
     monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
     monkeypatch.setattr(CoulombFriction, "_monolithic", lambda *_, **__: None)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
