@@ -322,8 +322,9 @@ class FewPoints:
         self.back = -self._product / self._square
         self._chosen: Integers
         self._others: npt.NDArray[np.bool_]
-        self._opening: Array
-        self._slip: Array
+        #: Openings and slips of this rank's points for forces at the chosen ones, normal and shear
+        #: in turn, shape (2, 2 times as many as may be chosen, points), filled as they are chosen.
+        self._answers = np.empty((2, 2 * max(FIRST, MOST), len(self.laws.sticky)))
         self._choose_none()
 
     def follow(self, end: float, along: bool = True, limit: float = LEFT) -> Step:
@@ -441,8 +442,9 @@ class FewPoints:
         (k_n, k_t, coupling), (give_n, give_t) = self.linear.springs, self.linear.give
         p_r, q_r = (1.0 - give_n) * p, (1.0 - give_t) * q  # by the force that answers
         by_opening, by_slip = -p - k_n * p_r - coupling * q_r, -q - k_t * q_r
-        forces = self.problem.comm.allreduce(by_opening @ self._opening + by_slip @ self._slip)
-        return np.append(along / sizes, of_others), forces
+        openings, slips = self._answers[:, : 2 * len(self._chosen)]
+        forces = self.problem.comm.allreduce(openings @ by_opening + slips @ by_slip)
+        return np.append(along / sizes, of_others), np.asarray(forces.reshape(-1, 2).T.ravel())
 
     def _reach(self, turn: float, end: float) -> tuple[float, float]:
         """Smallest and largest turn from some turn on."""
@@ -451,8 +453,9 @@ class FewPoints:
 
     def _values(self, part: float, turn: float, forces: Array) -> Array:
         """States of this rank's points on their tangents, with forces at the chosen ones."""
-        moved, answers = self.linear.moved(part, turn), (self._opening, self._slip)
-        return moved + self.linear.answer(*(answer @ forces for answer in answers))
+        in_turn = forces.reshape(2, -1).T.ravel()
+        answers = (in_turn @ answer[: len(in_turn)] for answer in self._answers)
+        return self.linear.moved(part, turn) + self.linear.answer(*answers)
 
     def _distances(self, part: float, turn: float, forces: Array | None = None) -> Array:
         """Distances of this rank's points, as linear as they are, from their laws."""
@@ -468,8 +471,6 @@ class FewPoints:
         count = len(self.laws.sticky)
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
         self._others = np.ones(count, dtype=bool)
-        #: Openings and slips of this rank's points for forces at the chosen ones.
-        self._opening, self._slip = np.zeros((2, count, 0))
 
     def _choose(self, along: bool) -> Integers:
         """Points whose laws bend first on the way across, and then along."""
@@ -522,29 +523,15 @@ class FewPoints:
 
     def _answer(self, new: Integers) -> None:
         """Solve for what forces at more points do to all."""
-        d, f = self.path.scales.displacement, self.path.scales.force
-        found = [
-            self._solved(new[first : first + COLUMNS // 2])
-            for first in range(0, len(new), COLUMNS // 2)
-        ]
-        # Normal forces first, then shear forces, as in all equations here.
-        before = len(self._chosen)
-        for name, columns in (
-            ("_opening", [opening for opening, _ in found]),
-            ("_slip", [slip for _, slip in found]),
-        ):
-            old = getattr(self, name)
-            normal, shear = (
-                np.concatenate([old[:, :0], *(column[:, k::2] for column in columns)], axis=1)
-                for k in range(2)
-            )
-            parts = old[:, :before], normal * f / d, old[:, before:], shear * f / d
-            setattr(self, name, np.concatenate(parts, axis=1))
+        before = 2 * len(self._chosen)
+        for first in range(0, 2 * len(new), COLUMNS):
+            some = new[first // 2 : (first + COLUMNS) // 2]
+            self._solve(some, self._answers[:, before + first : before + first + 2 * len(some)])
         self._chosen = np.concatenate([self._chosen, new])
         self._others[new[new[:, 0] == self.problem.comm.rank, 1]] = False
 
-    def _solved(self, points: Integers) -> tuple[Array, Array]:
-        """Openings and slips of this rank's points for unit forces, normal and shear in turn.
+    def _solve(self, points: Integers, answers: Array) -> None:
+        """Set openings and slips of this rank's points for unit forces at some.
 
         The displacements themselves are not kept: they take much memory, and one solve gives those
         that are needed in the end.
@@ -558,18 +545,20 @@ class FewPoints:
                     mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
         columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
         solutions = path.springs.solve_columns([columns[k] for k in range(2 * len(points))])
-        answers = solutions.getDenseArray()
-        # The work of the live load stays.
-        load_factors = -problem.comm.allreduce(live @ answers) / border.dot(problem.live)
-        found = []
-        for matrix, by_load in zip(
-            (problem.normal, problem.tangential), path.joint_displacements(border), strict=True
+        works = problem.comm.allreduce(live @ solutions.getDenseArray())
+        load_factors = -works / border.dot(problem.live)  # the work of the live load stays
+        for matrix, by_load, rows in zip(
+            (problem.normal, problem.tangential),
+            path.joint_displacements(border),
+            answers,
+            strict=True,
         ):
             product = matrix.matMult(solutions)
-            found.append(product.getDenseArray() + by_load[:, None] * load_factors)
+            np.multiply.outer(load_factors, by_load, out=rows)
+            rows += product.getDenseArray().T
+            rows *= path.scales.force / path.scales.displacement
             product.destroy()
         solutions.destroy()
-        return found[0], found[1]
 
     def _equations(self) -> FewEquations:
         """The chosen points' equations, gathered from their ranks."""
@@ -578,11 +567,15 @@ class FewPoints:
         points = chosen[mine, 1]
         linear, laws = self.linear.at(points), self.laws.at(points)
         parts = [getattr(linear, field.name) for field in fields(linear)]
+        # Normal forces first, then shear forces.
+        shape = 2, len(chosen), 2, len(points)
+        answers = self._answers[:, : 2 * len(chosen), points].reshape(shape)
+        answers = answers.swapaxes(1, 2).reshape(2, 2 * len(chosen), len(points))
         rows = [
             *(row for part in parts for row in part),
             *(laws.friction, laws.strength, laws.sticky),
-            *self._opening[points].T,
-            *self._slip[points].T,
+            *answers[0],
+            *answers[1],
         ]
         gathered = comm.allgather((mine, np.array(rows)))
         values = np.empty((len(rows), len(chosen)))
