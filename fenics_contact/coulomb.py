@@ -73,7 +73,7 @@ SAFETY = 3.0
 WARM_CENTRING, WARM_TOLERANCE = 1e-2, 1e-4
 
 #: Tolerance of a final monolithic state, and of its load factor, relative to the one asked for.
-FINAL_TOLERANCE, SETTLED = 1e-3, 2e-2
+FINAL_TOLERANCE, SETTLED = 1e-3, 5e-2
 
 #: Limits of both.
 CENTRING_RANGE, TOLERANCE_RANGE = (1e-8, 1e-2), (1e-12, 1e-4)
