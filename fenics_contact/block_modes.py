@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
@@ -223,11 +224,9 @@ def _orthonormal_columns(
     """P, of which a block's columns span its modes, and which of all columns are not zero."""
     comm, motions = problem.comm, shapes.shape[2]
     gram = np.zeros((blocks, motions, motions))
-    order = np.argsort(body, kind="stable")
-    present, start = np.unique(body[order], return_index=True)
-    squares = np.matmul(np.swapaxes(shapes, 1, 2), shapes)[order]
-    if len(present):
-        gram[present] = np.add.reduceat(squares, start)
+    for k, m in combinations_with_replacement(range(motions), 2):
+        products = np.sum(shapes[:, :, k] * shapes[:, :, m], axis=1)
+        gram[:, k, m] = gram[:, m, k] = np.bincount(body, products, blocks)
     gram = comm.allreduce(gram)
     # Modes of unit length first: their sizes are powers of the block's.
     length = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
@@ -235,7 +234,7 @@ def _orthonormal_columns(
     size, direction = np.linalg.eigh(gram * scale[:, :, None] * scale[:, None, :])
     independent = size > DEPENDENT
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
-    values = np.einsum("nik,nkl->nil", shapes, columns[body])
+    values = np.matmul(shapes, columns[body])
     first, last = (motions * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
     sizes = problem.dead.getSizes(), (last - first, motions * blocks)
     indices = np.repeat(motions * body[:, None] + np.arange(motions), 2, axis=0)

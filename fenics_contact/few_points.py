@@ -47,6 +47,9 @@ FIRST, MOST, ROUNDS = 16, 32, 3
 #: that is left.
 SERIOUS, LEFT = 0.15, 0.3
 
+#: Distance from which on a point is watched along a curve. Others are looked at where it ends.
+NOTICED = 0.02
+
 #: Change of log mu for which points are chosen, that is far enough for none to be added, and the
 #: largest.
 AIMED, ENOUGH, LARGEST_CHANGE = 2.0, 0.4, 3.0
@@ -129,9 +132,41 @@ class LinearStates:
         (opening, slip), r, shear = self.displacements(states), states[1], states[3]
         return np.array([r + k_n * opening, shear + k_t * slip + coupling * opening])
 
-    def at(self, points: Integers) -> LinearStates:
+    def at(self, points: Integers | slice) -> LinearStates:
         """Those of some points."""
         return LinearStates(*(getattr(self, field.name)[:, points] for field in fields(self)))
+
+
+@dataclass(frozen=True)
+class _Others:
+    """Points on their tangents, with forces at the chosen ones.
+
+    Attributes:
+        laws: Their laws.
+        linear: Their states on the tangents.
+        answers: Openings and slips for unit forces at the chosen points, normal and shear in turn,
+            shape (2, 2 chosen points, points).
+        products: mu at x0, in typical units.
+    """
+
+    laws: SmoothedLaws
+    linear: LinearStates
+    answers: Array
+    products: float
+
+    def values(self, part: float, turn: float, forces: Array | None = None) -> Array:
+        """States for forces, normal ones first."""
+        moved = self.linear.moved(part, turn)
+        if forces is None:
+            return moved
+        in_turn = forces.reshape(2, -1).T.ravel()
+        return moved + self.linear.answer(*(in_turn @ answer for answer in self.answers))
+
+    def distances(self, part: float, turn: float, forces: Array | None = None) -> Array:
+        """Distances from the laws."""
+        mu = self.products * float(np.exp(turn))
+        distances = self.laws.distances(self.values(part, turn, forces), mu)
+        return np.nan_to_num(distances, nan=np.inf)
 
 
 @dataclass(frozen=True)
@@ -325,6 +360,7 @@ class FewPoints:
         #: Openings and slips of this rank's points for forces at the chosen ones, normal and shear
         #: in turn, shape (2, 2 times as many as may be chosen, points), filled as they are chosen.
         self._answers = np.empty((2, 2 * max(FIRST, MOST), len(self.laws.sticky)))
+        self._watched = np.zeros(len(self.laws.sticky), dtype=bool)
         self._choose_none()
 
     def follow(self, end: float, along: bool = True, limit: float = LEFT) -> Step:
@@ -451,20 +487,19 @@ class FewPoints:
         lowest = min(np.log(PAST * end / self.place.products), turn - SHORTEST)
         return max(turn - LARGEST_CHANGE, lowest), turn + LARGEST_CHANGE
 
-    def _values(self, part: float, turn: float, forces: Array) -> Array:
-        """States of this rank's points on their tangents, with forces at the chosen ones."""
-        in_turn = forces.reshape(2, -1).T.ravel()
-        answers = (in_turn @ answer[: len(in_turn)] for answer in self._answers)
-        return self.linear.moved(part, turn) + self.linear.answer(*answers)
+    def _of(self, points: Integers | slice) -> _Others:
+        """Some of this rank's points on their tangents."""
+        answers = self._answers[:, : 2 * len(self._chosen), points]
+        return _Others(self.laws.at(points), self.linear.at(points), answers, self.place.products)
 
     def _distances(self, part: float, turn: float, forces: Array | None = None) -> Array:
         """Distances of this rank's points, as linear as they are, from their laws."""
-        if forces is None:
-            values = self.linear.moved(part, turn)
-        else:
-            values = self._values(part, turn, forces)
-        distances = self.laws.distances(values, self.place.products * float(np.exp(turn)))
-        return np.nan_to_num(distances, nan=np.inf)
+        return self._of(slice(None)).distances(part, turn, forces)
+
+    def _distances_of_others(self, here: _OnCurve) -> Array:
+        """The same on a curve; zero for the chosen points."""
+        part, turn = here.x[[PART, TURN]]
+        return np.where(self._others, self._distances(part, turn, here.forces), 0.0)
 
     def _choose_none(self) -> None:
         """Leave all points on their tangents."""
@@ -475,33 +510,38 @@ class FewPoints:
     def _choose(self, along: bool) -> Integers:
         """Points whose laws bend first on the way across, and then along."""
         back, sign = self.back, self.place.sign
+        found = reached = self._distances(1.0, back)
 
-        def across(logarithm: float) -> Array:
+        def across(logarithm: float, points: Integers | slice) -> Array:
             part = np.exp(logarithm)
-            return self._distances(part, part * back)
+            return self._of(points).distances(part, part * back)
 
-        reached = across(0.0)
-
-        def on(logarithm: float) -> Array:
-            return np.maximum(reached, self._distances(1.0, back + sign * np.exp(logarithm)))
+        def on(logarithm: float, points: Integers | slice) -> Array:
+            turn = back + sign * np.exp(logarithm)
+            return np.maximum(reached[points], self._of(points).distances(1.0, turn))
 
         if self._serious(reached) > FIRST:
-            return self._worst(self._up_to(across, -10.0, 0.0), FIRST)
-        if not along:
-            return self._worst(reached, FIRST)
-        return self._worst(self._up_to(on, np.log(1e-5), np.log(AIMED)), FIRST)
+            found = self._up_to(across, -10.0, 0.0)
+        elif along:
+            found = self._up_to(on, np.log(1e-5), np.log(AIMED))
+        self._watched = found > NOTICED
+        return self._worst(found, FIRST)
 
     def _serious(self, errors: Array) -> float:
         return self.problem.sum(np.where(errors > SERIOUS, 1.0, 0.0))
 
-    def _up_to(self, errors: Callable[[float], Array], low: float, high: float) -> Array:
+    def _up_to(
+        self, distances: Callable[[float, Integers | slice], Array], low: float, high: float
+    ) -> Array:
         """Distances from the laws about where no more points are far from them than are chosen."""
-        found = errors(high)
+        found = distances(high, slice(None))
         if self._serious(found) <= FIRST:
             return found
+        noticed = np.flatnonzero(found > NOTICED)  # before, no others are
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            tried = errors(middle)
+            tried = np.zeros_like(found)
+            tried[noticed] = distances(middle, noticed)
             if self._serious(tried) > FIRST:
                 high, found = middle, tried
             else:
@@ -607,8 +647,27 @@ class FewPoints:
             reach: Coordinates between which it is followed.
             limit: Distance of other points from their laws at which it ends.
         """
+        while True:
+            traced = self._watching(curve, here, forward, reach, limit)
+            if traced.last is here:
+                return traced
+            distances = self._distances_of_others(traced.last)
+            if not self.problem.max(distances) > limit:
+                return traced
+            self._watched |= distances > min(NOTICED, limit)  # some that were not, and so again
+
+    def _watching(
+        self,
+        curve: _Curve,
+        here: _OnCurve,
+        forward: Array,
+        reach: tuple[float, float],
+        limit: float,
+    ) -> _Traced:
+        """The same, of other points as far as they are watched."""
+        watched = self._of(np.flatnonzero(self._watched & self._others))
         furthest = here
-        stopped: Array | None = None
+        stopped: _OnCurve | None = None
         length, near, steps, ended = FIRST_LENGTH, 0.0, 0, False
         while not ended and steps < CURVE_STEPS:
             steps += 1
@@ -620,13 +679,13 @@ class FewPoints:
                 if found is None:
                     length *= SHORTER
                     continue
-                part, turn = found[0].x[[PART, TURN]]
-                errors = self._distances(part, turn, found[0].forces)
-                errors = np.where(self._others, errors, 0.0)
-                leaving = self.problem.max(errors)
+                tried = found[0]
+                part, turn = tried.x[[PART, TURN]]
+                distances = watched.distances(part, turn, tried.forces)
+                leaving = self.problem.max(distances)
                 if leaving <= limit:
                     break
-                found, rejected = None, errors
+                found, rejected = None, tried
                 length *= float(np.clip((limit - near) / (leaving - near), *LESS))
                 if length < CLOSE_TO_OTHERS * limit / LEFT:
                     break
@@ -648,7 +707,8 @@ class FewPoints:
             *(len(here.x) // 2 - 1, steps, *here.x[[PART, TURN]]),
         )
         complete = here.x[curve.coordinate] >= reach[1]
-        return _Traced(here, furthest, complete, forward, stopped)
+        left = None if stopped is None else self._distances_of_others(stopped)
+        return _Traced(here, furthest, complete, forward, left)
 
     def _moved(self, last: _OnCurve, equations: FewEquations, reached: bool) -> Step:
         """The step to the point with equal products of the states there."""
@@ -669,7 +729,7 @@ class FewPoints:
         moved.u.axpy(1.0, change)
         strained = self.problem.strained(change)
         moved.strained.axpy(1.0, strained)
-        values = self._values(part, turn, last.forces)
+        values = self._of(slice(None)).values(part, turn, last.forces)
         products = place.products * float(np.exp(turn))
         p, q = np.split(last.x[:-2], 2)
         values[:, self._chosen[mine, 1]] = equations.laws.states(p, q, products).values[:, mine]

@@ -100,7 +100,7 @@ class SmoothedLaws:
     smallest: float
     growth: Growth | None = None
 
-    def at(self, points: npt.NDArray[np.int64]) -> SmoothedLaws:
+    def at(self, points: npt.NDArray[np.int64] | slice) -> SmoothedLaws:
         """Those of some points."""
         friction, strength, sticky = (
             array[points] for array in (self.friction, self.strength, self.sticky)

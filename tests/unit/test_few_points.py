@@ -187,7 +187,7 @@ def test_more_points_go_on_from_where_the_first_led(stiff):
     traced = few._trace(curve, reached.last, -curve.fixed, few._reach(few.back, 1e-9), LEFT)
     assert traced.stopped is not None
     assert traced.turn < few.back
-    tangents = few._values(1.0, traced.turn, traced.last.forces)
+    tangents = few._of(slice(None)).values(1.0, traced.turn, traced.last.forces)
     new = few._worst(traced.stopped, 5)
     assert len(new)
     few._answer(new)
@@ -262,3 +262,32 @@ def test_of_two_ways_that_end_short_of_the_path_the_one_that_leads_further_is_ta
     assert across.x[PART] > level.x[PART]
     assert not step.reached
     assert step.products == pytest.approx(place.products * np.exp(across.x[TURN]), rel=1e-12)
+
+
+@pytest.mark.parametrize("noticed", [0.0, 10.0], ids=["all", "none"])
+def test_points_that_were_not_watched_are_found_where_a_curve_ends(loaded, noticed, monkeypatch):
+    """No point ends further from its law than the limit, however few are watched at first."""
+    monkeypatch.setattr("fenics_contact.few_points.NOTICED", noticed)
+    path, place = place_of(loaded)
+    few, traced = FewPoints(path, place), []
+    original = FewPoints._watching
+
+    def watching(self, *curve):
+        traced.append(int(self._watched.sum()))
+        return original(self, *curve)
+
+    monkeypatch.setattr(FewPoints, "_watching", watching)
+    few._answer(few._choose(True))
+    across = few._curve(Course.ACROSS, few._equations())
+    found = few._trace(across, across.begin, across.fixed, (BACK, 1.0), LEFT)
+    curve = few._curve(Course.ALONG, across.equations, found.last)
+    traced.clear()
+    found = few._trace(curve, found.last, -curve.fixed, few._reach(few.back, 1e-9), LEFT)
+    distances = few._distances_of_others(found.last)
+    assert 0.0 < distances.max() <= LEFT
+    assert np.all(distances[few._chosen[:, 1]] == 0.0)
+    if noticed:
+        assert traced[0] == 0 < traced[-1] < len(distances)
+        assert distances[~few._watched].max() <= LEFT
+    else:
+        assert traced == [np.count_nonzero(few._watched)]
