@@ -59,6 +59,9 @@ PATIENCE, COLD_PATIENCE = 6, 25
 #: Steps, warm and cold, over which the error has to fall to this part of itself.
 SLOW_STEPS, COLD_SLOW_STEPS, SLOW = 10, 20, 0.5
 
+#: The same for a warm start with Coulomb friction, which is a try: there are other ways.
+TRYING_STEPS = 6
+
 #: Both where the central path can be followed instead, and for the last steps after it was.
 FOLD_STEPS, FINISH_STEPS = 8, 4
 
@@ -633,6 +636,8 @@ class _InteriorPoint(PathEquations):
         errors: list[float] = []  # smallest so far, of all but what cancels digits of equilibrium
         best_step = 0
         patience, slow_steps = (COLD_PATIENCE, COLD_SLOW_STEPS) if cold else (PATIENCE, SLOW_STEPS)
+        if self.given is None and not cold:
+            slow_steps = TRYING_STEPS
         if window:
             patience, slow_steps = min(patience, window), window
         if self.load_factor is not None:  # slow close to the limit load, and no less a state

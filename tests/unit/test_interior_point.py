@@ -355,7 +355,7 @@ def test_the_last_iterate_counts_where_only_equilibrium_is_missing(bond):
 
 @pytest.mark.parametrize(
     ("falls", "cold", "window", "steps"),
-    [(0.85, False, 8, 1), (0.5, False, 8, 34), (0.95, True, 8, 8), (0.95, False, 0, 10)],
+    [(0.85, False, 8, 1), (0.5, False, 8, 34), (0.95, True, 8, 8), (0.95, False, 0, 6)],
 )
 def test_last_steps_end_where_one_leaves_most(bond, falls, cold, window, steps):
     run, best = out_of_balance(bond, 0.0)
