@@ -126,10 +126,10 @@ class LinearStates:
         y, r, w, shear = states
         return np.array([y - self.give[0] * r, w - self.give[1] * shear])
 
-    def excess(self, states: Array) -> Array:
+    def excess(self, states: Array, displacements: Array) -> Array:
         """Forces in excess of those of the springs, normal ones first, shape (2, ..., points)."""
         k_n, k_t, coupling = self.springs
-        (opening, slip), r, shear = self.displacements(states), states[1], states[3]
+        (opening, slip), r, shear = displacements, states[1], states[3]
         return np.array([r + k_n * opening, shear + k_t * slip + coupling * opening])
 
     def at(self, points: Integers | slice) -> LinearStates:
@@ -179,7 +179,7 @@ class _OnCurve:
         forces: Forces in excess of those of the springs.
         sizes: By which changes of x are measured.
         slopes: Derivatives of `rest` by x, shape (2 points, 2 points + 2).
-        excess: Those of a point's two forces by its p and q, and by part and turn, shape
+        excess: Those of a point's two forces by part and turn, and by its p and q, shape
             (2, 4, points).
     """
 
@@ -193,7 +193,7 @@ class _OnCurve:
     def force_slope(self, row: Array) -> Array:
         """Derivative of the product of a row with the forces by x."""
         normal, shear = row.reshape(2, -1)
-        p, q, part, turn = normal * self.excess[0] + shear * self.excess[1]
+        part, turn, p, q = normal * self.excess[0] + shear * self.excess[1]
         return np.concatenate([p, q, (part.sum(), turn.sum())])
 
     @property
@@ -256,27 +256,22 @@ class FewEquations:
         mu = self.products * float(np.exp(turn))
         states, by = self.laws.linearised(p, q, mu)
         difference = states.values - self.linear.moved(part, turn)
-        # A point's p and q change its own forces alone, part and turn those of all.
-        changes = np.array([difference, by.p, by.q, -self.linear.across, by.mu - self.linear.along])
+        changes = np.array([difference, -self.linear.across, by.mu - self.linear.along, by.p, by.q])
         changes = changes.swapaxes(0, 1)
-        excess = self.linear.excess(changes) * self._carried
         moved = self.linear.displacements(changes)
-        displacements = moved.swapaxes(0, 1).reshape(5, -1)
-        some = (
-            displacements[[0, 3, 4]]
-            - excess[:, [0, 3, 4]].swapaxes(0, 1).reshape(3, -1) @ self.compliance.T
+        excess = self.linear.excess(changes, moved) * self._carried
+        rest, of_part, of_turn = (
+            moved[:, k].ravel() - self.compliance @ excess[:, k].ravel() for k in range(3)
         )
         slopes = np.empty((2 * count, 2 * count + 2))
-        slopes[:, PART:] = some[1:].T
-        normal, shear = self.compliance[:, :count], self.compliance[:, count:]
-        point = np.arange(count)
-        for k in (1, 2):
-            columns = slopes[:, (k - 1) * count : k * count]
-            columns[:] = -normal * excess[0, k] - shear * excess[1, k]
-            columns[point, point] += moved[0, k]
-            columns[count + point, point] += moved[1, k]
+        slopes[:, PART], slopes[:, TURN] = of_part, of_turn
+        # A point's p and q change its own forces alone, part and turn those of all.
+        normal, shear = self._compliances
+        by_states = normal * excess[0, 3:] + shear * excess[1, 3:]
+        slopes[:, :PART] = -by_states.reshape(2 * count, 2 * count)
+        slopes.ravel()[self._own] += moved[:, 3:].ravel()
         sizes = np.append(self.laws.sizes(states, mu).ravel(), (1.0, 1.0))
-        return _OnCurve(x, some[0], excess[:, 0].ravel(), sizes, slopes, excess[:, 1:])
+        return _OnCurve(x, rest, excess[:, 0].ravel(), sizes, slopes, excess[:, 1:])
 
     def continued(self, last: _OnCurve) -> Array:
         """Where the first few of these points led, with the others on their tangents."""
@@ -293,6 +288,20 @@ class FewEquations:
         """Sign of the determinant of their derivatives, relative to that at the start."""
         signs = (np.linalg.slogdet(at.slopes[:, :-2])[0] for at in (start, last))
         return float(np.prod(list(signs))) or 1.0
+
+    @cached_property
+    def _compliances(self) -> tuple[Array, Array]:
+        """C for normal and for shear forces, shape (2 points, 1, points)."""
+        count = len(self.laws.sticky)
+        return self.compliance[:, None, :count], self.compliance[:, None, count:]
+
+    @cached_property
+    def _own(self) -> Integers:
+        """Places in `slopes` of a point's opening and slip by its own p and q."""
+        count = len(self.laws.sticky)
+        side, number, point = np.ogrid[:2, :2, :count]
+        places = (side * count + point) * (2 * count + 2) + number * count + point
+        return np.asarray(places.ravel())
 
     @cached_property
     def _carried(self) -> Array:
@@ -537,7 +546,7 @@ class FewPoints:
         found = distances(high, slice(None))
         if self._serious(found) <= FIRST:
             return found
-        noticed = np.flatnonzero(found > NOTICED)  # before, no others are
+        noticed = np.flatnonzero(found > NOTICED)  # on the way there no others are
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             tried = np.zeros_like(found)
@@ -550,10 +559,9 @@ class FewPoints:
 
     def _worst(self, errors: Array, count: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
-        errors = np.where(self._others, errors, 0.0)
         comm = self.problem.comm
-        place = np.argsort(-errors, kind="stable")[: max(count, 0)]
-        place = place[errors[place] > SERIOUS]
+        place = np.flatnonzero((errors > SERIOUS) & self._others)
+        place = place[np.argsort(-errors[place], kind="stable")[: max(count, 0)]]
         found = comm.allgather((errors[place], place))
         size = np.concatenate([sizes for sizes, _ in found])
         rank = np.repeat(np.arange(comm.size), [len(places) for _, places in found])
@@ -585,18 +593,15 @@ class FewPoints:
                     mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
         columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
         solutions = path.springs.solve_columns([columns[k] for k in range(2 * len(points))])
-        works = problem.comm.allreduce(live @ solutions.getDenseArray())
+        displacements = solutions.getDenseArray().T
+        works = problem.comm.allreduce(displacements @ live)
         load_factors = -works / border.dot(problem.live)  # the work of the live load stays
-        for matrix, by_load, rows in zip(
-            (problem.normal, problem.tangential),
-            path.joint_displacements(border),
-            answers,
-            strict=True,
-        ):
+        for row, load_factor in zip(displacements, load_factors, strict=True):
+            row += load_factor * border.array_r
+        for matrix, rows in zip((problem.normal, problem.tangential), answers, strict=True):
             product = matrix.matMult(solutions)
-            np.multiply.outer(load_factors, by_load, out=rows)
-            rows += product.getDenseArray().T
-            rows *= path.scales.force / path.scales.displacement
+            unit = path.scales.force / path.scales.displacement
+            np.multiply(product.getDenseArray().T, unit, out=rows)
             product.destroy()
         solutions.destroy()
 

@@ -112,7 +112,8 @@ class SmoothedLaws:
         y, r = normal_law(p, mu)
         gamma = self._bound(r, mu)
         near = distance_from_bound(np.abs(q), gamma, mu)
-        return self._joint_states(q, y, r, gamma, near)
+        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
+        return JointStates(np.array([y, r, shear - q, shear]))
 
     def sizes(self, states: JointStates, mu: float) -> Array:
         """Sizes of p and q of such states, shape (2, points)."""
@@ -150,24 +151,24 @@ class SmoothedLaws:
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
         near = distance_from_bound(np.abs(q), gamma, mu, FEWER)
         far = 2.0 * gamma - near
-        by_s = 1.0 + mu / near**2 + mu / far**2
-        by_gamma = -1.0 - 2.0 * mu / far**2
-        by_mu = mu / far - mu / near
+        of_near, of_far = mu / near, mu / far
+        by_s = 1.0 + of_near / near + of_far / far
+        by_gamma = -1.0 - 2.0 * of_far / far
         side = np.where(self.sticky, np.copysign(1.0, q), 0.0)
-        shear_gamma = side * (1.0 + by_gamma / by_s)
-        shear_p = shear_gamma * gamma_r * r_p
+        shear = side * (gamma - near)
+        shear_gamma_r = side * (1.0 + by_gamma / by_s) * gamma_r
+        shear_p = shear_gamma_r * r_p
         shear_q = np.where(self.sticky, 1.0 / by_s, 0.0)
-        shear_mu = shear_gamma * gamma_r * (r_mu + rate * r) + side * by_mu / by_s
-        return self._joint_states(q, y, r, gamma, near), Derivatives(
-            np.array([y_p, r_p, shear_p, shear_p]),
-            np.array([none, none, shear_q - 1.0, shear_q]),
-            np.array([r_mu, r_mu, shear_mu, shear_mu]),
+        shear_mu = shear_gamma_r * (r_mu + rate * r) + side * (of_far - of_near) / by_s
+        rows = np.array(
+            (
+                *(y, r, shear - q, shear),
+                *(y_p, r_p, shear_p, shear_p),
+                *(none, none, shear_q - 1.0, shear_q),
+                *(r_mu, r_mu, shear_mu, shear_mu),
+            )
         )
-
-    def _joint_states(self, q: Array, y: Array, r: Array, gamma: Array, near: Array) -> JointStates:
-        """States with openings y, normal forces r, and shear forces `near` their bound gamma."""
-        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
-        return JointStates(np.array([y, r, shear - q, shear]))
+        return JointStates(rows[:4]), Derivatives(rows[4:8], rows[8:12], rows[12:])
 
     def _part(self, mu: float) -> float:
         return 1.0 if self.growth is None else self.growth.part(mu)
