@@ -40,7 +40,7 @@ Integers = npt.NDArray[np.int32]
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
 RIGID, MODES = 3, 8
 
-#: c above: a fit to bricks of 15 to 561 nodes and linear triangles.
+#: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third from 15 on.
 LOCAL = 0.6
 
 #: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
@@ -165,14 +165,7 @@ class BlockModes:
         strained = None if state.strained is None else self._prolonged(state.strained)
         if self.local is not None:
             given = displacement.duplicate()
-            for matrix, force in (
-                (self.full.normal, state.pressure),
-                (self.full.tangential, state.shear),
-            ):
-                joint = matrix.createVecLeft()
-                joint.array[:] = force
-                matrix.multTransposeAdd(joint, given, given)
-                joint.destroy()
+            self.full.add_joint_forces(given, state.pressure, state.shear)
             given.pointwiseMult(given, self.local)
             displacement.axpy(1.0, given)
             if strained is not None:

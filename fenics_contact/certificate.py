@@ -194,11 +194,7 @@ def state_residuals(
     strained.destroy()
     rest.axpy(-1.0, problem.dead)
     rest.axpy(-state.load_factor, problem.live)
-    for matrix, force in ((problem.normal, state.pressure), (problem.tangential, state.shear)):
-        joint = matrix.createVecLeft()
-        joint.array[:] = -force
-        matrix.multTransposeAdd(joint, rest, rest)
-        joint.destroy()
+    problem.add_joint_forces(rest, -state.pressure, -state.shear)
     equilibrium = problem.max(np.abs(rest.array_r)) / f
     rest.destroy()
     joints = _joint_misses(problem, state, scales, bound)

@@ -12,8 +12,9 @@ structure answers by displacements:
 twice as many equations as chosen points, for their p and q, exact where the other points' laws are
 as good as linear. Their solutions are followed by length too, first across to the path, part from
 0 to 1, at right angles to the tangent, or if that leads nowhere at the same mu; then along it, turn
-from there, as far as the others' laws allow; points that stop it are chosen in addition, and it
-goes on from there. (Nonlinear elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci.
+from there, as far as the others' laws allow: those of points that come to move are watched on the
+way, and all are looked at where it ends. Points that stop it are chosen in addition, and it goes on
+from there. (Nonlinear elimination: P.J. Lanzkron, D.J. Rose, J.T. Wilkes, SIAM J. Sci.
 Comput. 17 (1996) 538.)
 """
 
@@ -211,14 +212,14 @@ class _Traced:
         furthest: That with the largest part.
         complete: Whether the last one is the end asked for.
         forward: Row whose product with the direction there is positive.
-        stopped: Distances of this rank's points from their laws where these ended it, or None.
+        stopped: The point at which other points' laws ended it, or None.
     """
 
     last: _OnCurve
     furthest: _OnCurve
     complete: bool
     forward: Array
-    stopped: Array | None
+    stopped: _OnCurve | None
 
     @property
     def turn(self) -> float:
@@ -418,7 +419,8 @@ class FewPoints:
             enough = traced.complete or (on_path and abs(traced.turn - self.back) > ENOUGH)
             new = self._chosen[:0]
             if rounds and traced.stopped is not None and not enough:
-                new = self._worst(traced.stopped, MOST - len(self._chosen))
+                distances = self._distances_on(traced.stopped)
+                new = self._worst(distances, MOST - len(self._chosen))
             if len(new):
                 rounds -= 1
                 self._answer(new)
@@ -505,10 +507,10 @@ class FewPoints:
         """Distances of this rank's points, as linear as they are, from their laws."""
         return self._of(slice(None)).distances(part, turn, forces)
 
-    def _distances_of_others(self, here: _OnCurve) -> Array:
-        """The same on a curve; zero for the chosen points."""
+    def _distances_on(self, here: _OnCurve) -> Array:
+        """The same on a curve; those of the chosen points mean nothing."""
         part, turn = here.x[[PART, TURN]]
-        return np.where(self._others, self._distances(part, turn, here.forces), 0.0)
+        return self._distances(part, turn, here.forces)
 
     def _choose_none(self) -> None:
         """Leave all points on their tangents."""
@@ -656,10 +658,11 @@ class FewPoints:
             traced = self._watching(curve, here, forward, reach, limit)
             if traced.last is here:
                 return traced
-            distances = self._distances_of_others(traced.last)
-            if not self.problem.max(distances) > limit:
+            distances = self._distances_on(traced.last)
+            missed = np.where(self._others & ~self._watched, distances, 0.0)
+            if not self.problem.max(missed) > limit:
                 return traced
-            self._watched |= distances > min(NOTICED, limit)  # some that were not, and so again
+            self._watched |= missed > min(NOTICED, limit)
 
     def _watching(
         self,
@@ -712,8 +715,7 @@ class FewPoints:
             *(len(here.x) // 2 - 1, steps, *here.x[[PART, TURN]]),
         )
         complete = here.x[curve.coordinate] >= reach[1]
-        left = None if stopped is None else self._distances_of_others(stopped)
-        return _Traced(here, furthest, complete, forward, left)
+        return _Traced(here, furthest, complete, forward, stopped)
 
     def _moved(self, last: _OnCurve, equations: FewEquations, reached: bool) -> Step:
         """The step to the point with equal products of the states there."""

@@ -86,6 +86,19 @@ class ContactProblem:
             joint.destroy()
         return values[0], values[1]
 
+    def add_joint_forces(
+        self,
+        vector: PETSc.Vec,
+        pressure: npt.NDArray[np.float64],
+        shear: npt.NDArray[np.float64],
+    ) -> None:
+        """Add B_N^T r_N + B_T^T r_T of forces at this rank's points, N/m."""
+        for matrix, force in ((self.normal, pressure), (self.tangential, shear)):
+            joint = matrix.createVecLeft()
+            joint.array[:] = force
+            matrix.multTransposeAdd(joint, vector, vector)
+            joint.destroy()
+
     def strained(self, u: PETSc.Vec) -> PETSc.Vec:
         """The part of u that strains the blocks, (I - R R^T) u."""
         rest, motion = u.copy(), self.rigid.createVecRight()
