@@ -452,15 +452,17 @@ def test_all_ranks_have_the_pressure():
 @pytest.mark.parametrize("friction", [0.05, 3.0])
 def test_whether_the_dead_load_stands_is_asked_of_the_simplex_method_alone(friction, monkeypatch):
     """On a slope of 15 degrees a block slides or stands; no interior point method is used."""
-    methods, linprog = [], scipy.optimize.linprog
+    methods, pricing, linprog = [], [], scipy.optimize.linprog
 
     def noted(*arguments, **options):
         methods.append(arguments[6])
+        pricing.append(options["options"].get("simplex_dual_edge_weight_strategy"))
         return linprog(*arguments, **options)
 
     monkeypatch.setattr("scipy.optimize.linprog", noted)
     blocks = slope(15.0, friction)
     assert blocks.stands() == (friction > np.tan(np.radians(15.0)))
     assert methods == ["highs-ds"]
+    assert pricing == ["dantzig"]
     blocks.bounds()
     assert set(methods) >= ({"highs-ipm"} if friction == 3.0 else {"highs-ds"})
