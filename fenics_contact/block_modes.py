@@ -32,6 +32,7 @@ from petsc4py import PETSc
 
 from fenics_contact.path_equations import State
 from fenics_contact.problem import ContactProblem
+from fenics_contact.rigid import numbered_by_rank
 from fenics_contact.springs import JointRows, SpringStiffness
 
 Array = npt.NDArray[np.float64]
@@ -59,8 +60,9 @@ class BlockModes:
         springs: K_P with joint springs.
         shapes: Displacements of this rank's nodes in every mode of their block, zero where held,
             shape (nodes, 2, modes).
-        body: Block of every node of this rank.
-        sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+        body: Block of every node of this rank, each rank's blocks numbered in a row.
+        sides: Likewise those on both sides of this rank's joint points, -1: ground, shape
+            (points, 2).
         local: C_ii, m per N/m; None: nothing gives.
     """
 
@@ -89,13 +91,15 @@ class BlockModes:
         Args:
             problem: The structure.
             shapes: As the attribute; `modes` gives them.
-            body: Likewise.
+            body: Block of every node of this rank, by any numbers.
             blocks: Number of blocks.
-            sides: As the attribute.
+            sides: As the attribute, by the same numbers.
             mean_diagonal: To be taken for that of K_P, where that is zero but for rounding.
             gives: Whether joint points give.
         """
-        basis, is_mode = _orthonormal_columns(problem, shapes, body, blocks)
+        number, mine = numbered_by_rank(problem.comm, body, blocks)
+        body, sides = number[body], np.where(sides < 0, -1, number[sides])
+        basis, is_mode = _orthonormal_columns(problem, shapes, body, blocks, mine)
         stiffness = problem.stiffness.ptap(basis)
         diagonal = stiffness.getDiagonal()
         stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
@@ -212,7 +216,7 @@ def modes(arm: Array) -> Array:
 
 
 def _orthonormal_columns(
-    problem: ContactProblem, shapes: Array, body: Integers, blocks: int
+    problem: ContactProblem, shapes: Array, body: Integers, blocks: int, mine: range
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
     """P, of which a block's columns span its modes, and which of all columns are not zero."""
     comm, motions = problem.comm, shapes.shape[2]
@@ -228,8 +232,7 @@ def _orthonormal_columns(
     independent = size > DEPENDENT
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.matmul(shapes, columns[body])
-    first, last = (motions * (blocks * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
-    sizes = problem.dead.getSizes(), (last - first, motions * blocks)
+    sizes = problem.dead.getSizes(), (motions * len(mine), motions * blocks)
     indices = np.repeat(motions * body[:, None] + np.arange(motions), 2, axis=0)
     csr = [
         a.astype(PETSc.IntType) for a in (motions * np.arange(2 * len(body) + 1), indices.ravel())

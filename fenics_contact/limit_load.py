@@ -24,7 +24,14 @@ from fenics_contact.path_equations import Scales, State
 from fenics_contact.plan import Plan
 from fenics_contact.problem import ContactProblem
 from fenics_contact.scene import Scene
-from fenics_contact.search import Collapse, CollapseState, Search, first_work, new_solver
+from fenics_contact.search import (
+    MONOLITHIC,
+    Collapse,
+    CollapseState,
+    Search,
+    first_work,
+    new_solver,
+)
 from fenics_contact.structure import Bonded, Structure
 
 Array = npt.NDArray[np.float64]
@@ -179,7 +186,7 @@ class _Driver:
         self.seconds["bounds"] = time.perf_counter() - start
         if not stands:
             return self._result("unstable", None, None)
-        bonded = structure.bonded()
+        bonded = structure.bonded(coupled=self.plan.coulomb and options.method in MONOLITHIC)
         self.seconds["bonded"] = bonded.seconds
         start = time.perf_counter()
         scales = typical_sizes(structure.problem, bonded)
@@ -342,7 +349,7 @@ class _Driver:
         options, monitor = self.scene.solve, self._steps(direction)
         control = WorkControl(problem, self.structure.springs)
         solver = new_solver(self.structure, problem, control, options.method)
-        monolithic = options.method in ("auto", "monolithic")
+        monolithic = options.method in MONOLITHIC
 
         def friction(sizes: Scales, load_factor: float) -> CoulombFriction:
             return CoulombFriction(

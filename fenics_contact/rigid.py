@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
 from fenics_contact.errors import InputError
 from fenics_contact.joints import GROUND, Joints
 from fenics_contact.supports import Supports
 
 Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int32]
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
 FREE = 1e-13
@@ -73,6 +75,27 @@ def motions(arm: Array, size: float) -> Array:
     motion[:, 0, 0] = motion[:, 1, 1] = 1.0
     motion[:, 0, 2], motion[:, 1, 2] = -arm[:, 1] / size, arm[:, 0] / size
     return motion
+
+
+def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Integers, range]:
+    """Numbers of the bodies by which each rank's are in a row.
+
+    A body is that rank's which has most of its nodes. Unknowns of bodies numbered like this are
+    where those of their nodes and joints are.
+
+    Args:
+        comm: The ranks.
+        body: Body of every node of this rank, by any numbers.
+        count: Number of bodies.
+
+    Returns:
+        The new number of every body, and the range of this rank's.
+    """
+    home = np.argmax(comm.allgather(np.bincount(body, minlength=count)), axis=0)
+    number = np.empty(count, dtype=np.int32)
+    number[np.argsort(home, kind="stable")] = np.arange(count)
+    first, last = np.cumsum([0, *np.bincount(home, minlength=comm.size)])[comm.rank :][:2]
+    return number, range(first, last)
 
 
 def _null_space(gram: Array) -> Array:

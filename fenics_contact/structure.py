@@ -17,7 +17,13 @@ from fenics_contact.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.errors import InputError
 from fenics_contact.joints import JointOperators, Joints, find_joints, joint_operators
 from fenics_contact.problem import ContactProblem
-from fenics_contact.rigid import RigidBodies, check_held, motions, rigid_bodies
+from fenics_contact.rigid import (
+    RigidBodies,
+    check_held,
+    motions,
+    numbered_by_rank,
+    rigid_bodies,
+)
 from fenics_contact.scene import Scene
 from fenics_contact.springs import JointRows, SpringStiffness
 from fenics_contact.supports import Supports, find_supports
@@ -122,12 +128,16 @@ class Structure:
             seconds,
         )
 
-    def bonded(self) -> Bonded:
-        """Solve with all joints closed, under the dead and under the live load."""
+    def bonded(self, coupled: bool = False) -> Bonded:
+        """Solve with all joints closed, under the dead and under the live load.
+
+        Args:
+            coupled: Whether springs with coupling follow, whose analysis then does for these too.
+        """
         start = time.perf_counter()
         problem, springs = self.problem, self.springs
         spring = np.full(len(problem.friction), BONDED_SPRING * springs.mean_diagonal)
-        springs.factor(spring, spring)
+        springs.factor(spring, spring, np.zeros_like(spring) if coupled else None)
         opening = problem.normal.createVecLeft()
         responses, pressures = [], []
         for load in (problem.dead, problem.live):
@@ -225,9 +235,9 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     untouched = np.all(bodies.free == np.eye(3), axis=(1, 2))
     scale = untouched[:, None] / np.sqrt(comm.allreduce(squares))
     motion *= scale[body][:, None, :]
-    first, last = (3 * (count * rank // comm.size) for rank in (comm.rank, comm.rank + 1))
-    sizes = elasticity.dead.getSizes(), (last - first, 3 * count)
-    columns = np.repeat(3 * body[:, None] + np.arange(3), 2, axis=0)
+    number, mine = numbered_by_rank(comm, body, count)
+    sizes = elasticity.dead.getSizes(), (3 * len(mine), 3 * count)
+    columns = np.repeat(3 * number[body][:, None] + np.arange(3), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (3 * np.arange(2 * nodes + 1), columns.ravel())]
     return PETSc.Mat().createAIJ(sizes, csr=(*csr, motion.ravel()), comm=comm)
 

@@ -231,6 +231,33 @@ def test_state_is_linearised_once(monkeypatch):
     assert made.count == 1 + steps + 1  # bonded, the steps, the mode
 
 
+@pytest.mark.parametrize(
+    ("law", "method", "kinds"),
+    [
+        (coulomb(0.65), "auto", ["lu"]),
+        (coulomb(0.65), "monolithic", ["lu"]),
+        (coulomb(0.65), "fixed-point", ["cholesky"]),
+        (tresca(2e3), "auto", ["cholesky"]),
+    ],
+)
+def test_scene_is_analysed_once(law, method, kinds, monkeypatch):
+    """The bonded blocks with what the solver needs afterwards, and alike to rounding."""
+    analysed, new_factor = [], SpringStiffness._new_factor
+
+    def noted(self, kind):
+        analysed.append(kind)
+        return new_factor(self, kind)
+
+    monkeypatch.setattr(SpringStiffness, "_new_factor", noted)
+    result = limit_load(wall(law, solve=SolveOptions(method=method)))
+    assert result.status == "limit"
+    assert analysed == kinds
+    plain, coupled = (result.structure.bonded(coupled) for coupled in (False, True))
+    for name in ("dead", "live"):
+        one, other = getattr(plain, name).array_r, getattr(coupled, name).array_r
+        assert one == pytest.approx(other, abs=1e-9 * np.abs(one).max())
+
+
 def test_mode_that_certifies_needs_no_program(monkeypatch):
     """The static and kinematic load factors meet without it, where the program says."""
     certified = limit_load(wall(coulomb(0.65)))
