@@ -49,6 +49,14 @@ LOST = 6
 #: By how much less far from the laws a step leads that is taken back, and when none is any more.
 SHORTER, LEAST = 0.3, 0.01
 
+#: Part of the last step within which one that leads back ends.
+RETURNED = 0.5
+
+#: Relative difference of load factors, and that of the logarithms of products, up to which places
+#: are the same; how many times as far it must have been in between to have left one, and how often
+#: the path may meet itself.
+SAME_FACTOR, SAME_PRODUCTS, AWAY, MEETINGS = 3e-7, 1e-2, 10.0, 3
+
 #: At the end no more than this is left, or so many steps were taken across the path alone.
 CLOSE, CORRECTIONS = 0.1, 6
 
@@ -91,6 +99,9 @@ class CentralPath(PathEquations):
 
     smallest = SMALLEST
 
+    #: On the way a tenth of p and q is near enough.
+    keeps_digits = False
+
     #: The last place from which the path was reached, and how far from the laws a step may lead.
     _trusted: FewPoints | None = None
     _limit = LEFT
@@ -110,9 +121,10 @@ class CentralPath(PathEquations):
             An iterate near the path, and mu, which is larger than `end` after `MAX_STEPS` steps.
 
         Raises:
-            SolverError: If the path leads back, or is lost.
+            SolverError: If the path leads back, in a circle, or is lost.
         """
-        left, corrections, astray = self._left(now), 0, 0
+        left, corrections, astray, met = self._left(now), 0, 0, 0
+        places: list[tuple[float, float]] = []
         try:
             for step in range(MAX_STEPS):
                 ending = products <= end
@@ -129,6 +141,10 @@ class CentralPath(PathEquations):
                     "    %3d  %.12g  mu %.2e, left %.1e, limit %.1e",
                     *(step, now.load_factor, products, left, self._limit),
                 )
+                met += not ending and _meets(places, now.load_factor, products)
+                places.append((now.load_factor, products))
+                if met >= MEETINGS:
+                    raise SolverError(f"central path: leads in a circle after {step + 1} steps")
                 if not np.isfinite(left) or astray > LOST:
                     raise SolverError(f"central path: lost after {step + 1} steps")
         except SolverError:
@@ -150,7 +166,8 @@ class CentralPath(PathEquations):
         """A step on from a point, or the last one again where that led too far."""
         here = FewPoints(self, self.place(now, products))
         found = here.follow(end, not ending, self._limit)
-        if not found.reached and self._trusted is not None and self._limit > LEAST:
+        lost = not found.reached or self._leads_back(now, found.iterate)
+        if lost and self._trusted is not None and self._limit > LEAST:
             found.iterate.destroy()
             here.destroy()
             self._limit *= SHORTER
@@ -163,6 +180,24 @@ class CentralPath(PathEquations):
             self._trust(None)
         here.destroy()
         return found
+
+    def _leads_back(self, now: Iterate, new: Iterate) -> bool:
+        """Whether a step leads to where the last one began."""
+        if self._trusted is None:
+            return False
+        before, sizes = self._trusted.place.iterate, self._sizes(now)
+
+        def distance(one: Iterate) -> float:
+            changes = zip(self._numbers(one), self._numbers(before), sizes, strict=True)
+            return self.problem.sum(sum(((a - b) / size) ** 2 for a, b, size in changes))
+
+        return distance(new) < RETURNED**2 * distance(now)
+
+    def _numbers(self, now: Iterate) -> tuple[Array, Array]:
+        """The numbers p and q of all points."""
+        d, f = self.scales.displacement, self.scales.force
+        slip = np.where(self.sticky, now.shear / f - (now.z2 - now.z1) / d, 0.0)
+        return now.pressure / f - now.y / d, slip
 
     def place(self, now: Iterate, products: float) -> Place:
         """Factor the equations of a point with equal products."""
@@ -216,3 +251,15 @@ class CentralPath(PathEquations):
         slip = np.where(self.sticky, residual.slip / size_q, 0.0)
         left = np.maximum(np.abs(residual.opening / size_p), np.abs(slip))
         return self.problem.max(left) / self.scales.displacement
+
+
+def _meets(places: list[tuple[float, float]], load_factor: float, products: float) -> bool:
+    """Whether a path comes to where it was, and was not in between."""
+    away = False
+    for factor, mu in reversed(places):
+        of_factor = abs(load_factor - factor) / (SAME_FACTOR * abs(factor))
+        distance = max(of_factor, abs(np.log(products / mu)) / SAME_PRODUCTS)
+        if away and distance <= 1.0:
+            return True
+        away = away or distance > AWAY
+    return False

@@ -574,12 +574,12 @@ class WorkControl:
         _log.info("  the fixed point's contraction: %s", np.round(values[:3], 4))
         return bool(values.real.max(initial=0.0) > REPELS)
 
-    def rate(self, state: State, bound: Array, scales: Scales) -> tuple[PETSc.Vec, float]:
-        """Derivatives of a state with respect to T while the bound on friction stays.
+    def rate(self, state: State, bound: Array | None, scales: Scales) -> tuple[PETSc.Vec, float]:
+        """Derivatives of a state with respect to T.
 
         Args:
             state: A solution.
-            bound: g at this rank's points, N/m.
+            bound: g at this rank's points, N/m, which stays; None: Coulomb's, which follows.
             scales: Typical sizes.
 
         Returns:
@@ -591,14 +591,20 @@ class WorkControl:
         mode.scale(1.0 / flexibility)
         return mode, 1.0 / flexibility
 
-    def _linearised(self, state: State, bound: Array, scales: Scales) -> _Linearised:
+    def linearised(self, state: State, bound: Array | None) -> bool:
+        """Whether the last factor is that of the equations next to a state with such a bound."""
+        last = self._last
+        if last is None or last.state is not state or (last.run.given is None) != (bound is None):
+            return False
+        return last.factorization == self.springs.factorizations
+
+    def _linearised(self, state: State, bound: Array | None, scales: Scales) -> _Linearised:
         """The equations next to a solution, factored, with A^-1 f_L in `_border`.
 
         Asked for twice in a row they are factored once.
         """
-        last, count = self._last, self.springs.factorizations
-        if last is not None and last.state is state and last.factorization == count:
-            return last
+        if self._last is not None and self.linearised(state, bound):
+            return self._last
         run = PathEquations(*self._shared, bound, state.work, scales)
         now = run.centred(state, MODE_CENTRING)
         k_n, k_t, _ = run.factor(now, MODE_SPRING, MODE_CENTRING)

@@ -178,7 +178,13 @@ class Workspace:
 
 
 class PathEquations:
-    """The equations of one solve: one bound, and one T or load factor."""
+    """The equations of one solve: one bound, and one T or load factor.
+
+    Attributes:
+        keeps_digits: Whether directions are to keep digits that cancel, at the price of a solve.
+    """
+
+    keeps_digits = True
 
     def __init__(
         self,
@@ -380,7 +386,7 @@ class PathEquations:
             self._found(now, *one, springs, *answer)
             for one, *answer in zip(asked, drives, frees, load_factors, strict=True)
         ]
-        if held and not self.cancelling:
+        if held and self.keeps_digits and not self.cancelling:
             border = work.border.norm(PETSc.NormType.INFINITY)
             self.cancelling = any(
                 abs(one.load_factor) * border > CANCELLING * one.u.norm(PETSc.NormType.INFINITY)

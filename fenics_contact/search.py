@@ -45,7 +45,11 @@ FIRST_WORK, LAST_WORK = 300.0, 1e12
 
 #: The load factor of structures of more than a few blocks still rises there: their first work is
 #: the first of these times the cube of their number, at most the second times its square.
-WORK_OF_MANY = 5e-4, 0.2
+WORK_OF_MANY = 5e-4, 0.5
+
+#: Elastic modes that penetrate by more than this part of their size are one of many, of which
+#: others do no better.
+NOT_UNIQUE = 0.1
 
 #: Growth of the work, and by how much more at once where the load factor rises slowly.
 WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
@@ -387,27 +391,19 @@ class Search:
             points, tolerance = self.structure.operators.points, self.options.tolerance
             return certify(self.problem, point.state, mode, scales, None, limit, points, tolerance)
 
-        mode: PETSc.Vec | None = None
-        slope, rigid_limit = 0.0, np.nan
-        try:
-            mode, slope = self.control.rate(point.state, point.bound, scales)
-            # A mode that dissipates at this load factor what the loads do bounds the given-friction
-            # limit from above, the state's forces bound it from below: no program is needed.
-            factor = point.state.load_factor
-            certificate = certified(mode, kinematic_factor(self.problem, point.state, mode))
-            if certificate.mode_passed and certificate.gap <= self.options.tolerance:
-                return mode, slope, replace(certificate, static_factor=factor)
-        except SolverError as error:
-            _log.info("  no elastic mode: %s", error)
+        mode, slope, certificate = self._elastic_mode(point, scales, certified)
+        if mode is not None and certificate.mode_passed and certificate.gap <= self.gap_asked:
+            return mode, slope, replace(certificate, static_factor=point.state.load_factor)
         strength = self.structure.all_points(self.problem.bound(point.state.pressure))
+        rigid_limit, motion = np.nan, None
         try:
             limit, motion = self.blocks.collapse(strength)
             rigid_limit = np.nan if limit is None else limit
         except SolverError as error:
             _log.info("  no rigid mode: %s", error)
-            motion = None
         if mode is not None:
-            certificate = certified(mode, rigid_limit)
+            if motion is not None or not certificate.mode_passed:
+                certificate = certified(mode, rigid_limit)
             if certificate.mode_passed or motion is None:
                 return mode, slope, certificate
             mode.destroy()
@@ -415,6 +411,48 @@ class Search:
             motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
         mode = self.structure.rigid_motion(motion)
         return mode, slope, certified(mode, rigid_limit)
+
+    def _elastic_mode(
+        self,
+        point: PathPoint,
+        scales: Scales,
+        certified: Callable[[PETSc.Vec, float], Certificate],
+    ) -> tuple[PETSc.Vec | None, float, Certificate]:
+        """The better of the modes of a state with a bound that follows and with one that stays.
+
+        A mode that dissipates at the state's load factor what the loads do bounds the
+        given-friction limit from above, and the state's forces bound it from below.
+        """
+        best: tuple[PETSc.Vec | None, float, Certificate] = None, 0.0, Certificate({}, np.nan)
+        for bound in self._bounds(point):
+            try:
+                mode, slope = self.control.rate(point.state, bound, scales)
+            except SolverError as error:
+                _log.info("  no elastic mode: %s", error)
+                continue
+            limit = kinematic_factor(self.problem, point.state, mode)
+            certificate, other = certified(mode, limit), best[0]
+            if other is not None and not certificate.gap < best[2].gap:
+                mode.destroy()
+                break
+            best = mode, slope, certificate
+            if other is not None:
+                other.destroy()
+            enough = certificate.mode_passed and certificate.gap <= self.gap_asked
+            if enough or not certificate.residuals["mode_penetration"] <= NOT_UNIQUE:
+                break
+        return best
+
+    def _bounds(self, point: PathPoint) -> list[Array | None]:
+        """Bounds on friction for modes of a state: Coulomb's, which follows, and its own.
+
+        The first mode is nearer to that of the collapse, unless the other's equations are factored
+        already.
+        """
+        given = point.bound
+        if not (self.monolithic and self.problem.max(self.problem.friction) > 0.0):
+            return [given]
+        return [given, None] if self.control.linearised(point.state, given) else [None, given]
 
     @property
     def _small(self) -> bool:

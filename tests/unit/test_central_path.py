@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import BACK, CLOSE, LOST, SHORTER, CentralPath
+from fenics_contact.central_path import BACK, CLOSE, LOST, MEETINGS, SHORTER, CentralPath, _meets
 from fenics_contact.coulomb import CoulombFriction
 from fenics_contact.few_points import LEFT, FewPoints
 from fenics_contact.interior_point import PathPoint, WorkControl
@@ -128,6 +128,71 @@ def test_step_that_led_too_far_is_taken_back(plain, monkeypatch):
     assert path._left(now) <= CLOSE
 
 
+def test_step_that_leads_to_where_the_last_one_began_is_taken_back(plain, monkeypatch):
+    """It went there and back for ever; the next one from there is made again, less far."""
+    follow, again = FewPoints.follow, FewPoints.again
+    limits, steps = [], []
+
+    def third_goes_back(self, end, along=True, limit=LEFT):
+        steps.append(follow(self, end, along, limit))
+        if len(steps) != 3:
+            return steps[-1]
+        assert path._leads_back(self.place.iterate, path._trusted.place.iterate)
+        assert not path._leads_back(self.place.iterate, steps[-1].iterate)
+        return replace(steps[-1], iterate=path._trusted.place.iterate.copy())
+
+    def counted(self, end, limit):
+        limits.append(limit)
+        return again(self, end, limit)
+
+    monkeypatch.setattr(FewPoints, "follow", third_goes_back)
+    monkeypatch.setattr(FewPoints, "again", counted)
+    path, now = path_of(plain)
+    assert not path._leads_back(now, now)  # nothing is known before the first step
+    now, products = path.follow(now, 1.0, 1e-4)
+    assert limits == [SHORTER * LEFT]
+    assert products <= 1e-4
+    assert path._left(now) <= CLOSE
+
+
+@pytest.mark.parametrize(
+    ("load_factor", "products", "meets"),
+    [
+        (0.5, 1e-3, True),
+        (0.5 * (1.0 + 1e-7), 1.005e-3, True),
+        (0.5 * (1.0 + 1e-6), 1e-3, False),
+        (0.5, 1.02e-3, False),
+        (0.4, 1e-4, False),  # has not left: a path may stand all but still for a while
+        (0.4 * (1.0 - 1e-6), 1e-4, False),
+    ],
+)
+def test_place_where_the_path_was_before(load_factor, products, meets):
+    places = [(0.6, 1e-2), (0.5, 1e-3), (0.4, 1e-4), (0.4 * (1.0 - 1e-6), 1e-4)]
+    assert _meets(places, load_factor, products) is meets
+    assert not _meets(places[:2], load_factor, products)
+    assert not _meets([], load_factor, products)
+
+
+def test_path_that_leads_in_a_circle(plain, monkeypatch):
+    """A path that met itself a few times is left; at its end corrections may meet."""
+    monkeypatch.setattr("fenics_contact.central_path._meets", lambda *_: True)
+    path, now = path_of(plain)
+    end, products = path.follow(now.copy(), 1.0, 0.9)
+    assert products <= 0.9
+    assert path._left(end) <= CLOSE
+    with pytest.raises(SolverError, match=f"in a circle after {MEETINGS} steps"):
+        path.follow(now, 1.0, 1e-4)
+
+
+def test_way_along_the_path_takes_no_solves_for_digits(plain, monkeypatch):
+    monkeypatch.setattr("fenics_contact.path_equations.CANCELLING", 0.0)
+    monkeypatch.setattr(SpringStiffness, "solve_transposed", None)
+    path, now = path_of(plain)
+    assert path.follow(now, 1.0, 1e-4)[1] <= 1e-4
+    with pytest.raises(TypeError):
+        solved(plain, "solve")
+
+
 def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
     direct, followed = solved(plain, "solve"), solved(plain, "follow")
     assert not direct.followed and followed.followed
@@ -186,7 +251,7 @@ def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain
         ("auto", 100, FIRST_WORK),
         ("auto", 101, 5e-4 * 101**3),
         ("auto", 399, 5e-4 * 399**3),
-        ("auto", 1000, 0.2 * 1000**2),
+        ("auto", 2000, 0.5 * 2000**2),
         ("fixed-point", 1000, FIRST_WORK),
     ],
 )

@@ -8,7 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_contact import InputError, LimitLoad, Load, Scene, SolveOptions, limit_load
+from fenics_contact import (
+    InputError,
+    LimitLoad,
+    Load,
+    Scene,
+    SolveOptions,
+    SolverError,
+    limit_load,
+)
 from fenics_contact.bounds import LimitBounds
 from fenics_contact.coulomb import SETTLED, FixedPointStep
 from fenics_contact.meshing import running_bond, wall
@@ -404,3 +412,81 @@ def test_more_work_for_a_state_that_is_all_but_settled_is_tried_once(nearly, tri
     assert Search._further(search, last) is None
     assert works == pytest.approx([16.0**part for part in tried])
     assert afresh == [not nearly] + [False] * (len(tried) - 1)
+
+
+class Mode:
+    """A mode by what its certificate says."""
+
+    def __init__(self, gap: float, penetration: float) -> None:
+        self.gap, self.penetration, self.destroyed = gap, penetration, False
+
+    def destroy(self) -> None:
+        self.destroyed = True
+
+
+FOLLOWS, STAYS, FAR = Mode(2e-7, 1e-6), Mode(1e-7, 1e-6), Mode(1e-1, 0.9)
+EXACT, NEAR, NONE = Mode(1e-9, 1e-7), Mode(1e-4, 1e-2), None
+
+
+@pytest.mark.parametrize(
+    ("modes", "tried", "taken"),
+    [
+        ((EXACT, STAYS), 1, EXACT),
+        ((FOLLOWS, STAYS), 2, STAYS),  # the smaller gap
+        ((STAYS, FOLLOWS), 2, STAYS),
+        ((NEAR, EXACT), 2, EXACT),
+        ((FAR, EXACT), 1, FAR),  # no hope: neither is unique
+        ((NONE, STAYS), 2, STAYS),
+        ((NONE, NONE), 2, NONE),
+    ],
+)
+def test_better_of_two_modes(modes, tried, taken, monkeypatch):
+    """That of a bound that follows comes first; where it proves enough, or nothing, it is all."""
+    bounds, given = [], np.zeros(3)
+
+    def rate(state, bound, scales):
+        bounds.append(bound)
+        mode = modes[len(bounds) - 1]
+        if mode is None:
+            raise SolverError("singular")
+        mode.destroyed = False
+        return mode, float(len(bounds))
+
+    def certified(mode, limit):
+        passed, residuals = mode.penetration < 1e-5, {"mode_penetration": mode.penetration}
+        return SimpleNamespace(mode_passed=passed, gap=mode.gap, residuals=residuals)
+
+    monkeypatch.setattr("fenics_contact.search.kinematic_factor", lambda *_: 1.0)
+    search = SimpleNamespace(
+        control=SimpleNamespace(rate=rate),
+        problem=None,
+        gap_asked=2.5e-8,
+        _bounds=lambda _: [None, given],
+    )
+    point = SimpleNamespace(state=None)
+    mode, slope, _ = Search._elastic_mode(search, point, None, certified)
+    assert bounds == [None, given][:tried]
+    assert mode is taken
+    made = [one for one in modes[:tried] if one is not None]
+    assert [one.destroyed for one in made] == [one is not taken for one in made]
+    assert slope == (0.0 if taken is None else 1.0 + modes.index(taken))
+
+
+@pytest.mark.parametrize(
+    ("monolithic", "friction", "factored", "follows"),
+    [
+        (True, 0.5, False, [True, False]),
+        (True, 0.5, True, [False, True]),  # those of the bound that stays are factored already
+        (True, 0.0, False, [False]),
+        (False, 0.5, False, [False]),
+    ],
+)
+def test_bounds_of_modes(monolithic, friction, factored, follows):
+    """A bound that follows is none; with given friction, or by the fixed point, it stays."""
+    search = SimpleNamespace(
+        monolithic=monolithic,
+        problem=SimpleNamespace(max=np.max, friction=np.array([friction])),
+        control=SimpleNamespace(linearised=lambda *_: factored),
+    )
+    point = SimpleNamespace(bound=np.ones(1), state=None)
+    assert [bound is None for bound in Search._bounds(search, point)] == follows
