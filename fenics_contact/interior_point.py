@@ -363,23 +363,41 @@ class WorkControl:
     ) -> list[tuple[State, float]]:
         """States along the path of the modes, and their products, the smallest last.
 
+        Many blocks are rigid first. Where the path from there does not lead to the end, which it
+        may do in a circle of its own, it is begun without.
+
         Raises:
             SolverError: If it leads nowhere.
         """
-        made, begin, products = modes.factorizations, start, np.inf
+        made, beginnings = modes.factorizations, [(start, np.inf)]
         ends = (GROWN,) if few else TRANSFERS
+        found: list[tuple[State, float]] = []
         try:
             if modes.count > MANY_BLOCKS:
                 try:
-                    ((begin, products),) = self._led(
-                        modes.rigid, work, start, products, scales, (RIGID_TO,), few
-                    )
+                    rigid = self._led(modes.rigid, work, start, np.inf, scales, (RIGID_TO,), few)
+                    beginnings = rigid + beginnings
                 except SolverError as error:
                     _log.info("  rigid blocks: %s", error)
-            return self._led(modes, work, begin, products, scales, ends, few)
+            for begin, products in beginnings:
+                try:
+                    further = self._led(modes, work, begin, products, scales, ends, few)
+                except SolverError as error:
+                    if begin is start and not found:
+                        raise
+                    _log.info("  modes of the blocks: %s", error)
+                    continue
+                if len(further) < len(found):
+                    further, found = found, further
+                for state, _ in found:
+                    state.destroy()
+                found = further
+                if len(found) == len(ends):
+                    break
+            return found
         finally:
             self._of_modes += modes.factorizations - made
-            if begin is not start:
+            for begin, _ in beginnings[:-1]:
                 begin.destroy()
 
     def _led(

@@ -45,7 +45,7 @@ FIRST_WORK, LAST_WORK = 300.0, 1e12
 
 #: The load factor of structures of more than a few blocks still rises there: their first work is
 #: the first of these times the cube of their number, at most the second times its square.
-WORK_OF_MANY = 5e-4, 0.5
+WORK_OF_MANY = 5e-4, 2.0
 
 #: Elastic modes that penetrate by more than this part of their size are one of many, of which
 #: others do no better.

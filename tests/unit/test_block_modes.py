@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from fenics_contact.central_path import CentralPath
 from fenics_contact.few_points import FewPoints
 from fenics_contact.interior_point import (
     FEW_BLOCKS,
+    MANY_BLOCKS,
     TRANSFERS,
     PathPoint,
     WorkControl,
@@ -334,6 +337,52 @@ def test_where_rigid_blocks_lead_nowhere_their_modes_are_asked(folded, monkeypat
     assert asked[:2] == [RIGID * blocks, MODES * blocks]
     assert found.state.load_factor == pytest.approx(expected, rel=1e-8)
     assert "rigid blocks: lost" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("rigid", "from_rigid", "without", "taken"),
+    [
+        (1, 3, None, ["rigid", "rigid", "rigid"]),  # at the end: the other is not asked for
+        (1, 1, 2, ["start", "start"]),
+        (1, 2, 1, ["rigid", "rigid"]),
+        (1, 0, 1, ["start"]),
+        (1, 1, 0, ["rigid"]),
+        (0, None, 2, ["start", "start"]),
+        (1, 0, 0, []),
+    ],
+)
+def test_modes_begin_without_rigid_blocks_where_these_lead_less_far(
+    rigid, from_rigid, without, taken
+):
+    """By the number of states along the path; none: it leads nowhere."""
+    alive = {"start"}
+
+    class Led:
+        def __init__(self, name: str) -> None:
+            self.name = name
+            alive.add(self)
+
+        def destroy(self) -> None:
+            alive.remove(self)
+
+    def led(modes, work, begin, products, scales, ends, few):
+        count = rigid if modes is made.rigid else without if begin == "start" else from_rigid
+        assert np.isinf(products) == (begin == "start")
+        if not count:
+            raise SolverError("no luck")
+        name = "rigid" if modes is made.rigid or begin != "start" else "start"
+        return [(Led(name), 0.1**k) for k in range(count)]
+
+    made = SimpleNamespace(factorizations=0, count=MANY_BLOCKS + 1, rigid=object())
+    control = SimpleNamespace(_led=led, _of_modes=0)
+    if not taken:
+        with pytest.raises(SolverError, match="no luck"):
+            WorkControl._near(control, made, 1.0, "start", None, few=False)
+        assert alive == {"start"}
+        return
+    near = WorkControl._near(control, made, 1.0, "start", None, few=False)
+    assert [state.name for state, _ in near] == taken
+    assert alive == {"start", *(state for state, _ in near)}
 
 
 def test_far_less_is_left_to_the_structure(monkeypatch):

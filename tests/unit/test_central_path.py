@@ -251,7 +251,7 @@ def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain
         ("auto", 100, FIRST_WORK),
         ("auto", 101, 5e-4 * 101**3),
         ("auto", 399, 5e-4 * 399**3),
-        ("auto", 2000, 0.5 * 2000**2),
+        ("auto", 5000, 2.0 * 5000**2),
         ("fixed-point", 1000, FIRST_WORK),
     ],
 )
