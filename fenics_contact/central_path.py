@@ -255,11 +255,11 @@ class CentralPath(PathEquations):
 
 def _meets(places: list[tuple[float, float]], load_factor: float, products: float) -> bool:
     """Whether a path comes to where it was, and was not in between."""
-    away = False
-    for factor, mu in reversed(places):
-        of_factor = abs(load_factor - factor) / (SAME_FACTOR * abs(factor))
-        distance = max(of_factor, abs(np.log(products / mu)) / SAME_PRODUCTS)
-        if away and distance <= 1.0:
-            return True
-        away = away or distance > AWAY
-    return False
+    factors, mu = np.array(places).reshape(-1, 2).T
+    apart = np.abs(load_factor - factors), np.abs(np.log(products / mu))
+    same, close = (
+        (apart[0] <= times * SAME_FACTOR * np.abs(factors)) & (apart[1] <= times * SAME_PRODUCTS)
+        for times in (1.0, AWAY)
+    )
+    away = np.flatnonzero(~close)
+    return bool(len(away) and np.any(same[: away[-1]]))

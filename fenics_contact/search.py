@@ -392,18 +392,20 @@ class Search:
             return certify(self.problem, point.state, mode, scales, None, limit, points, tolerance)
 
         mode, slope, certificate = self._elastic_mode(point, scales, certified)
+        factor = point.state.load_factor
         if mode is not None and certificate.mode_passed and certificate.gap <= self.gap_asked:
-            return mode, slope, replace(certificate, static_factor=point.state.load_factor)
+            return mode, slope, replace(certificate, static_factor=factor)
         strength = self.structure.all_points(self.problem.bound(point.state.pressure))
         rigid_limit, motion = np.nan, None
         try:
             limit, motion = self.blocks.collapse(strength)
             rigid_limit = np.nan if limit is None else limit
+            if mode is not None:
+                certificate = certified(mode, rigid_limit)
         except SolverError as error:
             _log.info("  no rigid mode: %s", error)
+            certificate = replace(certificate, static_factor=factor)
         if mode is not None:
-            if motion is not None or not certificate.mode_passed:
-                certificate = certified(mode, rigid_limit)
             if certificate.mode_passed or motion is None:
                 return mode, slope, certificate
             mode.destroy()
@@ -423,6 +425,10 @@ class Search:
         A mode that dissipates at the state's load factor what the loads do bounds the
         given-friction limit from above, and the state's forces bound it from below.
         """
+
+        def worth(of: Certificate) -> tuple[bool, float]:
+            return not of.mode_passed, of.gap if np.isfinite(of.gap) else np.inf
+
         best: tuple[PETSc.Vec | None, float, Certificate] = None, 0.0, Certificate({}, np.nan)
         for bound in self._bounds(point):
             try:
@@ -430,14 +436,13 @@ class Search:
             except SolverError as error:
                 _log.info("  no elastic mode: %s", error)
                 continue
-            limit = kinematic_factor(self.problem, point.state, mode)
-            certificate, other = certified(mode, limit), best[0]
-            if other is not None and not certificate.gap < best[2].gap:
-                mode.destroy()
-                break
+            certificate = certified(mode, kinematic_factor(self.problem, point.state, mode))
+            if best[0] is not None:
+                if worth(certificate) >= worth(best[2]):
+                    mode.destroy()
+                    break
+                best[0].destroy()
             best = mode, slope, certificate
-            if other is not None:
-                other.destroy()
             enough = certificate.mode_passed and certificate.gap <= self.gap_asked
             if enough or not certificate.residuals["mode_penetration"] <= NOT_UNIQUE:
                 break

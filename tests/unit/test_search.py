@@ -17,7 +17,7 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
-from fenics_contact.bounds import LimitBounds
+from fenics_contact.bounds import LimitBounds, RigidBlocks
 from fenics_contact.coulomb import SETTLED, FixedPointStep
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.path_equations import Scales
@@ -30,7 +30,7 @@ from fenics_contact.search import (
     first_work,
 )
 from tests.helpers import GRAVITY, STONE, Drawing, coulomb, mesh_of, on_ground, tresca
-from tests.regression.scenes import wedge_scene
+from tests.regression.scenes import wall_scene, wedge_scene
 
 B, H = 0.4, 1.0
 WEIGHT = STONE.density * GRAVITY * B * H
@@ -426,6 +426,7 @@ class Mode:
 
 FOLLOWS, STAYS, FAR = Mode(2e-7, 1e-6), Mode(1e-7, 1e-6), Mode(1e-1, 0.9)
 EXACT, NEAR, NONE = Mode(1e-9, 1e-7), Mode(1e-4, 1e-2), None
+THROUGH = Mode(1e-9, 1e-3)
 
 
 @pytest.mark.parametrize(
@@ -435,6 +436,8 @@ EXACT, NEAR, NONE = Mode(1e-9, 1e-7), Mode(1e-4, 1e-2), None
         ((FOLLOWS, STAYS), 2, STAYS),  # the smaller gap
         ((STAYS, FOLLOWS), 2, STAYS),
         ((NEAR, EXACT), 2, EXACT),
+        ((THROUGH, STAYS), 2, STAYS),  # one that is a mode, before one that is not
+        ((STAYS, THROUGH), 2, STAYS),
         ((FAR, EXACT), 1, FAR),  # no hope: neither is unique
         ((NONE, STAYS), 2, STAYS),
         ((NONE, NONE), 2, NONE),
@@ -490,3 +493,24 @@ def test_bounds_of_modes(monolithic, friction, factored, follows):
     )
     point = SimpleNamespace(bound=np.ones(1), state=None)
     assert [bound is None for bound in Search._bounds(search, point)] == follows
+
+
+@pytest.mark.parametrize("answer", ["fails", "nothing limits it", "certifies"])
+def test_program_where_no_mode_is_near_enough(answer, monkeypatch):
+    """One that fails leaves the mode's own bound; what one that ends says counts."""
+    monkeypatch.setattr("fenics_contact.search.COLLAPSED", 0.0)
+    monkeypatch.setattr("fenics_contact.search.LAST_WORK", 0.0)
+
+    def collapse(self, strength):
+        if answer == "fails":
+            raise SolverError("no luck")
+        return (np.inf, None) if answer == "nothing limits it" else original(self, strength)
+
+    original = RigidBlocks.collapse
+    monkeypatch.setattr(RigidBlocks, "collapse", collapse)
+    monkeypatch.setattr("fenics_contact.search.DECREASES", 0)
+    end = limit_load(wall_scene("W1", coulomb(0.65), elements=1)).positive
+    assert end.status == ("not_converged" if answer == "nothing limits it" else "limit")
+    if answer == "fails":
+        assert end.certificate.static_factor == end.load_factor
+        assert end.certificate.gap <= 1e-6
