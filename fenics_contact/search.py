@@ -392,20 +392,20 @@ class Search:
             return certify(self.problem, point.state, mode, scales, None, limit, points, tolerance)
 
         mode, slope, certificate = self._elastic_mode(point, scales, certified)
-        factor = point.state.load_factor
+        confirmed = replace(certificate, static_factor=point.state.load_factor)
         if mode is not None and certificate.mode_passed and certificate.gap <= self.gap_asked:
-            return mode, slope, replace(certificate, static_factor=factor)
+            return mode, slope, confirmed
         strength = self.structure.all_points(self.problem.bound(point.state.pressure))
         rigid_limit, motion = np.nan, None
         try:
             limit, motion = self.blocks.collapse(strength)
             rigid_limit = np.nan if limit is None else limit
-            if mode is not None:
-                certificate = certified(mode, rigid_limit)
         except SolverError as error:
             _log.info("  no rigid mode: %s", error)
-            certificate = replace(certificate, static_factor=factor)
+            if mode is not None and certificate.mode_passed:
+                return mode, slope, confirmed
         if mode is not None:
+            certificate = certified(mode, rigid_limit)
             if certificate.mode_passed or motion is None:
                 return mode, slope, certificate
             mode.destroy()

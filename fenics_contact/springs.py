@@ -146,7 +146,7 @@ class SpringStiffness:
         self._symmetric_before = coupling is None
         self._current = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
         if not symmetric and not coupled_before and PETSc.PC.Type.CHOLESKY in self._factors:
-            self._drop(PETSc.PC.Type.CHOLESKY)  # that of the bonded blocks, as a rule
+            self._drop(PETSc.PC.Type.CHOLESKY)  # its series is over, and two take much memory
         error = self._factored(normal, tangential, coupling)
         if error == SINGULAR and not symmetric and not self._smallest_pivot:
             softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
