@@ -555,6 +555,8 @@ class WorkControl:
             )
         work = run.work if run.load_factor is None else self.problem.live.dot(best.iterate.u)
         bound = run.bound(best.iterate)
+        # Both were summed up step by step, and rounding has parted them.
+        self.problem.replace_strained(best.iterate.u, best.iterate.strained)
         return PathPoint(best.state(work), bound, best.sizes, best.steps, followed)
 
     def repels(self, state: State, bound: Array, scales: Scales) -> bool:

@@ -100,10 +100,21 @@ class ContactProblem:
             joint.destroy()
 
     def strained(self, u: PETSc.Vec) -> PETSc.Vec:
-        """The part of u that strains the blocks, (I - R R^T) u."""
+        """The part of u that strains the blocks, (I - R R^T) u.
+
+        Twice, as the first time leaves motions of the size of rounding in the sums over blocks.
+        """
         rest, motion = u.copy(), self.rigid.createVecRight()
-        self.rigid.multTranspose(u, motion)
-        motion.scale(-1.0)
-        self.rigid.multAdd(motion, rest, rest)
+        for _ in range(2):
+            self.rigid.multTranspose(rest, motion)
+            motion.scale(-1.0)
+            self.rigid.multAdd(motion, rest, rest)
         motion.destroy()
         return rest
+
+    def replace_strained(self, u: PETSc.Vec, strained: PETSc.Vec) -> None:
+        """Replace the part of u that strains the blocks by one with more digits."""
+        lost = self.strained(u)
+        u.axpy(-1.0, lost)
+        u.axpy(1.0, strained)
+        lost.destroy()

@@ -127,6 +127,35 @@ def test_large_motion_takes_no_digits_from_the_stresses(bond):
     assert np.abs(rest).max() < 1e-14 * np.abs(whole(state.displacement)).max()
 
 
+def test_strains_beside_motions_of_many_nodes():
+    """Blocks of 81 nodes: rounding in sums over them is no strain."""
+    problem = Loaded.of(on_ground(running_bond(2, 2, elements=8), coulomb(0.5))).structure.problem
+    rigid, random = dense(problem.rigid), np.random.default_rng(3)
+    strains = 1e-6 * random.normal(size=len(rigid))
+    u = rigid @ (1e5 * random.normal(size=rigid.shape[1])) + strains
+    expected = strains - rigid @ (rigid.T @ strains)
+    found = whole(problem.strained(vector_like(problem.dead, u)))
+    assert np.abs(found - expected).max() < 3e-16 * np.abs(u).max()
+
+
+def test_state_is_of_displacements_and_strains_that_belong_together(bond):
+    """Both are summed up step by step, and rounding parts them."""
+    run, best = out_of_balance(bond, 0.0)
+    control, problem = control_of(bond), bond.structure.problem
+    u, strained = whole(best.iterate.u), whole(best.iterate.strained)
+    noise = 1e-9 * np.abs(u).max() * np.random.default_rng(0).normal(size=len(u))
+    best.iterate.u.axpy(1.0, vector_like(problem.dead, noise))
+    state = control._point(run, best, 1.0).state
+    largest = np.abs(u).max()
+    strains = whole(problem.strained(state.displacement))
+    assert np.array_equal(whole(state.strained), strained)
+    assert np.abs(strains - strained).max() < 3e-16 * largest
+    moved = whole(state.displacement) - (u + noise)  # by strains alone
+    assert whole(problem.strained(vector_like(problem.dead, moved))) == pytest.approx(
+        moved, abs=1e-15 * largest
+    )
+
+
 def test_elastic_branch_is_the_response_with_closed_joints(block):
     # Small load, high friction: nothing opens or slips. The load factor follows from K alone.
     problem = block.structure.problem
