@@ -235,36 +235,30 @@ class RigidBlocks:
     def _solve(
         self, faces: Faces, dead_only: bool = False
     ) -> tuple[float | None, Array | None, Array | None]:
-        """Load factor, rigid motions, and forces.
+        """Load factor, rigid motions, and normal forces at the first and last ends of all faces.
 
-        Variables: load factor, normal forces at both ends and shear force of every face.
+        Variables: load factor; at both ends of every face multiples of the edges (1, +-F) of
+        Coulomb's cone; and the shear force of every face that its strength bounds.
         """
-        from scipy.sparse import coo_matrix, hstack
+        from scipy.sparse import coo_matrix, diags, hstack
 
         joints, bodies = self._joints, self._bodies
         first, last = faces.ends.T
         free = bodies.free
         live = np.einsum("bmk,bm->bk", free, bodies.live).ravel() * self._load / self._force
         dead = np.einsum("bmk,bm->bk", free, bodies.dead).ravel() / self._force
-        equilibrium = hstack(
-            [
-                coo_matrix(live[:, None]),
-                self._columns(first, joints.normal[first]),
-                self._columns(last, joints.normal[last]),
-                self._columns(first, joints.tangent[first]),
-            ]
-        ).tocsr()
+        normal = hstack([self._columns(end, joints.normal[end]) for end in (first, last)])
+        shear = self._columns(first, joints.tangent[first])
+        sliding = hstack([shear @ diags(faces.friction)] * 2).tocsc()
+        rough = np.flatnonzero(np.tile(faces.friction, 2))  # elsewhere both edges are one
+        up, down = (normal + sliding).tocsc(), (normal - sliding).tocsc()[:, rough]
+        equilibrium = hstack([coo_matrix(live[:, None]), up, down, shear]).tocsr()
         used = np.any(free != 0.0, axis=1).ravel()
-        count = len(first)
-        limits = [(0.0, 0.0) if dead_only else (None, None)]
-        limits += [(0.0, None)] * (2 * count) + [(None, None)] * count
-        answer = self._linprog(
-            equilibrium[used],
-            -dead[used],
-            _friction_rows(faces),
-            np.tile(faces.strength / self._force, 2),
-            limits,
-        )
+        strength = faces.strength / self._force
+        edges = up.shape[1] + len(rough)
+        limits = [(0.0, 0.0) if dead_only else (None, None), *[(0.0, None)] * edges]
+        limits += zip(-strength, strength, strict=True)
+        answer = self._linprog(equilibrium[used], -dead[used], limits)
         if answer is None or np.isinf(answer.x[0]):
             return (None if answer is None else np.inf), None, None
         motion = np.zeros(len(used))
@@ -272,14 +266,16 @@ class RigidBlocks:
         motion = np.einsum("bmk,bk->bm", free, motion.reshape(-1, 3))
         work = float(np.sum(motion * bodies.live))
         motion[:, 2] /= bodies.size
+        pressure, more = np.split(answer.x[1 : 1 + edges] * self._force, [up.shape[1]])
+        pressure[rough] += more
         factor = float(answer.x[0]) * self._load
-        return factor, motion / work if work else None, answer.x[1:] * self._force
+        return factor, motion / work if work else None, pressure
 
-    def _linprog(self, a_eq: Any, b_eq: Array, a_ub: Any, b_ub: Array, limits: list[Any]) -> Any:
+    def _linprog(self, equilibrium: Any, right: Array, limits: list[Any]) -> Any:
         """HiGHS' answer; None if there is no equilibrium, x infinite if nothing limits the load."""
         from scipy.optimize import linprog
 
-        cost = np.zeros(a_eq.shape[1])
+        cost = np.zeros(equilibrium.shape[1])
         cost[0] = -1.0
         options: dict[str, Any] = {
             "primal_feasibility_tolerance": 1e-10,
@@ -292,7 +288,7 @@ class RigidBlocks:
         if any_will_do:
             options["simplex_dual_edge_weight_strategy"] = "dantzig"
         for method in ("highs-ds",) if any_will_do else ("highs-ipm", "highs-ds"):
-            answer = linprog(cost, a_ub, b_ub, a_eq, b_eq, limits, method, options=options)
+            answer = linprog(cost, None, None, equilibrium, right, limits, method, options=options)
             if answer.status == 0:
                 return answer
             if method == "highs-ipm":
@@ -323,18 +319,3 @@ class RigidBlocks:
         shape = (3 * len(bodies.centre), len(points))
         indices = (np.concatenate(rows), np.concatenate(columns))
         return coo_matrix((np.concatenate(values), indices), shape)
-
-
-def _friction_rows(faces: Faces) -> Any:
-    """Rows +-r_T - F (r_N first + r_N last) <= strength, shape (2 faces, 1 + 3 faces)."""
-    from scipy.sparse import coo_matrix, vstack
-
-    count = len(faces.friction)
-    index = np.arange(count)
-    first, last, shear = 1 + index, 1 + count + index, 1 + 2 * count + index
-    rows, columns = np.tile(index, 3), np.concatenate([shear, first, last])
-    sides = []
-    for sign in (1.0, -1.0):
-        values = np.concatenate([np.full(count, sign), -faces.friction, -faces.friction])
-        sides.append(coo_matrix((values, (rows, columns)), (count, 1 + 3 * count)))
-    return vstack(sides).tocsr()

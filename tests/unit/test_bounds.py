@@ -99,6 +99,23 @@ def test_given_shear_strength(strength):
     assert single_block(tresca(strength)).limit() == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(("friction", "strength"), [(0.2, 2e4), (0.9, 2e3), (0.0, 2e3)])
+def test_rough_joint_on_a_base_of_given_strength(friction, strength):
+    """Faces of both kinds in one program: either slides, or all tips."""
+    width, height = 0.5, 0.2
+    scene = Scene(
+        mesh_of(wall([[1]] * 2, (width, height), 1)),
+        {"default": STONE},
+        dead=WEIGHT,
+        live=PUSH,
+        joints={"default": coulomb(friction)},
+        foundations={"base": tresca(strength)},
+    )
+    weight = 2.0 * DENSITY * GRAVITY * width * height
+    expected = min(friction, strength * width / weight, width / (2.0 * height))
+    assert blocks_of(scene)[0].limit() == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
 def test_shear_strength_without_weight():
     # Pressed on top and pushed along its base only: strength times width over the push.
     drawing = Drawing.of(wall([[1]], (1.0, 0.1), 1))
