@@ -107,7 +107,12 @@ class CentralPath(PathEquations):
     _limit = LEFT
 
     def follow(
-        self, now: Iterate, products: float, end: float, close: float = CLOSE
+        self,
+        now: Iterate,
+        products: float,
+        end: float,
+        close: float = CLOSE,
+        patience: float = np.inf,
     ) -> tuple[Iterate, float]:
         """Follow the path until the products are small.
 
@@ -116,15 +121,17 @@ class CentralPath(PathEquations):
             products: mu there, in units of force times displacement.
             end: mu at which to stop.
             close: How much may be left there, relative to p and q.
+            patience: Steps at most in which the smallest mu so far has to halve.
 
         Returns:
             An iterate near the path, and mu, which is larger than `end` after `MAX_STEPS` steps.
 
         Raises:
-            SolverError: If the path leads back, in a circle, or is lost.
+            SolverError: If the path leads back, in a circle, or nowhere for too long, or is lost.
         """
         left, corrections, astray, met = self._left(now), 0, 0, 0
         places: list[tuple[float, float]] = []
+        smallest, halved = products, 0
         try:
             for step in range(MAX_STEPS):
                 ending = products <= end
@@ -145,6 +152,10 @@ class CentralPath(PathEquations):
                 places.append((now.load_factor, products))
                 if met >= MEETINGS:
                     raise SolverError(f"central path: leads in a circle after {step + 1} steps")
+                if products <= 0.5 * smallest:
+                    smallest, halved = products, step
+                if not ending and step - halved >= patience:
+                    raise SolverError(f"central path: wanders, after {step + 1} steps")
                 if not np.isfinite(left) or astray > LOST:
                     raise SolverError(f"central path: lost after {step + 1} steps")
         except SolverError:

@@ -89,6 +89,11 @@ HALFWAY, FOLLOW_TO, STRICT = 1e-3, (3e-3, 1e-3, 3e-4, 3e-5, 3e-6), 2
 #: the last, or where that leads nowhere one before.
 TRANSFERS = 3e-1, 3e-2, 3e-3
 
+#: Where the path of the modes does not lead to the last of these, or not to half of its products in
+#: so many steps, the work is so many times as large, which makes it another path; at the last of
+#: them there is no such limit. Few blocks have other ways.
+WANDERING, AGAIN = 40, (1.0, 1.5, 2.25)
+
 #: With many blocks, whose first work is large, they are rigid up to these products.
 MANY_BLOCKS, RIGID_TO = 200, 1.0
 
@@ -329,7 +334,7 @@ class WorkControl:
     ) -> PathPoint:
         """Solve with Coulomb friction from where blocks that only move, stretch and bend lead.
 
-        Arguments and what is returned are those of `follow`.
+        Arguments and what is returned are those of `follow`, but that the work may be more.
 
         Raises:
             SolverError: If the path of the modes leads to no state, or that of the structure from
@@ -338,10 +343,11 @@ class WorkControl:
         if self.block_modes is None:
             raise SolverError("modes of the blocks: there are none")
         modes, before = self.block_modes(), self.factorizations
-        run = _InteriorPoint(*self._shared, None, work, scales)
-        path = self._path(work, scales)
         few = modes.count <= FEW_BLOCKS
         near = self._near(modes, work, start, scales, few)
+        work = near[-1][0].work
+        run = _InteriorPoint(*self._shared, None, work, scales)
+        path = self._path(work, scales)
         while True:
             state, products = near.pop()
             now = path.centred(state, products, state.strained)
@@ -363,27 +369,21 @@ class WorkControl:
     ) -> list[tuple[State, float]]:
         """States along the path of the modes, and their products, the smallest last.
 
-        Many blocks are rigid first. Where the path from there does not lead to the end, which it
-        may do in a circle of its own, it is begun without.
+        Many blocks are rigid first. Where the path of more than a few does not lead to the end, but
+        in a circle, say, it is another one that is followed, at more work.
 
         Raises:
             SolverError: If it leads nowhere.
         """
-        made, beginnings = modes.factorizations, [(start, np.inf)]
-        ends = (GROWN,) if few else TRANSFERS
-        found: list[tuple[State, float]] = []
+        made, found = modes.factorizations, list[tuple[State, float]]()
+        ends, works = ((GROWN,), AGAIN[:1]) if few else (TRANSFERS, AGAIN)
         try:
-            if modes.count > MANY_BLOCKS:
+            for times in works:
                 try:
-                    rigid = self._led(modes.rigid, work, start, np.inf, scales, (RIGID_TO,), few)
-                    beginnings = rigid + beginnings
+                    patience = np.inf if times == works[-1] else WANDERING
+                    further = self._at_work(modes, times * work, start, scales, ends, few, patience)
                 except SolverError as error:
-                    _log.info("  rigid blocks: %s", error)
-            for begin, products in beginnings:
-                try:
-                    further = self._led(modes, work, begin, products, scales, ends, few)
-                except SolverError as error:
-                    if begin is start and not found:
+                    if times == works[-1] and not found:
                         raise
                     _log.info("  modes of the blocks: %s", error)
                     continue
@@ -397,7 +397,30 @@ class WorkControl:
             return found
         finally:
             self._of_modes += modes.factorizations - made
-            for begin, _ in beginnings[:-1]:
+
+    def _at_work(
+        self,
+        modes: BlockModes,
+        work: float,
+        start: State,
+        scales: Scales,
+        ends: tuple[float, ...],
+        few: bool,
+        patience: float,
+    ) -> list[tuple[State, float]]:
+        """The same at one work."""
+        begin, products = start, np.inf
+        if modes.count > MANY_BLOCKS:
+            try:
+                ((begin, products),) = self._led(
+                    modes.rigid, work, start, np.inf, scales, (RIGID_TO,), few
+                )
+            except SolverError as error:
+                _log.info("  rigid blocks: %s", error)
+        try:
+            return self._led(modes, work, begin, products, scales, ends, few, patience)
+        finally:
+            if begin is not start:
                 begin.destroy()
 
     def _led(
@@ -409,11 +432,12 @@ class WorkControl:
         scales: Scales,
         ends: tuple[float, ...],
         few: bool,
+        patience: float = np.inf,
     ) -> list[tuple[State, float]]:
         """The same for one kind of modes; arguments are those of `_along_modes`."""
         coarse, begin = WorkControl(modes.of(self.problem), modes.springs), modes.restricted(start)
         try:
-            found = coarse._along_modes(work, begin, products, scales, ends, few)
+            found = coarse._along_modes(work, begin, products, scales, ends, few, patience)
         finally:
             begin.destroy()
             coarse.destroy()
@@ -431,6 +455,7 @@ class WorkControl:
         scales: Scales,
         ends: tuple[float, ...],
         few: bool,
+        patience: float,
     ) -> list[tuple[State, float]]:
         """The same, for blocks that have nothing but these modes.
 
@@ -442,6 +467,7 @@ class WorkControl:
             ends: Products up to which the path is followed, in units of force times elastic
                 displacement; a state for each is returned, if there is a first.
             few: Whether friction grows along it.
+            patience: Steps at most in which the products have to halve.
         """
         growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if few else None
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
@@ -462,7 +488,9 @@ class WorkControl:
         for end in ends:
             close = CLOSE if end == ends[-1] else np.inf
             try:
-                now, products = path.follow(now, products, end * scales.elastic_part, close)
+                now, products = path.follow(
+                    now, products, end * scales.elastic_part, close, patience
+                )
             except SolverError as error:
                 path.forget()
                 if not found:

@@ -355,10 +355,13 @@ class Search:
         except SolverError as error:
             _log.info("no state with T = %.3g: %s", work, error)
             return None
+        work = point.state.work  # more, where there is no path to a state at what was asked for
         mode, slope, certificate = self._verify(point, scales)
         new_bound = self.problem.bound(point.state.pressure)
         rest = self._rest(work, point.state.load_factor)
-        found = _Found(ratio, point, mode, certificate, history, new_bound, slope, rest)
+        found = _Found(
+            work / self.per_ratio, point, mode, certificate, history, new_bound, slope, rest
+        )
         self.slope = slope
         self.history.append(history)
         self.path.append((work, point.state.load_factor))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +13,10 @@ from fenics_contact.block_modes import LOCAL, MODES, RIGID, BlockModes, modes
 from fenics_contact.central_path import CentralPath
 from fenics_contact.few_points import FewPoints
 from fenics_contact.interior_point import (
+    AGAIN,
     FEW_BLOCKS,
-    MANY_BLOCKS,
     TRANSFERS,
+    WANDERING,
     PathPoint,
     WorkControl,
     _InteriorPoint,
@@ -340,49 +342,51 @@ def test_where_rigid_blocks_lead_nowhere_their_modes_are_asked(folded, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("rigid", "from_rigid", "without", "taken"),
+    ("reached", "taken"),
     [
-        (1, 3, None, ["rigid", "rigid", "rigid"]),  # at the end: the other is not asked for
-        (1, 1, 2, ["start", "start"]),
-        (1, 2, 1, ["rigid", "rigid"]),
-        (1, 0, 1, ["start"]),
-        (1, 1, 0, ["rigid"]),
-        (0, None, 2, ["start", "start"]),
-        (1, 0, 0, []),
+        ([3], 0),  # to the end: no other is asked for
+        ([2, 3], 1),
+        ([0, 3], 1),
+        ([2, 1, 2], 2),
+        ([2, 1, 0], 0),
+        ([1, 2, 1], 1),
+        ([0, 0, 1], 2),
+        ([0, 0, 0], None),
     ],
 )
-def test_modes_begin_without_rigid_blocks_where_these_lead_less_far(
-    rigid, from_rigid, without, taken
-):
-    """By the number of states along the path; none: it leads nowhere."""
-    alive = {"start"}
+def test_modes_follow_another_path_at_more_work(reached, taken):
+    """By the number of states along each, of three; none: it leads nowhere."""
+    alive, asked = set(), []
 
-    class Led:
-        def __init__(self, name: str) -> None:
-            self.name = name
+    class Reached:
+        def __init__(self, work: float) -> None:
+            self.work = work
             alive.add(self)
 
         def destroy(self) -> None:
             alive.remove(self)
 
-    def led(modes, work, begin, products, scales, ends, few):
-        count = rigid if modes is made.rigid else without if begin == "start" else from_rigid
-        assert np.isinf(products) == (begin == "start")
+    def at_work(modes, work, start, scales, ends, few, patience):
+        assert ends == TRANSFERS
+        asked.append((work, patience))
+        count = reached[len(asked) - 1]
         if not count:
             raise SolverError("no luck")
-        name = "rigid" if modes is made.rigid or begin != "start" else "start"
-        return [(Led(name), 0.1**k) for k in range(count)]
+        return [(Reached(work), 0.1**k) for k in range(count)]
 
-    made = SimpleNamespace(factorizations=0, count=MANY_BLOCKS + 1, rigid=object())
-    control = SimpleNamespace(_led=led, _of_modes=0)
-    if not taken:
+    control = SimpleNamespace(_at_work=at_work, _of_modes=0)
+    modes = SimpleNamespace(factorizations=0)
+    if taken is None:
         with pytest.raises(SolverError, match="no luck"):
-            WorkControl._near(control, made, 1.0, "start", None, few=False)
-        assert alive == {"start"}
-        return
-    near = WorkControl._near(control, made, 1.0, "start", None, few=False)
-    assert [state.name for state, _ in near] == taken
-    assert alive == {"start", *(state for state, _ in near)}
+            WorkControl._near(control, modes, 2.0, "start", None, few=False)
+        assert not alive
+    else:
+        near = WorkControl._near(control, modes, 2.0, "start", None, few=False)
+        assert [state.work for state, _ in near] == [2.0 * AGAIN[taken]] * reached[taken]
+        assert alive == {state for state, _ in near}
+    works, patience = zip(*asked, strict=True)
+    assert works == tuple(2.0 * times for times in AGAIN[: len(reached)])
+    assert patience == (WANDERING, WANDERING, np.inf)[: len(reached)]
 
 
 def test_far_less_is_left_to_the_structure(monkeypatch):
@@ -472,27 +476,57 @@ def test_path_that_leads_nowhere_from_the_modes(folded, as_many, monkeypatch):
     assert tried == sorted(tried)
 
 
-@pytest.mark.parametrize("lost_at", [1, 2, 3])
-def test_path_of_the_modes_is_left_where_it_is_lost(folded, as_many, lost_at, monkeypatch):
-    """Not if it is lost at once."""
-    at_once = from_modes(folded)[1].state.load_factor
-    calls = []
+def losing(monkeypatch, lost: Callable[[int], bool]) -> list[float]:
+    """Let paths be lost at some of their ends, by how many were asked for before."""
+    calls: list[float] = []
     original = CentralPath.follow
 
     def follow(self, now, products, end, *rest):
         calls.append(end)
-        if len(calls) == lost_at:
+        if lost(len(calls) - 1):
             now.destroy()
             raise SolverError("lost")
         return original(self, now, products, end, *rest)
 
     monkeypatch.setattr(CentralPath, "follow", follow)
-    if lost_at == 1:
+    return calls
+
+
+@pytest.mark.parametrize("lost_at", [0, 1, 2])
+def test_path_of_the_modes_is_another_one_where_it_was_lost(folded, as_many, lost_at, monkeypatch):
+    at_once = from_modes(folded)[1].state
+    calls = losing(monkeypatch, lambda before: before == lost_at)
+    state = from_modes(folded)[1].state
+    assert state.work == AGAIN[1] * at_once.work
+    assert folded.structure.problem.live.dot(state.displacement) == pytest.approx(state.work)
+    assert state.load_factor == pytest.approx(at_once.load_factor, rel=1e-6)
+    assert calls[lost_at + 1] == calls[0]  # begun again
+
+
+@pytest.mark.parametrize("lost_at", [0, 1, 2])
+def test_path_of_the_modes_is_left_where_all_are_lost(folded, as_many, lost_at, monkeypatch):
+    """Not if they are lost at once."""
+    at_once = from_modes(folded)[1].state.load_factor
+    tries = len(AGAIN) * (lost_at + 1)
+    calls = losing(monkeypatch, lambda before: before < tries and before % (lost_at + 1) == lost_at)
+    if lost_at == 0:
         with pytest.raises(SolverError, match="lost"):
             from_modes(folded)
     else:
         assert from_modes(folded)[1].state.load_factor == pytest.approx(at_once, rel=1e-6)
-        assert calls[lost_at] < calls[0]  # that of the structure
+        assert calls[tries] < calls[0]  # that of the structure
+
+
+def test_limit_load_where_the_path_was_another_one(as_many, monkeypatch):
+    """The work of its state is the one that is told."""
+    scene = wall_scene("W3", coulomb(0.65), elements=2)
+    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+    expected = limit_load(scene)
+    losing(monkeypatch, lambda before: before == 0)
+    found = limit_load(scene)
+    assert found.status == "limit"
+    assert found.load_factor == pytest.approx(expected.load_factor, rel=1e-7)
+    assert found.positive.work_ratio == pytest.approx(AGAIN[1] * expected.positive.work_ratio)
 
 
 def test_no_path_begins_far_from_one(folded, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -182,6 +183,34 @@ def test_path_that_leads_in_a_circle(plain, monkeypatch):
     assert path._left(end) <= CLOSE
     with pytest.raises(SolverError, match=f"in a circle after {MEETINGS} steps"):
         path.follow(now, 1.0, 1e-4)
+
+
+@pytest.mark.parametrize("patience", [1, 2, 3, 20])
+def test_path_that_wanders(plain, monkeypatch, patience):
+    """It is left where its smallest products do not halve in so many steps, but at its end."""
+    path, now = path_of(plain)
+    original, along = path._step, []
+
+    def noted(*args):
+        step = original(*args)
+        along.append(step.products)
+        return step
+
+    monkeypatch.setattr(path, "_step", noted)
+    path.follow(now.copy(), 1.0, 1e-4)
+    path.forget()
+    smallest, halved, waited = 1.0, 0, []
+    for step, (before, after) in enumerate(pairwise([1.0, *along])):
+        if after <= 0.5 * smallest:
+            smallest, halved = after, step
+        waited.append(step - halved if before > 1e-4 else 0)
+    late = np.flatnonzero(np.array(waited) >= patience)
+    if len(late):
+        with pytest.raises(SolverError, match=f"wanders, after {late[0] + 1} steps"):
+            path.follow(now, 1.0, 1e-4, patience=patience)
+    else:
+        assert patience > max(waited) > 0
+        assert path.follow(now, 1.0, 1e-4, patience=patience)[1] <= 1e-4
 
 
 def test_way_along_the_path_takes_no_solves_for_digits(plain, monkeypatch):
