@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -199,6 +199,22 @@ class _Linearised:
     flexibility: float
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How the path of the blocks' modes is followed.
+
+    Attributes:
+        ends: Products up to which it is, one after another, in units of force times elastic
+            displacement.
+        grows: Whether friction grows along it.
+        patience: Steps at most in which the products have to halve.
+    """
+
+    ends: tuple[float, ...]
+    grows: bool
+    patience: float
+
+
 class WorkControl:
     """Solves for states of one structure under prescribed work of the live load."""
 
@@ -379,19 +395,17 @@ class WorkControl:
         ends, works = ((GROWN,), AGAIN[:1]) if few else (TRANSFERS, AGAIN)
         try:
             for times in works:
+                way = _Way(ends, few, np.inf if times == works[-1] else WANDERING)
                 try:
-                    patience = np.inf if times == works[-1] else WANDERING
-                    further = self._at_work(modes, times * work, start, scales, ends, few, patience)
+                    further = self._at_work(modes, times * work, start, scales, way)
                 except SolverError as error:
                     if times == works[-1] and not found:
                         raise
                     _log.info("  modes of the blocks: %s", error)
                     continue
-                if len(further) < len(found):
-                    further, found = found, further
-                for state, _ in found:
+                shorter, found = sorted((found, further), key=len)
+                for state, _ in shorter:
                     state.destroy()
-                found = further
                 if len(found) == len(ends):
                     break
             return found
@@ -404,21 +418,18 @@ class WorkControl:
         work: float,
         start: State,
         scales: Scales,
-        ends: tuple[float, ...],
-        few: bool,
-        patience: float,
+        way: _Way,
     ) -> list[tuple[State, float]]:
         """The same at one work."""
         begin, products = start, np.inf
         if modes.count > MANY_BLOCKS:
             try:
-                ((begin, products),) = self._led(
-                    modes.rigid, work, start, np.inf, scales, (RIGID_TO,), few
-                )
+                rigid = replace(way, ends=(RIGID_TO,), patience=np.inf)
+                ((begin, products),) = self._led(modes.rigid, work, start, products, scales, rigid)
             except SolverError as error:
                 _log.info("  rigid blocks: %s", error)
         try:
-            return self._led(modes, work, begin, products, scales, ends, few, patience)
+            return self._led(modes, work, begin, products, scales, way)
         finally:
             if begin is not start:
                 begin.destroy()
@@ -430,14 +441,12 @@ class WorkControl:
         start: State,
         products: float,
         scales: Scales,
-        ends: tuple[float, ...],
-        few: bool,
-        patience: float = np.inf,
+        way: _Way,
     ) -> list[tuple[State, float]]:
         """The same for one kind of modes; arguments are those of `_along_modes`."""
         coarse, begin = WorkControl(modes.of(self.problem), modes.springs), modes.restricted(start)
         try:
-            found = coarse._along_modes(work, begin, products, scales, ends, few, patience)
+            found = coarse._along_modes(work, begin, products, scales, way)
         finally:
             begin.destroy()
             coarse.destroy()
@@ -453,9 +462,7 @@ class WorkControl:
         start: State,
         products: float,
         scales: Scales,
-        ends: tuple[float, ...],
-        few: bool,
-        patience: float,
+        way: _Way,
     ) -> list[tuple[State, float]]:
         """The same, for blocks that have nothing but these modes.
 
@@ -464,18 +471,15 @@ class WorkControl:
             start: State to start from.
             products: Those at which it is on the path, infinite where it is not.
             scales: Typical sizes.
-            ends: Products up to which the path is followed, in units of force times elastic
-                displacement; a state for each is returned, if there is a first.
-            few: Whether friction grows along it.
-            patience: Steps at most in which the products have to halve.
+            way: How it is followed; a state for each of its ends is returned, if there is a first.
         """
-        growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if few else None
+        growth = Growth(GROWN * scales.elastic_part, GROWING_POWER) if way.grows else None
         path = CentralPath(*self._shared, None, work, scales, growth=growth)
         if np.isfinite(products):
             now = path.start(start, products)
         else:
             run = _InteriorPoint(*self._shared, None, work, scales, growth=growth)
-            tolerance = max(HALFWAY, ends[0] * scales.elastic_part)
+            tolerance = max(HALFWAY, way.ends[0] * scales.elastic_part)
             best = run.converge(run.start(start, 1.0), True, tolerance, window=FOLD_STEPS)
             error = best.joints  # of equilibrium a large T cancels digits
             if not error <= NEAR_ENOUGH:
@@ -485,11 +489,11 @@ class WorkControl:
             now = path.start(best.state(work), products)
             best.destroy()
         found: list[tuple[State, float]] = []
-        for end in ends:
-            close = CLOSE if end == ends[-1] else np.inf
+        for end in way.ends:
+            close = CLOSE if end == way.ends[-1] else np.inf
             try:
                 now, products = path.follow(
-                    now, products, end * scales.elastic_part, close, patience
+                    now, products, end * scales.elastic_part, close, way.patience
                 )
             except SolverError as error:
                 path.forget()

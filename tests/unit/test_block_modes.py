@@ -366,9 +366,9 @@ def test_modes_follow_another_path_at_more_work(reached, taken):
         def destroy(self) -> None:
             alive.remove(self)
 
-    def at_work(modes, work, start, scales, ends, few, patience):
-        assert ends == TRANSFERS
-        asked.append((work, patience))
+    def at_work(modes, work, start, scales, way):
+        assert way.ends == TRANSFERS and not way.grows
+        asked.append((work, way.patience))
         count = reached[len(asked) - 1]
         if not count:
             raise SolverError("no luck")
