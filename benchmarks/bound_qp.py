@@ -20,11 +20,11 @@ from petsc4py import PETSc
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact import JointLaw
-from fenics_contact.bound_qp import SOLVERS, BoundQP, BoundQPOptions
-from fenics_contact.joint_operator import JointOperator
+from fenics_contact.solvers.bound_qp import SOLVERS, BoundQP, BoundQPOptions
+from fenics_contact.solvers.delassus import JointOperator
 from fenics_contact.limit_load import typical_sizes
-from fenics_contact.splitting import FORCE_HOLD
-from fenics_contact.structure import Structure
+from fenics_contact.solvers.splitting import FORCE_HOLD
+from fenics_contact.discretization.discretization import Structure
 from tests.regression.scenes import WALLS, wall_scene
 
 #: rho in units of the mean diagonal of K, and work in units of that of the bonded structure.

@@ -78,9 +78,9 @@ from benchmarks.run import (
 )
 from benchmarks.stability import Process, relative_error
 from fenics_contact import compat
-from fenics_contact.bounds import Faces, RigidBlocks, straight_faces
-from fenics_contact.joints import GROUND
-from fenics_contact.structure import Structure
+from fenics_contact.analysis.rigid_blocks import Faces, RigidBlocks, straight_faces
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.discretization import Structure
 
 Array = npt.NDArray[np.float64]
 

@@ -44,7 +44,7 @@ import scipy
 
 from benchmarks.stability import number, relative_error, wedge_factor
 from fenics_contact import JointLaw, Scene, SolveOptions, limit_load
-from fenics_contact.certificate import TOLERANCES
+from fenics_contact.analysis.certificate import TOLERANCES
 from fenics_contact.scene import METHODS
 from tests.regression.scenes import WALLS, arch_scene, wall_scene, wedge_scene
 from tests.system.program import run_command

@@ -48,7 +48,7 @@ from fenics_contact import (
     SolveOptions,
     limit_load,
 )
-from fenics_contact.certificate import TOLERANCES
+from fenics_contact.analysis.certificate import TOLERANCES
 from fenics_contact.meshing import model_from_arrays, polygons, wall, wedge
 from fenics_contact.scene import METHODS
 from tests.regression.scenes import (

@@ -8,9 +8,9 @@ Strutturale 51 (2020) 356-375).
 from pathlib import Path
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
-from fenics_contact.bounds import RigidBlocks
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.meshing import arch
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 
 
 def arch_scene(voussoirs: int, thickness: float, elements: int) -> Scene:

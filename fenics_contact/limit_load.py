@@ -14,17 +14,17 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.capacity import CapacityPoint, capacity_curve
-from fenics_contact.continuation import LoadPath, follow_load
-from fenics_contact.coulomb import CoulombFriction, FixedPointStep
+from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
+from fenics_contact.analysis.capacity import CapacityPoint, capacity_curve
+from fenics_contact.analysis.load_control import LoadPath, follow_load
+from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import WorkControl
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.plan import Plan
-from fenics_contact.problem import ContactProblem
+from fenics_contact.solvers.interior_point import WorkControl
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.analysis.plan import Plan
+from fenics_contact.solvers.problem import ContactProblem
 from fenics_contact.scene import Scene
-from fenics_contact.search import (
+from fenics_contact.analysis.work_control import (
     MONOLITHIC,
     Collapse,
     CollapseState,
@@ -32,7 +32,7 @@ from fenics_contact.search import (
     first_work,
     new_solver,
 )
-from fenics_contact.structure import Bonded, Structure
+from fenics_contact.discretization.discretization import Bonded, Structure
 
 Array = npt.NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class LimitLoad:
     @property
     def mode(self):  # type: ignore[no-untyped-def]
         """Displacement field of the collapse, a dolfinx function; None without a limit."""
-        from fenics_contact.fields import displacement_function
+        from fenics_contact.output.fields import displacement_function
 
         if self.collapse is None or self.collapse.mode is None:
             return None
@@ -102,7 +102,7 @@ class LimitLoad:
     @property
     def displacement(self):  # type: ignore[no-untyped-def]
         """Displacements at the state reached, m, a dolfinx function; None if there is none."""
-        from fenics_contact.fields import displacement_function
+        from fenics_contact.output.fields import displacement_function
 
         if self.collapse is None or self.collapse.state is None:
             return None
@@ -127,7 +127,7 @@ class LimitLoad:
 
     def write(self, folder: str | Path) -> None:
         """Write result.json, and files and pictures as the scene's output options say."""
-        from fenics_contact.output import write_result
+        from fenics_contact.output.files import write_result
 
         self.hold_against_brackets()
         write_result(self, Path(folder))

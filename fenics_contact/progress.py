@@ -7,8 +7,8 @@ import sys
 from types import TracebackType
 from typing import Any
 
-from fenics_contact.capacity import CapacityPoint
-from fenics_contact.coulomb import FixedPointStep
+from fenics_contact.analysis.capacity import CapacityPoint
+from fenics_contact.analysis.coulomb import FixedPointStep
 
 
 class Progress:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_contact.joints import GROUND
+from fenics_contact.discretization.joints import GROUND
 from fenics_contact.scene import JointLaw
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 
 
 def describe(structure: Structure) -> str:

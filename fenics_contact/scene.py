@@ -14,7 +14,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
 
 if TYPE_CHECKING:
-    from fenics_contact.plan import Plan
+    from fenics_contact.analysis.plan import Plan
 
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
@@ -229,14 +229,14 @@ class Scene:
 
     @classmethod
     def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> Scene:
-        """Read a scene file and its mesh; see `fenics_contact.scene_file.read_scene`."""
-        from fenics_contact.scene_file import read_scene
+        """Read a scene file and its mesh; see `fenics_contact.toml_tables.read_scene`."""
+        from fenics_contact.toml_tables import read_scene
 
         return read_scene(path, comm)
 
     def plan(self) -> Plan:
         """What this scene does not need."""
-        from fenics_contact.plan import make_plan
+        from fenics_contact.analysis.plan import make_plan
 
         return make_plan(self)
 

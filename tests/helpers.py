@@ -15,8 +15,8 @@ from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
 from fenics_contact.limit_load import typical_sizes
 from fenics_contact.mesh import GmshMesh
 from fenics_contact.meshing import model_from_arrays, wall
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.structure import Bonded, Structure
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.discretization.discretization import Bonded, Structure
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

@@ -12,8 +12,8 @@ import math
 import pytest
 
 from fenics_contact import limit_load
-from fenics_contact.bounds import RigidBlocks
-from fenics_contact.structure import Structure
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.discretization.discretization import Structure
 from tests.regression.scenes import arch_scene
 
 GRAVITY = 9.81

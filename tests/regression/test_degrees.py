@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
-from fenics_contact.bounds import RigidBlocks
-from fenics_contact.fields import stress_fields
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.output.fields import stress_fields
 from fenics_contact.meshing import polygons, wall, wedge
 from tests.regression.scenes import WALLS, rectangle, wall_scene
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from fenics_contact import JointLaw, LimitLoad, Scene, SolveOptions, limit_load
-from fenics_contact.certificate import TOLERANCES
+from fenics_contact.analysis.certificate import TOLERANCES
 from tests.regression.scenes import arch_scene, wall_scene, wedge_scene
 
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")

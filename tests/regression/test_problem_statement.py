@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, SolveOptions, limit_load
-from fenics_contact.bounds import RigidBlocks
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.meshing import buttress, polygons, wall
 from tests.regression.scenes import rectangle
 

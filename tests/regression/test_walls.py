@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import pytest
 
-from fenics_contact import JointLaw, limit_load, search
-from fenics_contact.bounds import RigidBlocks
-from fenics_contact.structure import Structure
+from fenics_contact import JointLaw
+from fenics_contact import limit_load
+from fenics_contact.analysis import work_control as search
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.discretization.discretization import Structure
 from tests.regression.scenes import WALLS, wall_scene
 
 TRESCA = {  # by strength in Pa: W1, W2, W3, W4

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fenics_contact import certificate
+from fenics_contact.analysis import certificate
 from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
 
 DOWN = {"loads.live.body": [0.0, -9.81]}
@@ -129,7 +129,7 @@ def test_4_does_not_stick_to_one_direction(tmp_path, monkeypatch, capsys):
 
 def test_solver_that_finds_no_state_is_not_an_answer(tmp_path, monkeypatch, capsys):
     from fenics_contact.errors import SolverError
-    from fenics_contact.interior_point import WorkControl
+    from fenics_contact.solvers.interior_point import WorkControl
 
     def fail(*_, **__):
         raise SolverError("interior point: broken on purpose")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolveOptions, SolverError, limit_load
-from fenics_contact.block_modes import LOCAL, MODES, RIGID, BlockModes, modes
-from fenics_contact.central_path import CentralPath
-from fenics_contact.few_points import FewPoints
-from fenics_contact.interior_point import (
+from fenics_contact.solvers.block_modes import LOCAL, MODES, RIGID, BlockModes, modes
+from fenics_contact.solvers.arclength import CentralPath
+from fenics_contact.solvers.nonlinear_elimination import FewPoints
+from fenics_contact.solvers.interior_point import (
     AGAIN,
     FEW_BLOCKS,
     TRANSFERS,
@@ -22,9 +22,9 @@ from fenics_contact.interior_point import (
     _InteriorPoint,
 )
 from fenics_contact.meshing import wall
-from fenics_contact.path_equations import State
-from fenics_contact.search import FIRST_WORK
-from fenics_contact.structure import Structure
+from fenics_contact.solvers.kkt import State
+from fenics_contact.analysis.work_control import FIRST_WORK
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import (
     Loaded,
     coulomb,
@@ -281,7 +281,7 @@ def test_rigid_motions_are_modes(structure):
 
 @pytest.mark.parametrize("few", [0, FEW_BLOCKS])
 def test_modes_lead_to_a_state_of_the_structure(folded, few, monkeypatch):
-    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", few)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.FEW_BLOCKS", few)
     structure = folded.structure
     before = structure.factorizations
     control, point = from_modes(folded)
@@ -301,12 +301,12 @@ def test_without_modes_there_is_no_way(folded):
 
 def test_many_blocks_are_rigid_first(folded, monkeypatch):
     """And end in the same state; what few blocks do not need is not made."""
-    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.FEW_BLOCKS", 0)
     structure = folded.structure
     structure.__dict__.pop("block_modes", None)
     expected = from_modes(folded)[1].state.load_factor
     assert "rigid" not in structure.block_modes.__dict__
-    monkeypatch.setattr("fenics_contact.interior_point.MANY_BLOCKS", 10)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.MANY_BLOCKS", 10)
     before, of_modes = structure.factorizations, structure.block_modes.springs.factorizations
     control, point = from_modes(folded)
     made = structure.block_modes
@@ -320,9 +320,9 @@ def test_many_blocks_are_rigid_first(folded, monkeypatch):
 
 
 def test_where_rigid_blocks_lead_nowhere_their_modes_are_asked(folded, monkeypatch, caplog):
-    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.FEW_BLOCKS", 0)
     expected = from_modes(folded)[1].state.load_factor
-    monkeypatch.setattr("fenics_contact.interior_point.MANY_BLOCKS", 10)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.MANY_BLOCKS", 10)
     original, asked = CentralPath.follow, []
 
     def lost(self, now, products, end, *close):
@@ -390,7 +390,7 @@ def test_modes_follow_another_path_at_more_work(reached, taken):
 
 
 def test_far_less_is_left_to_the_structure(monkeypatch):
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
     result = limit_load(wall_scene("W3", coulomb(0.65), elements=2))
     own_steps = result.factorizations - result.mode_factorizations
     assert result.mode_factorizations == result.structure.block_modes.springs.factorizations
@@ -421,7 +421,7 @@ def test_growing_friction_leads_to_the_low_state(
     scene = wall_scene(name, coulomb(friction), elements)
     assert scene.mesh.body_count <= FEW_BLOCKS
     if not alone:
-        monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+        monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
     assert limit_load(scene).load_factor == pytest.approx(lowest, abs=5e-7)
 
 
@@ -440,7 +440,7 @@ def test_path_that_modes_do_not_lead_to_is_found_without(monkeypatch):
 @pytest.fixture
 def as_many(monkeypatch) -> None:
     """Walls of few blocks are treated as those of many."""
-    monkeypatch.setattr("fenics_contact.interior_point.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.FEW_BLOCKS", 0)
 
 
 def test_modes_are_left_earlier_where_their_end_leads_nowhere(folded, as_many, monkeypatch):
@@ -520,7 +520,7 @@ def test_path_of_the_modes_is_left_where_all_are_lost(folded, as_many, lost_at, 
 def test_limit_load_where_the_path_was_another_one(as_many, monkeypatch):
     """The work of its state is the one that is told."""
     scene = wall_scene("W3", coulomb(0.65), elements=2)
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
     expected = limit_load(scene)
     losing(monkeypatch, lambda before: before == 0)
     found = limit_load(scene)
@@ -530,7 +530,7 @@ def test_limit_load_where_the_path_was_another_one(as_many, monkeypatch):
 
 
 def test_no_path_begins_far_from_one(folded, monkeypatch):
-    monkeypatch.setattr("fenics_contact.interior_point.NEAR_ENOUGH", 0.0)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.NEAR_ENOUGH", 0.0)
     monkeypatch.setattr(CentralPath, "follow", None)
     with pytest.raises(SolverError, match="no path to begin"):
         from_modes(folded)

@@ -9,7 +9,7 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import SolverError
-from fenics_contact.bound_qp import (
+from fenics_contact.solvers.bound_qp import (
     PREFIX,
     SOLVERS,
     BoundQP,

@@ -7,7 +7,7 @@ import pytest
 from dolfinx import mesh as dolfinx_mesh
 
 from fenics_contact import InputError, compat
-from fenics_contact.boundary import Boundary, collect_boundary
+from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import Drawing, grid_blocks, mesh_of, rectangle, rotation
 

@@ -8,10 +8,10 @@ import scipy.optimize
 from mpi4py import MPI
 
 from fenics_contact import JointLaw, Load, Scene
-from fenics_contact.bounds import RigidBlocks, straight_faces
-from fenics_contact.joints import GROUND, Joints
+from fenics_contact.analysis.rigid_blocks import RigidBlocks, straight_faces
+from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.meshing import polygons, running_bond, wall
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import (
     GRAVITY,
     PUSH,

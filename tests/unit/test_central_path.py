@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.central_path import BACK, CLOSE, LOST, MEETINGS, SHORTER, CentralPath, _meets
-from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.few_points import LEFT, FewPoints
-from fenics_contact.interior_point import PathPoint, WorkControl
-from fenics_contact.path_equations import Iterate, Scales, Workspace
-from fenics_contact.search import FIRST_WORK, first_work
-from fenics_contact.smoothed_laws import Growth
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.solvers.arclength import BACK, CLOSE, LOST, MEETINGS, SHORTER, CentralPath, _meets
+from fenics_contact.analysis.coulomb import CoulombFriction
+from fenics_contact.solvers.nonlinear_elimination import LEFT, FewPoints
+from fenics_contact.solvers.interior_point import PathPoint, WorkControl
+from fenics_contact.solvers.kkt import Iterate, Scales, Workspace
+from fenics_contact.analysis.work_control import FIRST_WORK, first_work
+from fenics_contact.solvers.smoothing import Growth
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 from tests.helpers import Loaded, coulomb
 from tests.regression.scenes import wall_scene
 
@@ -176,7 +176,7 @@ def test_place_where_the_path_was_before(load_factor, products, meets):
 
 def test_path_that_leads_in_a_circle(plain, monkeypatch):
     """A path that met itself a few times is left; at its end corrections may meet."""
-    monkeypatch.setattr("fenics_contact.central_path._meets", lambda *_: True)
+    monkeypatch.setattr("fenics_contact.solvers.arclength._meets", lambda *_: True)
     path, now = path_of(plain)
     end, products = path.follow(now.copy(), 1.0, 0.9)
     assert products <= 0.9
@@ -214,7 +214,7 @@ def test_path_that_wanders(plain, monkeypatch, patience):
 
 
 def test_way_along_the_path_takes_no_solves_for_digits(plain, monkeypatch):
-    monkeypatch.setattr("fenics_contact.path_equations.CANCELLING", 0.0)
+    monkeypatch.setattr("fenics_contact.solvers.kkt.CANCELLING", 0.0)
     monkeypatch.setattr(SpringStiffness, "solve_transposed", None)
     path, now = path_of(plain)
     assert path.follow(now, 1.0, 1e-4)[1] <= 1e-4
@@ -257,7 +257,7 @@ def test_products_rise_where_the_determinant_is_negative(plain, monkeypatch):
 
 
 def test_path_that_does_not_end(plain, monkeypatch):
-    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 2)
+    monkeypatch.setattr("fenics_contact.solvers.arclength.MAX_STEPS", 2)
     path, now = path_of(plain)
     _, products = path.follow(now, 1.0, 1e-4)
     assert products > 1e-4
@@ -267,8 +267,8 @@ def test_path_that_does_not_end(plain, monkeypatch):
 
 def test_interior_point_method_is_tried_again_where_the_path_leads_nowhere(plain, monkeypatch):
     """It was too impatient the first time."""
-    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
-    monkeypatch.setattr("fenics_contact.interior_point.FOLD_STEPS", 1)
+    monkeypatch.setattr("fenics_contact.solvers.arclength.MAX_STEPS", 0)
+    monkeypatch.setattr("fenics_contact.solvers.interior_point.FOLD_STEPS", 1)
     point = solved(plain, "solve", past_folds=True)
     assert not point.followed
     assert point.state.load_factor == solved(plain, "solve").state.load_factor
@@ -295,8 +295,8 @@ def test_many_blocks_start_further_along(method, blocks, expected):
 
 def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
     """Here a wall of few blocks that counts as one of many, and whose first path leads nowhere."""
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
-    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
+    monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
     tried = []
 
     def failing_first(original):
@@ -319,8 +319,8 @@ def test_many_blocks_try_less_work_before_the_fixed_point(monkeypatch):
 
 def test_many_blocks_try_no_path_twice(monkeypatch):
     """Two attempts from the modes and with the bound in the equations, then the fixed point."""
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
-    monkeypatch.setattr("fenics_contact.search.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
+    monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.WORK_OF_MANY", (np.inf, 1e4 / 33**2))
     tried, from_modes = [], []
 
     def fails(self, start, work, centring, *rest, **options):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.certificate import (
+from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
+from fenics_contact.analysis.certificate import (
     TOLERANCES,
     Certificate,
     WorstJoint,
@@ -17,11 +17,11 @@ from fenics_contact.certificate import (
     kinematic_factor,
     worst_joint,
 )
-from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.interior_point import WorkControl
+from fenics_contact.analysis.coulomb import CoulombFriction
+from fenics_contact.solvers.interior_point import WorkControl
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.search import FIRST_WORK
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.analysis.work_control import FIRST_WORK
 from tests.helpers import (
     Array,
     Loaded,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, SolverError
-from fenics_contact.continuation import LARGEST, LoadPath, LoadStep, follow_load
-from fenics_contact.coulomb import CoulombFriction, FixedPointHistory
-from fenics_contact.interior_point import PathPoint, WorkControl
+from fenics_contact.analysis.load_control import LARGEST, LoadPath, LoadStep, follow_load
+from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory
+from fenics_contact.solvers.interior_point import PathPoint, WorkControl
 from fenics_contact.meshing import wall
-from fenics_contact.path_equations import Scales, State
+from fenics_contact.solvers.kkt import Scales, State
 from tests.helpers import GRAVITY, STONE, Loaded, coulomb, on_ground, tresca, whole
 
 B, H = 0.4, 1.0

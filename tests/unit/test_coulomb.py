@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Scene, SolverError
-from fenics_contact.coulomb import (
+from fenics_contact.analysis.coulomb import (
     CYCLE,
     FAST_RELAXATION,
     MAX_ITERATIONS,
@@ -16,10 +16,10 @@ from fenics_contact.coulomb import (
     FixedPointStep,
     _Relaxation,
 )
-from fenics_contact.interior_point import PathPoint, WorkControl
+from fenics_contact.solvers.interior_point import PathPoint, WorkControl
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.path_equations import State
-from fenics_contact.search import FIRST_WORK
+from fenics_contact.solvers.kkt import State
+from fenics_contact.analysis.work_control import FIRST_WORK
 from tests.helpers import Loaded, coulomb, on_ground, tresca, whole
 
 

@@ -9,11 +9,11 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import InputError, Load, Material, Scene
-from fenics_contact.boundary import collect_boundary
-from fenics_contact.elasticity import Elasticity, assemble, displacement_space
-from fenics_contact.fields import displacement_function, stress_fields
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
+from fenics_contact.output.fields import displacement_function, stress_fields
 from fenics_contact.meshing import polygons
-from fenics_contact.supports import Supports, find_supports
+from fenics_contact.discretization.supports import Supports, find_supports
 from tests.helpers import (
     Drawing,
     dense,

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact.central_path import CentralPath, Place
-from fenics_contact.few_points import BACK, LEFT, MOST, PART, SOLVED, TURN, Course, FewPoints
-from fenics_contact.path_equations import Iterate, Workspace
-from fenics_contact.search import FIRST_WORK
+from fenics_contact.solvers.arclength import CentralPath, Place
+from fenics_contact.solvers.nonlinear_elimination import BACK, LEFT, MOST, PART, SOLVED, TURN, Course, FewPoints
+from fenics_contact.solvers.kkt import Iterate, Workspace
+from fenics_contact.analysis.work_control import FIRST_WORK
 from tests.helpers import Loaded, coulomb
 from tests.regression.scenes import wall_scene
 
@@ -112,7 +112,7 @@ def test_start_solves_the_equations_without_forces(loaded):
 @pytest.mark.parametrize("solved", [SOLVED, 1e-6])
 def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded, solved, monkeypatch):
     path, place = place_of(loaded)
-    monkeypatch.setattr("fenics_contact.few_points.SOLVED", solved)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.SOLVED", solved)
     few = FewPoints(path, place)
     step = few.follow(1e-9)
     new, products = step.iterate, step.products
@@ -143,8 +143,8 @@ def test_chosen_points_follow_their_laws_and_the_others_nearly(loaded, solved, m
 
 
 def test_step_without_chosen_points_is_one_along_tangents(loaded, monkeypatch):
-    monkeypatch.setattr("fenics_contact.few_points.FIRST", 0)
-    monkeypatch.setattr("fenics_contact.few_points.MOST", 0)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.FIRST", 0)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.MOST", 0)
     path, place = place_of(loaded)
     before, along, across = place.iterate.load_factor, place.tangent, place.to_path
     few = FewPoints(path, place)
@@ -237,8 +237,8 @@ def test_chosen_points_save_factorisations(stiff, monkeypatch):
         return path.springs.factorizations - before
 
     few = followed()
-    monkeypatch.setattr("fenics_contact.few_points.FIRST", 0)
-    monkeypatch.setattr("fenics_contact.few_points.MOST", 0)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.FIRST", 0)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.MOST", 0)
     assert 0 < few < 0.5 * followed()
 
 
@@ -267,7 +267,7 @@ def test_of_two_ways_that_end_short_of_the_path_the_one_that_leads_further_is_ta
 @pytest.mark.parametrize("noticed", [0.0, 10.0], ids=["all", "none"])
 def test_points_that_were_not_watched_are_found_where_a_curve_ends(loaded, noticed, monkeypatch):
     """No point ends further from its law than the limit, however few are watched at first."""
-    monkeypatch.setattr("fenics_contact.few_points.NOTICED", noticed)
+    monkeypatch.setattr("fenics_contact.solvers.nonlinear_elimination.NOTICED", noticed)
     path, place = place_of(loaded)
     few, traced = FewPoints(path, place), []
     original = FewPoints._watching

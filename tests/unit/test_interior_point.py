@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Load, Scene, SolverError
-from fenics_contact.bounds import RigidBlocks
-from fenics_contact.interior_point import (
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.solvers.interior_point import (
     BALANCING,
     FOLLOWED,
     WorkControl,
@@ -17,8 +17,8 @@ from fenics_contact.interior_point import (
     _InteriorPoint,
 )
 from fenics_contact.meshing import polygons, running_bond, wall
-from fenics_contact.path_equations import PathEquations, State, Workspace
-from fenics_contact.search import FIRST_WORK
+from fenics_contact.solvers.kkt import PathEquations, State, Workspace
+from fenics_contact.analysis.work_control import FIRST_WORK
 from tests.helpers import (
     GRAVITY,
     PUSH,
@@ -444,7 +444,7 @@ def test_directions_solve_the_linearised_equations_of_points_that_give(bond, bou
 @pytest.mark.parametrize("cancelling", [0.0, np.inf])
 def test_digits_are_kept_from_where_they_cancel(bond, cancelling, monkeypatch):
     """One more solve per factor, from the first direction on that is a small difference."""
-    monkeypatch.setattr("fenics_contact.path_equations.CANCELLING", cancelling)
+    monkeypatch.setattr("fenics_contact.solvers.kkt.CANCELLING", cancelling)
     start, scales = bond.start(1e4 * FIRST_WORK)
     springs, factors = bond.structure.springs, []
 

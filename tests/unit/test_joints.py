@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, JointLaw, Load, Material, Scene
-from fenics_contact.boundary import collect_boundary
-from fenics_contact.elasticity import displacement_space
-from fenics_contact.joints import GROUND, Joints, find_joints
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.elasticity import displacement_space
+from fenics_contact.discretization.joints import GROUND, Joints, find_joints
 from fenics_contact.meshing import polygons, wall
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import (
     PUSH,
     STONE,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.boundary import collect_boundary
-from fenics_contact.elasticity import displacement_space
-from fenics_contact.joints import find_joints
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.elasticity import displacement_space
+from fenics_contact.discretization.joints import find_joints
 from fenics_contact.mesh import extract, gmsh_session
 from fenics_contact.meshing import (
     arch,

@@ -15,7 +15,7 @@ import pytest
 from benchmarks import peers
 from fenics_contact import JointLaw
 from fenics_contact.meshing import wall
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import coulomb, on_ground, tresca
 from tests.regression.scenes import wall_scene, wedge_scene
 

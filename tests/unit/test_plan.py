@@ -8,7 +8,7 @@ import pytest
 
 from fenics_contact import JointLaw, Load, OutputOptions, Scene, SolveOptions
 from fenics_contact.meshing import wall
-from fenics_contact.plan import make_plan
+from fenics_contact.analysis.plan import make_plan
 from tests.helpers import PUSH, coulomb, on_ground, tresca
 
 SMOOTH = JointLaw("frictionless")

@@ -17,12 +17,12 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
-from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.coulomb import SETTLED, FixedPointStep
+from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
+from fenics_contact.analysis.coulomb import SETTLED, FixedPointStep
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.path_equations import Scales
+from fenics_contact.solvers.kkt import Scales
 from fenics_contact.scene import CONTROLS, DIRECTIONS, METHODS, SLIPS, STATES
-from fenics_contact.search import (
+from fenics_contact.analysis.work_control import (
     FIRST_JOINT_WORK,
     FIRST_WORK,
     CollapseState,
@@ -459,7 +459,7 @@ def test_better_of_two_modes(modes, tried, taken, monkeypatch):
         passed, residuals = mode.penetration < 1e-5, {"mode_penetration": mode.penetration}
         return SimpleNamespace(mode_passed=passed, gap=mode.gap, residuals=residuals)
 
-    monkeypatch.setattr("fenics_contact.search.kinematic_factor", lambda *_: 1.0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.kinematic_factor", lambda *_: 1.0)
     search = SimpleNamespace(
         control=SimpleNamespace(rate=rate),
         problem=None,
@@ -498,8 +498,8 @@ def test_bounds_of_modes(monolithic, friction, factored, follows):
 @pytest.mark.parametrize("answer", ["fails", "nothing limits it", "certifies"])
 def test_program_where_no_mode_is_near_enough(answer, monkeypatch):
     """One that fails leaves the mode's own bound; what one that ends says counts."""
-    monkeypatch.setattr("fenics_contact.search.COLLAPSED", 0.0)
-    monkeypatch.setattr("fenics_contact.search.LAST_WORK", 0.0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.COLLAPSED", 0.0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.LAST_WORK", 0.0)
 
     def collapse(self, strength):
         if answer == "fails":
@@ -508,7 +508,7 @@ def test_program_where_no_mode_is_near_enough(answer, monkeypatch):
 
     original = RigidBlocks.collapse
     monkeypatch.setattr(RigidBlocks, "collapse", collapse)
-    monkeypatch.setattr("fenics_contact.search.DECREASES", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.DECREASES", 0)
     end = limit_load(wall_scene("W1", coulomb(0.65), elements=1)).positive
     assert end.status == ("not_converged" if answer == "nothing limits it" else "limit")
     if answer == "fails":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.smoothed_laws import (
+from fenics_contact.solvers.smoothing import (
     Growth,
     JointStates,
     SmoothedLaws,

@@ -18,14 +18,14 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
-from fenics_contact.block_modes import BlockModes
-from fenics_contact.bounds import RigidBlocks
-from fenics_contact.central_path import CentralPath
-from fenics_contact.coulomb import CoulombFriction
-from fenics_contact.interior_point import WorkControl
-from fenics_contact.plan import FIXED_POINT
-from fenics_contact.springs import SpringStiffness
-from fenics_contact.structure import Structure
+from fenics_contact.solvers.block_modes import BlockModes
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.solvers.arclength import CentralPath
+from fenics_contact.analysis.coulomb import CoulombFriction
+from fenics_contact.solvers.interior_point import WorkControl
+from fenics_contact.analysis.plan import FIXED_POINT
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import PUSH, WEIGHT, coulomb, on_ground, tresca
 from tests.regression.scenes import wall_scene
 
@@ -80,8 +80,8 @@ def test_state_that_repels_the_fixed_point_is_iterated_for(monkeypatch):
 
 
 def test_fixed_point_where_the_path_leads_nowhere(monkeypatch):
-    monkeypatch.setattr("fenics_contact.search.COARSE", 0)
-    monkeypatch.setattr("fenics_contact.central_path.MAX_STEPS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.COARSE", 0)
+    monkeypatch.setattr("fenics_contact.solvers.arclength.MAX_STEPS", 0)
     monkeypatch.setattr(CoulombFriction, "_monolithic", lambda *_, **__: None)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
     assert result.load_factor == pytest.approx(0.35582, abs=5e-6)
@@ -107,7 +107,7 @@ def test_what_few_blocks_find_counts_only_if_it_attracts_the_fixed_point(monkeyp
 
 @pytest.mark.parametrize(("limit", "least"), [("FEW_BLOCKS", 45), ("COARSE", 10)])
 def test_more_blocks_and_finer_meshes_begin_with_modes(monkeypatch, limit, least):
-    monkeypatch.setattr(f"fenics_contact.search.{limit}", least)
+    monkeypatch.setattr(f"fenics_contact.analysis.work_control.{limit}", least)
     Calls(monkeypatch, WorkControl, "directly", forbid=True)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
     assert len(result.structure.bodies.centre) == 46
@@ -115,7 +115,7 @@ def test_more_blocks_and_finer_meshes_begin_with_modes(monkeypatch, limit, least
 
 
 def test_state_past_a_fold_needs_no_iteration(monkeypatch):
-    monkeypatch.setattr("fenics_contact.search.FEW_BLOCKS", 0)
+    monkeypatch.setattr("fenics_contact.analysis.work_control.FEW_BLOCKS", 0)
     Calls(monkeypatch, CoulombFriction, "_given_friction", forbid=True)
     Calls(monkeypatch, WorkControl, "repels", forbid=True)
     result = limit_load(wall_scene("W3", coulomb(0.65)))
@@ -278,8 +278,8 @@ def test_mode_that_certifies_needs_no_program(monkeypatch):
 @pytest.mark.parametrize(
     ("output", "writer"),
     [
-        (OutputOptions(paraview=False, pictures=False), "fenics_contact.output.write_paraview"),
-        (OutputOptions(paraview=False, pictures=False), "fenics_contact.plotting.draw_collapse"),
+        (OutputOptions(paraview=False, pictures=False), "fenics_contact.output.files.write_paraview"),
+        (OutputOptions(paraview=False, pictures=False), "fenics_contact.output.plotting.draw_collapse"),
     ],
 )
 def test_files_not_asked_for(output, writer, monkeypatch, tmp_path):

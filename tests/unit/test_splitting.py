@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError
-from fenics_contact.interior_point import WorkControl
+from fenics_contact.solvers.interior_point import WorkControl
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.splitting import ACCEPTABLE, JointForces
+from fenics_contact.solvers.splitting import ACCEPTABLE, JointForces
 from tests.helpers import Loaded, on_ground, tresca, whole
 
 RATIO = 30.0

@@ -7,15 +7,15 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import SolverError
-from fenics_contact.joints import JointOperators, Slots
-from fenics_contact.springs import (
+from fenics_contact.discretization.joints import JointOperators, Slots
+from fenics_contact.solvers.joint_stiffness import (
     MINIMUM_FILL,
     SINGULAR,
     SMALLEST_PIVOT,
     JointRows,
     SpringStiffness,
 )
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.discretization import Structure
 from tests.helpers import (
     dense,
     joint_rows,
@@ -129,7 +129,7 @@ def test_stiffness_itself_is_left_alone(structure, springs):
 @pytest.mark.parametrize("largest", [10**9, 0])
 def test_minimum_fill_orders_small_unsymmetric_matrices(structure, springs, largest, monkeypatch):
     """The solution is the same with MUMPS' own choice, which larger ones are left to."""
-    monkeypatch.setattr("fenics_contact.springs.FILL_UNKNOWNS", largest)
+    monkeypatch.setattr("fenics_contact.solvers.joint_stiffness.FILL_UNKNOWNS", largest)
     values = random_springs(structure, 5)
     factor(structure, springs, *values)
     factored = springs._factors["lu"][1].getPC().getFactorMatrix()

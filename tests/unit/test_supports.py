@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, Load, Scene
-from fenics_contact.boundary import collect_boundary
-from fenics_contact.elasticity import assemble, displacement_space
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.elasticity import assemble, displacement_space
 from fenics_contact.meshing import polygons, wall
-from fenics_contact.rigid import RigidBodies, rigid_bodies
-from fenics_contact.structure import Structure
-from fenics_contact.supports import Supports, find_supports
+from fenics_contact.discretization.rigid_motions import RigidBodies, rigid_bodies
+from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.supports import Supports, find_supports
 from tests.helpers import (
     PUSH,
     STONE,

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.path_equations import State
-from fenics_contact.structure import Structure
+from fenics_contact.solvers.kkt import State
+from fenics_contact.discretization.discretization import Structure
 
 Array = npt.NDArray[np.float64]
 

@@ -25,8 +25,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
-from fenics_contact.joints import GROUND, Joints
-from fenics_contact.rigid import RigidBodies
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.rigid_motions import RigidBodies
 
 Array = npt.NDArray[np.float64]
 

@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.path_equations import Iterate, State
-from fenics_contact.smoothed_laws import JointStates, SmoothedLaws
+from fenics_contact.solvers.kkt import Iterate, State
+from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
 
 if TYPE_CHECKING:
-    from fenics_contact.central_path import CentralPath, Place
+    from fenics_contact.solvers.arclength import CentralPath, Place
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.coulomb import CoulombFriction, FixedPointHistory
+from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory
 from fenics_contact.errors import SolverError
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.problem import ContactProblem
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.solvers.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.boundary import Boundary
+from fenics_contact.discretization.facets import Boundary
 from fenics_contact.scene import Load, Scene
-from fenics_contact.supports import Supports
+from fenics_contact.discretization.supports import Supports
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.elasticity import stress
-from fenics_contact.structure import Structure
+from fenics_contact.discretization.elasticity import stress
+from fenics_contact.discretization.discretization import Structure
 
 
 def displacement_function(structure: Structure, vector: PETSc.Vec, name: str) -> fem.Function:

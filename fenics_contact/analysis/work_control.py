@@ -11,27 +11,27 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.bounds import LimitBounds, RigidBlocks
-from fenics_contact.certificate import (
+from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
+from fenics_contact.analysis.certificate import (
     Certificate,
     certify,
     kinematic_factor,
     outside_bracket,
 )
-from fenics_contact.continuation import LoadPath
-from fenics_contact.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.analysis.load_control import LoadPath
+from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import (
+from fenics_contact.solvers.interior_point import (
     COARSE,
     FEW_BLOCKS,
     ZERO_FACTOR,
     PathPoint,
     WorkControl,
 )
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.problem import ContactProblem
-from fenics_contact.splitting import JointForces, SplittingHistory
-from fenics_contact.structure import Structure
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.splitting import JointForces, SplittingHistory
+from fenics_contact.discretization.discretization import Structure
 
 Array = npt.NDArray[np.float64]
 

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.few_points import LEFT, FewPoints, Step
-from fenics_contact.path_equations import (
+from fenics_contact.solvers.nonlinear_elimination import LEFT, FewPoints, Step
+from fenics_contact.solvers.kkt import (
     Array,
     Iterate,
     PathEquations,

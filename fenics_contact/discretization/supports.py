@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.boundary import Boundary
+from fenics_contact.discretization.facets import Boundary
 from fenics_contact.scene import Scene
 
 #: Normals that differ by less than this angle are those of one (curved) boundary.

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.block_modes import BlockModes, modes
-from fenics_contact.boundary import Boundary, collect_boundary
-from fenics_contact.elasticity import Elasticity, assemble, displacement_space
+from fenics_contact.solvers.block_modes import BlockModes, modes
+from fenics_contact.discretization.facets import Boundary, collect_boundary
+from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.errors import InputError
-from fenics_contact.joints import JointOperators, Joints, find_joints, joint_operators
-from fenics_contact.problem import ContactProblem
-from fenics_contact.rigid import (
+from fenics_contact.discretization.joints import JointOperators, Joints, find_joints, joint_operators
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
     check_held,
     motions,
@@ -25,8 +25,8 @@ from fenics_contact.rigid import (
     rigid_bodies,
 )
 from fenics_contact.scene import Scene
-from fenics_contact.springs import JointRows, SpringStiffness
-from fenics_contact.supports import Supports, find_supports
+from fenics_contact.solvers.joint_stiffness import JointRows, SpringStiffness
+from fenics_contact.discretization.supports import Supports, find_supports
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2

@@ -18,10 +18,10 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.block_modes import BlockModes
-from fenics_contact.central_path import CLOSE, CentralPath
+from fenics_contact.solvers.block_modes import BlockModes
+from fenics_contact.solvers.arclength import CLOSE, CentralPath
 from fenics_contact.errors import SolverError
-from fenics_contact.path_equations import (
+from fenics_contact.solvers.kkt import (
     Array,
     Iterate,
     PathEquations,
@@ -30,9 +30,9 @@ from fenics_contact.path_equations import (
     State,
     Workspace,
 )
-from fenics_contact.problem import ContactProblem
-from fenics_contact.smoothed_laws import Growth
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.smoothing import Growth
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 
 _log = logging.getLogger("fenics_contact")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fenics_contact.coulomb import FixedPointHistory
+    from fenics_contact.analysis.coulomb import FixedPointHistory
     from fenics_contact.scene import Scene
 
 FIXED_POINT = "fixed point on the friction bound"

@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.joints import JointOperators, sparse_rows
-from fenics_contact.problem import ContactProblem
+from fenics_contact.discretization.joints import JointOperators, sparse_rows
+from fenics_contact.solvers.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
 
-from fenics_contact.coulomb import CoulombFriction
+from fenics_contact.analysis.coulomb import CoulombFriction
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import WorkControl
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.problem import ContactProblem
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.solvers.interior_point import WorkControl
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 
 _log = logging.getLogger("fenics_contact")
 

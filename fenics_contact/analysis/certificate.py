@@ -20,9 +20,9 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.bounds import LimitBounds
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.problem import ContactProblem
+from fenics_contact.analysis.rigid_blocks import LimitBounds
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.solvers.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]
 

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.boundary import Boundary
+from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError
 from fenics_contact.scene import JointLaw, Scene
-from fenics_contact.supports import SMOOTH_ANGLE, Supports
+from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
 
 #: Facets face each other when their nodes agree to this fraction of their length.
 MATCHING = 1e-4

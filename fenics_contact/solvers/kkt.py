@@ -33,9 +33,9 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.problem import ContactProblem
-from fenics_contact.smoothed_laws import Growth, distance_from_bound, normal_law
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.smoothing import Growth, distance_from_bound, normal_law
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 
 Array = npt.NDArray[np.float64]
 Changes = tuple[Array, Array, Array]

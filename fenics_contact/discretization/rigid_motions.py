@@ -12,8 +12,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError
-from fenics_contact.joints import GROUND, Joints
-from fenics_contact.supports import Supports
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.supports import Supports
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]

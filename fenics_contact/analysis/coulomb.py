@@ -23,10 +23,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import SolverError
-from fenics_contact.interior_point import ACCEPTABLE, PathPoint, WorkControl
-from fenics_contact.path_equations import Scales, State
-from fenics_contact.problem import ContactProblem
-from fenics_contact.springs import SpringStiffness
+from fenics_contact.solvers.interior_point import ACCEPTABLE, PathPoint, WorkControl
+from fenics_contact.solvers.kkt import Scales, State
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 
 Array = npt.NDArray[np.float64]
 

@@ -30,10 +30,10 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.path_equations import State
-from fenics_contact.problem import ContactProblem
-from fenics_contact.rigid import numbered_by_rank
-from fenics_contact.springs import JointRows, SpringStiffness
+from fenics_contact.solvers.kkt import State
+from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.discretization.rigid_motions import numbered_by_rank
+from fenics_contact.solvers.joint_stiffness import JointRows, SpringStiffness
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact import compat
-from fenics_contact.certificate import Certificate
-from fenics_contact.fields import displacement_function, stress_fields
-from fenics_contact.joint_fields import STATES, JointFields, joint_fields
-from fenics_contact.joints import Joints
+from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.output.fields import displacement_function, stress_fields
+from fenics_contact.output.joint_fields import STATES, JointFields, joint_fields
+from fenics_contact.discretization.joints import Joints
 from fenics_contact.limit_load import Collapse, LimitLoad
 
 #: What result.json says of `SolveOptions.slip`.
@@ -48,13 +48,13 @@ def write_result(result: LimitLoad, folder: Path) -> None:
         if options.paraview:
             write_paraview(result, end, fields, folder, suffix)
         if options.pictures:
-            from fenics_contact.plotting import draw_collapse
+            from fenics_contact.output.plotting import draw_collapse
 
             draw_collapse(result, end, fields, folder / f"collapse{suffix}.png", reverse)
     if result.capacity and comm.rank == 0:
         _write_capacity(result, folder)
         if options.pictures:
-            from fenics_contact.plotting import draw_capacity
+            from fenics_contact.output.plotting import draw_capacity
 
             draw_capacity(result, folder / "capacity.png")
     comm.barrier()

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
-from fenics_contact.joints import JointOperators
+from fenics_contact.discretization.joints import JointOperators
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.bounds import straight_faces
-from fenics_contact.joint_fields import OPEN, SLIP, SLIPPING, STICK, JointFields
-from fenics_contact.structure import Structure
+from fenics_contact.analysis.rigid_blocks import straight_faces
+from fenics_contact.output.joint_fields import OPEN, SLIP, SLIPPING, STICK, JointFields
+from fenics_contact.discretization.discretization import Structure
 
 if TYPE_CHECKING:
     from fenics_contact.limit_load import Collapse, LimitLoad

@@ -1,0 +1,1 @@
+"""What a limit load is: how collapse states are found, bounded and verified."""

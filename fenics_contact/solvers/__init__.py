@@ -1,0 +1,1 @@
+"""Solvers of the discrete contact problem: PETSc and numpy only, no mesh, no scene."""
