@@ -1,32 +1,30 @@
-"""A scene discretised: everything volumetric, done once."""
+"""A scene discretised: everything volumetric, done once; owner of every PETSc object."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.solvers.block_modes import BlockModes, modes
-from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
-from fenics_contact.errors import InputError
-from fenics_contact.discretization.joints import JointOperators, Joints, find_joints, joint_operators
-from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
     check_held,
     motions,
-    numbered_by_rank,
     rigid_bodies,
 )
+from fenics_contact.discretization.supports import find_supports
+from fenics_contact.errors import InputError
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.joint_stiffness import JointRows, SpringStiffness
-from fenics_contact.discretization.supports import Supports, find_supports
+from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
+from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
@@ -44,16 +42,20 @@ class Bonded:
         seconds: Time to assemble, analyse, factor and solve: one bonded solve.
     """
 
-    dead: PETSc.Vec
-    live: PETSc.Vec
-    dead_pressure: npt.NDArray[np.float64]
-    live_pressure: npt.NDArray[np.float64]
+    dead: Array
+    live: Array
+    dead_pressure: Array
+    live_pressure: Array
     seconds: float
 
+    @property
+    def first_pressure(self) -> Array:
+        """Normal forces for the first bound on friction."""
+        return self.dead_pressure if np.any(self.dead_pressure) else self.live_pressure
 
-@dataclass(frozen=True)
-class Structure:
-    """Elasticity, joints and supports of a scene.
+
+class Discretization:
+    """Elasticity, joints and supports of a scene, and the operators made of them.
 
     Attributes:
         scene: What was discretised.
@@ -61,163 +63,152 @@ class Structure:
         supports: What is held.
         elasticity: K, f_D, f_L.
         joints: Joint points.
-        operators: B_N and B_T.
+        operators: Rows of B_N and B_T.
         bodies: Rigid motions of the blocks.
         problem: What the solvers see.
-        springs: K with joint springs.
+        tally: Counts factorisations of the structure.
+        mode_tally: Counts those of its block modes.
         seconds: Time spent assembling, s.
     """
 
-    scene: Scene
-    boundary: Boundary
-    supports: Supports
-    elasticity: Elasticity
-    joints: Joints
-    operators: JointOperators
-    bodies: RigidBodies
-    problem: ContactProblem
-    springs: SpringStiffness
-    seconds: float
-
-    @classmethod
-    def build(cls, scene: Scene) -> Structure:
+    def __init__(self, scene: Scene) -> None:
         """Discretise a scene.
 
         Raises:
             InputError: If joints, supports or loads of the scene do not fit its mesh.
         """
         start = time.perf_counter()
+        self.scene = scene
         space = displacement_space(scene)
-        boundary = collect_boundary(scene.mesh, space)
-        supports = find_supports(scene, boundary)
-        joints = find_joints(scene, boundary)
-        elasticity = assemble(scene, space, boundary, supports)
-        size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
-        bodies = rigid_bodies(
-            elasticity.centre,
-            elasticity.dead_resultant,
-            elasticity.live_resultant,
-            supports,
+        self.boundary = collect_boundary(scene.mesh, space)
+        self.supports = find_supports(scene, self.boundary)
+        self.joints = find_joints(scene, self.boundary)
+        self.elasticity = assemble(scene, space, self.boundary, self.supports)
+        size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
+        self.bodies = rigid_bodies(
+            self.elasticity.centre,
+            self.elasticity.dead_resultant,
+            self.elasticity.live_resultant,
+            self.supports,
             size,
         )
-        check_held(joints, supports, bodies, scene.mesh.source)
-        _check_live_load(elasticity, bodies, scene)
-        operators = joint_operators(joints, supports, elasticity.stiffness)
-        problem = ContactProblem(
-            elasticity.stiffness,
-            elasticity.dead,
-            elasticity.live,
-            operators.normal,
-            operators.tangential,
-            joints.friction[operators.points],
-            joints.shear_strength[operators.points],
-            _rigid_motions(elasticity, bodies),
+        check_held(self.joints, self.supports, self.bodies, scene.mesh.source)
+        _check_live_load(self.elasticity, self.bodies, scene)
+        self.operators = joint_operators(self.joints, self.supports, self.elasticity.stiffness)
+        rigid = _rigid_motions(self.elasticity, self.bodies)
+        matrices = self.elasticity.stiffness, self.operators.normal, self.operators.tangential
+        self._maps = [SparseMap(matrix) for matrix in (*matrices, rigid)]
+        points = self.operators.points
+        self.problem = ContactProblem(
+            self._maps[0],
+            self.elasticity.dead,
+            self.elasticity.live,
+            self._maps[1],
+            self._maps[2],
+            self.joints.friction[points],
+            self.joints.shear_strength[points],
+            self._maps[3],
         )
-        springs = SpringStiffness(elasticity.stiffness, JointRows.of(operators))
-        seconds = time.perf_counter() - start
-        return cls(
-            scene,
-            boundary,
-            supports,
-            elasticity,
-            joints,
-            operators,
-            bodies,
-            problem,
-            springs,
-            seconds,
-        )
+        self.tally, self.mode_tally = Tally(), Tally()
+        self._stiffnesses: dict[str, JointStiffness] = {}
+        self.seconds = time.perf_counter() - start
 
-    def bonded(self, coupled: bool = False) -> Bonded:
+    def __enter__(self) -> Discretization:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the PETSc objects, on all ranks together."""
+        if "block_modes" in self.__dict__:
+            self.block_modes.close()
+        for item in (*self._stiffnesses.values(), *self._maps):
+            item.close()
+
+    def stiffness(self, kind: str) -> JointStiffness:
+        """K with joint springs; made when first asked for.
+
+        Args:
+            kind: Of factorisation, see `JointStiffness`.
+        """
+        if kind not in self._stiffnesses:
+            operators = self.operators
+            rows = JointRows.single(
+                operators.dofs, operators.normal_rows, operators.tangential_rows
+            )
+            self._stiffnesses[kind] = JointStiffness(
+                self.problem.stiffness, rows, kind, self.tally
+            )
+        return self._stiffnesses[kind]
+
+    def bonded(self, kind: str) -> Bonded:
         """Solve with all joints closed, under the dead and under the live load.
 
         Args:
-            coupled: Whether springs with coupling follow, whose analysis then does for these too.
+            kind: Of factorisation: that of the solves to come, so that one analysis does for all.
         """
         start = time.perf_counter()
-        problem, springs = self.problem, self.springs
-        spring = np.full(len(problem.friction), BONDED_SPRING * springs.mean_diagonal)
-        springs.factor(spring, spring, np.zeros_like(spring) if coupled else None)
-        opening = problem.normal.createVecLeft()
-        responses, pressures = [], []
-        for load in (problem.dead, problem.live):
-            response = load.duplicate()
-            springs.solve(load, response)
-            problem.normal.mult(response, opening)
-            responses.append(response)
-            pressures.append(np.maximum(-spring * opening.array, 0.0))
-        opening.destroy()
+        problem, stiffness = self.problem, self.stiffness(kind)
+        spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
+        factor = stiffness.factor(spring, spring)
+        dead, live = (factor.solve(load) for load in (problem.dead, problem.live))
+        pressures = [np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live)]
         seconds = self.seconds + time.perf_counter() - start
-        return Bonded(responses[0], responses[1], pressures[0], pressures[1], seconds)
-
-    def reversed(self) -> ContactProblem:
-        """The problem with the live load reversed."""
-        live = self.problem.live.copy()
-        live.scale(-1.0)
-        return replace(self.problem, live=live, slip_origin=np.zeros_like(self.problem.friction))
+        return Bonded(dead, live, *pressures, seconds)
 
     @cached_property
     def block_modes(self) -> BlockModes:
         """The structure whose blocks only move, stretch and bend; made when first asked for."""
-        nodes = self.problem.dead.getLocalSize() // 2
-        first = self.problem.dead.getOwnershipRange()[0] // 2
+        nodes, first = len(self.problem.dead) // 2, self.problem.stiffness.first_row // 2
         body = self.elasticity.node_body[:nodes]
         position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
         directions = self.supports.free_directions(first + np.arange(nodes))
         shapes = np.einsum("nji,njk->nik", directions, modes(position - self.bodies.centre[body]))
         sides = self.joints.bodies[self.operators.points]
-        return BlockModes.build(self.problem, shapes, body, len(self.bodies.centre), sides)
+        count = len(self.bodies.centre)
+        blocks = Blocks.numbered_by_rank(self.scene.comm, body, sides, count)
+        return BlockModes(self.problem, shapes, blocks)
 
-    @property
-    def mode_factorizations(self) -> int:
-        """Numeric factorisations of `block_modes` so far."""
-        made = "block_modes" in self.__dict__
-        return self.block_modes.factorizations if made else 0
-
-    @property
-    def factorizations(self) -> int:
-        """Numeric factorisations so far, those of `block_modes` among them."""
-        return self.springs.factorizations + self.mode_factorizations
-
-    def bodies_area(self) -> float:
-        """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
-        points = self.boundary.points[:, :2].mean(axis=1)
-        flux = np.sum((points - points[0]) * self.boundary.normal, axis=1)
-        return float(0.5 * np.sum(flux * self.boundary.length))
-
-    def all_points(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def all_points(self, values: Array) -> Array:
         """Values of this rank's joint points (its rows) as those of all points, on all ranks."""
         everything = np.zeros(len(self.joints.length))
         everything[self.operators.points] = values
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
 
-    def rigid_motion(self, motion: npt.NDArray[np.float64]) -> PETSc.Vec:
+    def rigid_motion(self, motion: Array) -> Array:
         """Displacements, in the supports' coordinates, of rigid motions (a, b, c) of the bodies.
 
         Args:
             motion: Shape (bodies, 3), about the bodies' centres.
         """
-        vector = self.problem.dead.duplicate()
-        nodes = vector.getLocalSize() // 2
+        nodes = len(self.problem.dead) // 2
         body = self.elasticity.node_body[:nodes]
         position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
         arm = position - self.bodies.centre[body]
         spin = motion[body, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-        vector.array[:] = (motion[body, :2] + spin).ravel()
-        self.supports.to_supports(vector)
-        return vector
+        u = (motion[body, :2] + spin).ravel()
+        return self.supports.to_supports(u, self.problem.stiffness.first_row)
 
-    def destroy(self) -> None:
-        """Free the PETSc objects, which would otherwise be kept for long."""
-        if "block_modes" in self.__dict__:
-            self.block_modes.destroy()
-        self.springs.destroy()
-        problem = self.problem
-        for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
-            item.destroy()
-        for vector in (problem.dead, problem.live):
-            vector.destroy()
+
+def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
+    """Force, displacement and load factor typical of a structure.
+
+    The load factor makes the live load's elastic energy in the bonded structure that of the dead
+    load; where there is no dead load, its joint forces equal to the given strengths.
+    """
+    live_work = problem.dot(problem.live, bonded.live)
+    dead_work = problem.dot(problem.dead, bonded.dead)
+    live_force = problem.max(bonded.live_pressure)
+    if dead_work > 0.0:
+        factor = float(np.sqrt(dead_work / live_work))
+        force = problem.max(bonded.dead_pressure) or factor * live_force
+    else:
+        force = problem.max(problem.strength) or live_force
+        factor = force / live_force if live_force else 1.0
+    displacement = factor * live_work / problem.sum(np.abs(problem.live))
+    return Scales(displacement, force or 1.0, factor, displacement)
 
 
 def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
@@ -225,9 +216,9 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
 
     Those that supports leave to others may be free to some digits only.
     """
-    nodes, count = elasticity.dead.getLocalSize() // 2, len(bodies.centre)
+    nodes, count = len(elasticity.dead) // 2, len(bodies.centre)
     body = elasticity.node_body[:nodes]
-    comm = elasticity.dead.comm.tompi4py()
+    comm = elasticity.stiffness.comm.tompi4py()
     arm = elasticity.space.tabulate_dof_coordinates()[:nodes, :2] - bodies.centre[body]
     motion = motions(arm, bodies.size)  # about the mean of the nodes: orthogonal
     squares = np.zeros((count, 3))
@@ -236,7 +227,7 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     scale = untouched[:, None] / np.sqrt(comm.allreduce(squares))
     motion *= scale[body][:, None, :]
     number, mine = numbered_by_rank(comm, body, count)
-    sizes = elasticity.dead.getSizes(), (3 * len(mine), 3 * count)
+    sizes = (2 * nodes, PETSc.DETERMINE), (3 * len(mine), 3 * count)
     columns = np.repeat(3 * number[body][:, None] + np.arange(3), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (3 * np.arange(2 * nodes + 1), columns.ravel())]
     return PETSc.Mat().createAIJ(sizes, csr=(*csr, motion.ravel()), comm=comm)
@@ -248,7 +239,7 @@ def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) 
     Raises:
         InputError: If it does not.
     """
-    force = np.abs(elasticity.live.array_r).reshape(-1, 2).max(axis=1)
+    force = np.abs(elasticity.live).reshape(-1, 2).max(axis=1)
     body = elasticity.node_body[: len(force)]
     pushed = np.zeros(len(bodies.centre))
     np.maximum.at(pushed, body, force)

@@ -88,8 +88,8 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     return Elasticity(
         space=space,
         stiffness=stiffness,
-        dead=loads[0],
-        live=loads[1],
+        dead=loads[0].array.copy(),
+        live=loads[1].array.copy(),
         lame=(lame_lambda, lame_mu),
         dead_resultant=resultants[0],
         live_resultant=resultants[1],

@@ -77,27 +77,6 @@ def motions(arm: Array, size: float) -> Array:
     return motion
 
 
-def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Integers, range]:
-    """Numbers of the bodies by which each rank's are in a row.
-
-    A body is that rank's which has most of its nodes. Unknowns of bodies numbered like this are
-    where those of their nodes and joints are.
-
-    Args:
-        comm: The ranks.
-        body: Body of every node of this rank, by any numbers.
-        count: Number of bodies.
-
-    Returns:
-        The new number of every body, and the range of this rank's.
-    """
-    home = np.argmax(comm.allgather(np.bincount(body, minlength=count)), axis=0)
-    number = np.empty(count, dtype=np.int32)
-    number[np.argsort(home, kind="stable")] = np.arange(count)
-    first, last = np.cumsum([0, *np.bincount(home, minlength=comm.size)])[comm.rank :][:2]
-    return number, range(first, last)
-
-
 def _null_space(gram: Array) -> Array:
     size, direction = np.linalg.eigh(gram)
     held = size > FREE * np.maximum(size[:, -1:], 1e-300)

@@ -72,9 +72,9 @@ class Supports:
         """Replace u' by u = Q u'."""
         self._apply(vector, self.frame)
 
-    def to_supports(self, vector: PETSc.Vec) -> None:
-        """Replace u by u' = Q^T u."""
-        self._apply(vector, np.swapaxes(self.frame, 1, 2))
+    def to_supports(self, u, first: int):
+        """u' = Q^T u."""
+        v = PETSc.Vec().createWithArray(u.copy(), comm=PETSc.COMM_WORLD); self._apply(v, np.swapaxes(self.frame, 1, 2)); return v.array.copy()
 
     def _apply(self, vector: PETSc.Vec, blocks: npt.NDArray[np.float64]) -> None:
         start, end = (bound // 2 for bound in vector.getOwnershipRange())

@@ -1,276 +1,272 @@
-"""The central path of a state under work control, followed past its folds.
+"""Continuation of the central path by its length.
 
-With Coulomb friction the solutions of the path's equations (`path_equations`) for falling products
-mu are a curve that may turn back: mu has to rise for a while before it can fall to zero. An
-interior point method, which only lowers mu, stalls there. The curve itself goes on, so it is
-followed by its length, with mu as one unknown more (H.B. Keller, in Applications of Bifurcation
-Theory (1977) 359; E.L. Allgower, K. Georg, Numerical Continuation Methods (1990)).
+The perturbed conditions (`kkt`) of one structure have a curve of solutions when one of their
+numbers varies: products mu that fall, or work T of the live load that rises. With Coulomb friction
+the curve may turn back. An interior point method stalls there; the curve itself goes on, so it is
+followed by its length, with the number that varies as one unknown more (H.B. Keller, in Applications
+of Bifurcation Theory (1977) 359; E.L. Allgower, K. Georg, Numerical Continuation Methods (1990)).
 
 The unknowns are those in which all products equal mu whatever the step, so that no step ends at a
-boundary (`smoothed_laws`): p and q at every joint point. One factor of the springs gives Newton's
-step c to the path at this mu and the tangent t = dx/dlog mu. A step goes to the path at right
-angles to the tangent, and then along it,
-
-    dx = c + a t + ds t,   a = -(t.c)/(t.t),
-
-(products of the relative changes of p and q at all points, with log mu counted once per point), mu
-falling where the determinant of the equations is positive, and rising where it is not. A few points
-whose laws bend on the way are taken as they are (`few_points`), all others on their tangents. Where
-the next step does not reach the path, this one led too far, and is made again with all points
-nearer to their laws. Friction may grow along the path, as a function of mu.
+boundary (`smoothing`): p and q at every joint point. One factor gives Newton's correction c to the
+path and the tangent t = dx/ds. A step goes to the path at right angles to the tangent, and then
+along it, ds > 0 where the determinant of the equations is positive, and < 0 where it is not. A few
+points whose laws bend on the way follow these (`nonlinear_elimination`). Where the next step does
+not reach the path, this one led too far, and is made again, shorter.
 """
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.nonlinear_elimination import LEFT, FewPoints, Step
-from fenics_contact.solvers.kkt import (
-    Array,
-    Iterate,
-    PathEquations,
-    Residual,
+from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKKT, Products, Residual
+from fenics_contact.solvers.nonlinear_elimination import (
+    EliminationOptions,
+    NonlinearElimination,
+    Step,
 )
+from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
-MAX_STEPS = 200
 
-#: Size of p and q by which changes are measured, at least: smaller ones are of no consequence.
-SMALLEST = 1e-3
+@dataclass(frozen=True)
+class Path:
+    """How mu and T depend on the parameter s of a step.
 
-#: Steps in a row that do not reach the path, until it is lost.
-LOST = 6
+    Attributes:
+        log_mu_rate: d(log mu)/ds.
+        work_rate: dT/ds, in units of T where the step begins.
+    """
 
-#: By how much less far from the laws a step leads that is taken back, and when none is any more.
-SHORTER, LEAST = 0.3, 0.01
+    log_mu_rate: float
+    work_rate: float
 
-#: Part of the last step within which one that leads back ends.
-RETURNED = 0.5
+    def mu(self, mu: float, s: float) -> float:
+        """mu after a change of s."""
+        return mu * float(np.exp(self.log_mu_rate * s))
 
-#: Relative difference of load factors, and that of the logarithms of products, up to which places
-#: are the same; how many times as far it must have been in between to have left one, and how often
-#: the path may meet itself.
-SAME_FACTOR, SAME_PRODUCTS, AWAY, MEETINGS = 3e-7, 1e-2, 10.0, 3
+    def work(self, work: float, s: float) -> float:
+        """T after a change of s: linear, as displacements are on one factor."""
+        return work * (1.0 + self.work_rate * s)
 
-#: At the end no more than this is left, or so many steps were taken across the path alone.
-CLOSE, CORRECTIONS = 0.1, 6
+    def progress(self, mu: float, work: float) -> float:
+        """Logarithm of what varies, rising along the path."""
+        return float(np.log(work)) if self.work_rate else -float(np.log(mu))
 
-#: Products to which the path may lead back, in units of force times displacement.
-BACK = 1e2
+    def change_to(self, mu: float, work: float, end: float) -> float:
+        """Change of s that leads to some progress."""
+        left = end - self.progress(mu, work)
+        return float(np.expm1(left)) if self.work_rate else left
+
+
+#: The products fall under constant work; the work rises with constant products.
+FALLING_PRODUCTS, RISING_WORK = Path(-1.0, 0.0), Path(0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where the path has led, and what a factorisation there tells.
+class ArclengthOptions:
+    """Numbers of the continuation.
 
     Attributes:
-        iterate: Point with equal products.
-        products: Its mu.
-        springs: k_N, k_T and q of the factor.
-        to_path: The step c to the path at this mu.
-        tangent: t.
-        sign: Of the way along the tangent to smaller mu, or, past a fold, to larger.
+        max_steps: Factorisations at most.
+        patience: Steps in which s has to advance by log 2; else the path wanders.
+        largest_change: Of s in one step; of its logarithm where T rises.
+        aimed: Change of s for which the points are chosen that follow their laws.
+        past: Part of the end at which a path ends, so that rounding does not fall short of it.
+        close: Distance from the path that may be left at the end, relative to p and q.
+        corrections: Steps at most to get that close.
+        shorter: By how much less far from the laws a step leads that is made again.
+        least: Least such distance, in units of the usual one.
+        lost: Steps in a row that do not reach the path, until it is lost.
+        smallest: Size of p and q by which changes are measured, at least: smaller ones are of no
+            consequence. In typical units.
+        smallest_elastic: The same in elastic displacements, if that is less.
+        elimination: Numbers of a step.
+    """
+
+    max_steps: int = 200
+    patience: int = 40
+    largest_change: float = 3.0
+    aimed: float = 2.0
+    past: float = 1e-3
+    close: float = 0.1
+    corrections: int = 6
+    shorter: float = 0.3
+    least: float = 0.03
+    lost: int = 6
+    smallest: float = 1e-3
+    smallest_elastic: float = 3.0
+    elimination: EliminationOptions = field(default_factory=EliminationOptions)
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """A point on or near a path.
+
+    Attributes:
+        iterate: With all products equal to mu.
+        mu: In units of force times displacement.
+        work: T, N m per metre of thickness.
     """
 
     iterate: Iterate
-    products: float
-    springs: tuple[Array, Array, Array]
-    to_path: Iterate
-    tangent: Iterate
-    sign: float
+    mu: float
+    work: float
 
-    def destroy(self) -> None:
-        """Free the vectors."""
-        for iterate in (self.iterate, self.to_path, self.tangent):
-            iterate.destroy()
+    @property
+    def state(self) -> State:
+        """The point as a state."""
+        now = self.iterate
+        return State(now.u, now.elastic, now.load_factor, now.pressure, now.shear, self.work)
 
 
-class CentralPath(PathEquations):
-    """Steps along the central path of the equations of one solve under work control.
+class Continuation:
+    """Follows one path of one structure."""
 
-    Attributes:
-        smallest: Size of p and q by which changes are measured, at least.
-    """
-
-    smallest = SMALLEST
-
-    #: On the way a tenth of p and q is near enough.
-    keeps_digits = False
-
-    #: The last place from which the path was reached, and how far from the laws a step may lead.
-    _trusted: FewPoints | None = None
-    _limit = LEFT
-
-    def follow(
-        self,
-        now: Iterate,
-        products: float,
-        end: float,
-        close: float = CLOSE,
-        patience: float = np.inf,
-    ) -> tuple[Iterate, float]:
-        """Follow the path until the products are small.
+    def __init__(
+        self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
+    ) -> None:
+        """Choose the path.
 
         Args:
-            now: Iterate with equal products, near the path; not to be used any more.
-            products: mu there, in units of force times displacement.
-            end: mu at which to stop.
-            close: How much may be left there, relative to p and q.
-            patience: Steps at most in which the smallest mu so far has to halve.
+            kkt: The conditions; their work is replaced as the path says.
+            path: What varies.
+            options: Numbers of the continuation.
+        """
+        self.kkt, self.path = kkt, path
+        self.options = options = options or ArclengthOptions()
+        elastic = options.smallest_elastic * kkt.scales.elastic_part
+        self.smallest = min(options.smallest, elastic)
+        self.problem = kkt.problem
+
+    def begin(self, start: State, mu: float) -> PathPoint:
+        """The point with all products equal to mu next to a state from elsewhere."""
+        kkt = replace(self.kkt, work=start.work)
+        return PathPoint(kkt.on_central_path(start, mu, COLD), mu, start.work)
+
+    def follow(self, point: PathPoint, end: float) -> PathPoint:
+        """Follow the path.
+
+        Args:
+            point: A point near it.
+            end: mu, or T, at which to stop.
 
         Returns:
-            An iterate near the path, and mu, which is larger than `end` after `MAX_STEPS` steps.
+            A point on the path there.
 
         Raises:
-            SolverError: If the path leads back, in a circle, or nowhere for too long, or is lost.
+            SolverError: If the path is lost, wanders or takes too many steps.
         """
-        left, corrections, astray, met = self._left(now), 0, 0, 0
-        places: list[tuple[float, float]] = []
-        smallest, halved = products, 0
-        try:
-            for step in range(MAX_STEPS):
-                ending = products <= end
-                if ending and (left <= close or corrections == CORRECTIONS):
-                    break
-                corrections += ending
-                if not products <= BACK:
-                    raise SolverError(f"central path: leads back after {step} steps")
-                found = self._step(now, products, end, ending)
-                astray = 0 if found.reached else astray + 1
-                now, products = found.iterate, found.products
-                left = self._left(now)
-                _log.debug(
-                    "    %3d  %.12g  mu %.2e, left %.1e, limit %.1e",
-                    *(step, now.load_factor, products, left, self._limit),
-                )
-                met += not ending and _meets(places, now.load_factor, products)
-                places.append((now.load_factor, products))
-                if met >= MEETINGS:
-                    raise SolverError(f"central path: leads in a circle after {step + 1} steps")
-                if products <= 0.5 * smallest:
-                    smallest, halved = products, step
-                if not ending and step - halved >= patience:
-                    raise SolverError(f"central path: wanders, after {step + 1} steps")
-                if not np.isfinite(left) or astray > LOST:
-                    raise SolverError(f"central path: lost after {step + 1} steps")
-        except SolverError:
-            now.destroy()
-            raise
-        return now, products
+        options, path = self.options, self.path
+        goal = path.progress(end, end) + options.past
+        trusted: _Place | None = None
+        limit = options.elimination.allowed
+        corrections = astray = since = 0
+        best = path.progress(point.mu, point.work)
+        for step in range(options.max_steps):
+            progress = path.progress(point.mu, point.work)
+            ending = progress >= goal - 0.5 * options.past
+            if ending and (self._distance(point) <= options.close or corrections == options.corrections):
+                return point
+            corrections += ending
+            place = _Place(self, point)
+            found = place.step(None if ending else self._reach(point, goal), limit)
+            if not found.reached and trusted is not None and limit > options.least * options.elimination.allowed:
+                limit *= options.shorter
+                trusted.refactor()
+                point = self._point(trusted, trusted.step(self._reach(trusted.point, goal), limit))
+                continue
+            limit = min(limit / options.shorter, options.elimination.allowed)
+            astray = 0 if found.reached else astray + 1
+            trusted = place if found.reached and not ending else None
+            point = self._point(place, found)
+            progress = path.progress(point.mu, point.work)
+            best, since = (progress, step) if progress >= best + np.log(2.0) else (best, since)
+            _log.debug("    %3d  %.12g  mu %.2e, T %.4e, limit %.1e", step, point.iterate.load_factor, point.mu, point.work, limit)
+            if not np.isfinite(point.iterate.load_factor) or astray > options.lost:
+                raise SolverError(f"central path: lost after {step + 1} steps")
+            if not ending and step - since >= options.patience:
+                raise SolverError(f"central path: wanders, after {step + 1} steps")
+        raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def forget(self) -> None:
-        """Free what the last steps left; others from elsewhere may follow."""
-        self._trust(None)
-        self._limit = LEFT
+    def _reach(self, point: PathPoint, goal: float) -> tuple[float, float]:
+        """Least and largest change of s in a step."""
+        largest = self.options.largest_change
+        to_goal = self.path.change_to(point.mu, point.work, goal)
+        back = -largest / (1.0 + largest) if self.path.work_rate else -largest
+        return back, min(max(to_goal, 1e-4), largest)
 
-    def _trust(self, here: FewPoints | None) -> None:
-        if self._trusted is not None:
-            self._trusted.destroy()
-        self._trusted = here
+    def _point(self, place: _Place, step: Step) -> PathPoint:
+        """The point with equal products where a step leads."""
+        mu = self.path.mu(place.point.mu, step.s)
+        work = self.path.work(place.point.work, step.s)
+        force = self.kkt.scales.force
+        _, r, _, shear = step.states.values
+        moved = step.moved
+        state = State(moved.u, moved.elastic, moved.load_factor, r * force, shear * force, work)
+        kkt = replace(self.kkt, work=work)
+        return PathPoint(kkt.on_central_path(state, mu), mu, work)
 
-    def _step(self, now: Iterate, products: float, end: float, ending: bool) -> Step:
-        """A step on from a point, or the last one again where that led too far."""
-        here = FewPoints(self, self.place(now, products))
-        found = here.follow(end, not ending, self._limit)
-        lost = not found.reached or self._leads_back(now, found.iterate)
-        if lost and self._trusted is not None and self._limit > LEAST:
-            found.iterate.destroy()
-            here.destroy()
-            self._limit *= SHORTER
-            return self._trusted.again(end, self._limit)
-        self._limit = min(LEFT, self._limit / SHORTER)
-        if found.reached and not ending:
-            self._trust(here)
-            return found
-        if not found.reached:
-            self._trust(None)
-        here.destroy()
-        return found
-
-    def _leads_back(self, now: Iterate, new: Iterate) -> bool:
-        """Whether a step leads to where the last one began."""
-        if self._trusted is None:
-            return False
-        before, sizes = self._trusted.place.iterate, self._sizes(now)
-
-        def distance(one: Iterate) -> float:
-            changes = zip(self._numbers(one), self._numbers(before), sizes, strict=True)
-            return self.problem.sum(sum(((a - b) / size) ** 2 for a, b, size in changes))
-
-        return distance(new) < RETURNED**2 * distance(now)
-
-    def _numbers(self, now: Iterate) -> tuple[Array, Array]:
-        """The numbers p and q of all points."""
-        d, f = self.scales.displacement, self.scales.force
-        slip = np.where(self.sticky, now.shear / f - (now.z2 - now.z1) / d, 0.0)
-        return now.pressure / f - now.y / d, slip
-
-    def place(self, now: Iterate, products: float) -> Place:
-        """Factor the equations of a point with equal products."""
-        springs, to_path, tangent, sign = self._directions(now, products)
-        return Place(now, products, springs, to_path, tangent, sign)
-
-    def back_to(self, place: Place) -> None:
-        """Factor the equations of a place again, after those of others."""
-        self.grown(place.products)
-        self.factor(place.iterate)
-        self.springs.solve(self.problem.live, self.workspace.border)
-
-    def grown(self, products: float) -> float:
-        """Set the friction that is there at some products; its rate."""
-        if self.growth is None:
-            return 0.0
-        self.mobilise(self.growth.part(products))
-        return self.growth.rate(products)
-
-    def _directions(
-        self, now: Iterate, products: float
-    ) -> tuple[tuple[Array, Array, Array], Iterate, Iterate, float]:
-        """Springs of a factor, c and t, and the sign of dmu/ds."""
-        rate = self.grown(products)
-        springs = self.factor(now)
-        mu = np.full_like(now.y, products * self.unit)
-        more = rate * self.friction * now.pressure  # of the bound: of s1 and s2
-        none = np.zeros_like(now.y)
-        across = self.residual(now), (none, none, none)
-        along = (
-            Residual(self.workspace.zero, none, none, 0.0),
-            (mu, mu - now.z1 * more, mu - now.z2 * more),
-        )
-        to_path, tangent = self.directions(now, springs, [across, along], first=True)
-        # The determinant of A bordered by f_L is that of A times -f_L.A^-1 f_L.
-        flexibility = self.problem.live.dot(self.workspace.border)
-        sign = -self.springs.determinant_sign * float(np.sign(flexibility))
-        return springs, to_path, tangent, sign
-
-    def _sizes(self, now: Iterate) -> tuple[Array, Array]:
-        d, f = self.scales.displacement, self.scales.force
-        size_q = 0.5 * (now.s1 + now.s2) / f + np.abs(now.z2 - now.z1) / d
-        return np.maximum(now.pressure / f + now.y / d, self.smallest), np.maximum(
-            size_q, self.smallest
-        )
-
-    def _left(self, now: Iterate) -> float:
+    def _distance(self, point: PathPoint) -> float:
         """Largest distance from the path, relative to p and q."""
-        residual = self.residual(now)
-        size_p, size_q = self._sizes(now)
-        slip = np.where(self.sticky, residual.slip / size_q, 0.0)
-        left = np.maximum(np.abs(residual.opening / size_p), np.abs(slip))
-        return self.problem.max(left) / self.scales.displacement
+        kkt, now = replace(self.kkt, work=point.work), point.iterate
+        d, f = kkt.scales.displacement, kkt.scales.force
+        residual = kkt.residual(now)
+        of_p = np.maximum(now.pressure / f + now.y / d, self.smallest)
+        of_q = np.maximum(0.5 * (now.s1 + now.s2) / f + np.abs(now.slip) / d, self.smallest)
+        slip = np.where(kkt.frictional, residual.slip / of_q, 0.0)
+        return self.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
 
 
-def _meets(places: list[tuple[float, float]], load_factor: float, products: float) -> bool:
-    """Whether a path comes to where it was, and was not in between."""
-    factors, mu = np.array(places).reshape(-1, 2).T
-    apart = np.abs(load_factor - factors), np.abs(np.log(products / mu))
-    same, close = (
-        (apart[0] <= times * SAME_FACTOR * np.abs(factors)) & (apart[1] <= times * SAME_PRODUCTS)
-        for times in (1.0, AWAY)
-    )
-    away = np.flatnonzero(~close)
-    return bool(len(away) and np.any(same[: away[-1]]))
+class _Place:
+    """A point from which a step is made, factored."""
+
+    def __init__(self, continuation: Continuation, point: PathPoint) -> None:
+        self.continuation, self.point = continuation, point
+        self._elimination: NonlinearElimination | None = None
+        self._kkt = replace(continuation.kkt, work=point.work)
+        self._linear = self._kkt.linearize(point.iterate)
+        self._orientation = 1.0
+
+    def step(self, reach: tuple[float, float] | None, limit: float) -> Step:
+        """A step on, or only to the path."""
+        if self._elimination is None:
+            correction, tangent = self._directions()
+            self._orientation = self._linear.orientation
+            continuation = self.continuation
+            aimed = self._orientation * continuation.options.aimed
+            self._elimination = NonlinearElimination(
+                self._linear,
+                correction,
+                tangent,
+                self.point.mu,
+                continuation.path.log_mu_rate,
+                continuation.smallest,
+                continuation.options.elimination,
+            )
+            self._elimination.choose(0.0 if reach is None else aimed)
+        return self._elimination.step(reach, self._orientation, limit)
+
+    def refactor(self) -> None:
+        """Factor the equations here again, after those of other points."""
+        self._linear = self._kkt.linearize(self.point.iterate)
+        if self._elimination is not None:
+            self._elimination.linear = self._linear
+
+    def _directions(self) -> tuple[Iterate, Iterate]:
+        """Correction c and tangent t."""
+        path, kkt, now = self.continuation.path, self._kkt, self.point.iterate
+        none: Array = np.zeros_like(now.y)
+        across = kkt.residual(now), Products(none, none, none)
+        product = path.log_mu_rate * self.point.mu * kkt.scales.force * kkt.scales.displacement
+        change = np.full_like(now.y, product)
+        along = (
+            Residual(np.zeros_like(now.u), none, none, -path.work_rate * self.point.work),
+            Products(change, change, change),
+        )
+        correction, tangent = self._linear.directions([across, along])
+        return correction, tangent

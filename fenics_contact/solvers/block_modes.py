@@ -5,198 +5,195 @@ columns of P, turn the structure into one with eight unknowns per block and the 
 
     K_P = P^T K P,   f_P = P^T f,   B_P = B P.
 
-What the blocks give next to a joint force is in none of these, and is added at the joint points.
-Below a force on one node of a plane body it grows with the logarithm of the body's size over that
-of an element (K.L. Johnson, Contact Mechanics (1985), section 2.2), in units of what the node would
-give if all others were held, its entry of K:
+The indentation of the blocks next to a joint force is in none of these, and is added at the joint
+points. Below a force on one node of a plane body it grows with the logarithm of the body's size
+over that of an element (K.L. Johnson, Contact Mechanics (1985), section 2.2), in units of what the
+node would give if all others were held, its entry of K:
 
     w = B P a + diag(B C B^T) r,    C_ii = c ln(nodes of the block / 3) / K_ii,
 
-which is zero for a single triangle, whose modes are all that it has. The central path
-(`central_path`) of this structure leads through the same folds at little cost: which joints open
-and slide hangs on how blocks move, and how forces spread among the others on how they strain. Its
-state, with the same joint forces and the displacements P a + C B^T r, is where the path of the
-structure itself is taken up. As long as springs at the joints give way more than blocks do these
-need not even strain, and three unknowns per block are enough.
+which is zero for a single triangle, whose modes are all that it has. A path of this structure
+(`arclength`) leads through the same folds at little cost: which joints open and slide hangs on how
+blocks move, and how forces spread among the others on how they strain. Its state, with the same
+joint forces and the displacements P a + C B^T r, is where the structure itself is taken up.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.solvers.kkt import State
-from fenics_contact.solvers.problem import ContactProblem
-from fenics_contact.discretization.rigid_motions import numbered_by_rank
-from fenics_contact.solvers.joint_stiffness import JointRows, SpringStiffness
+from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
+from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap, State
 
-Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
 
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
-RIGID, MODES = 3, 8
-
-#: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third from 15 on.
-LOCAL = 0.6
-
-#: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
-DEPENDENT = 1e-10
+MODES = 8
 
 
 @dataclass(frozen=True)
-class BlockModes:
-    """Modes of all blocks, and the structure that moves in these alone.
+class BlockModesOptions:
+    """Numbers of the reduction.
 
     Attributes:
-        basis: P with orthonormal columns, equally many for every block, in the supports'
-            coordinates; columns that are linear combinations of others are zero.
-        full: The structure that it reduces.
-        reduced: That of the modes; modes that are none have the mean diagonal of K_P.
-        springs: K_P with joint springs.
-        shapes: Displacements of this rank's nodes in every mode of their block, zero where held,
-            shape (nodes, 2, modes).
-        body: Block of every node of this rank, each rank's blocks numbered in a row.
-        sides: Likewise those on both sides of this rank's joint points, -1: ground, shape
-            (points, 2).
-        local: C_ii, m per N/m; None: nothing gives.
+        indentation: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third
+            from 15 nodes on.
+        dependent: Combinations of a block's modes shorter than this, squared, are none: held, or
+            on too few nodes.
     """
 
-    basis: PETSc.Mat
-    full: ContactProblem
-    reduced: ContactProblem
-    springs: SpringStiffness
-    shapes: Array
+    indentation: float = 0.6
+    dependent: float = 1e-10
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks as the reduction sees them, each rank's numbered in a row.
+
+    Attributes:
+        body: Block of every node of this rank.
+        sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+        count: Number of blocks.
+        mine: Numbers of this rank's blocks.
+    """
+
     body: Integers
     sides: Integers
-    local: PETSc.Vec | None
+    count: int
+    mine: range
 
     @classmethod
-    def build(
-        cls,
+    def numbered_by_rank(
+        cls, comm: MPI.Comm, body: Integers, sides: Integers, count: int
+    ) -> Blocks:
+        """Number the blocks by the rank that has most of their nodes.
+
+        Args:
+            comm: The ranks.
+            body: Block of every node of this rank, by any numbers.
+            sides: Blocks on both sides of this rank's joint points, by the same numbers.
+            count: Number of blocks.
+        """
+        number, mine = numbered_by_rank(comm, body, count)
+        return cls(number[body], np.where(sides < 0, -1, number[sides]), count, mine)
+
+
+class BlockModes:
+    """The structure that moves in the modes of its blocks alone.
+
+    Attributes:
+        full: The structure that it reduces.
+        reduced: That of the modes.
+    """
+
+    def __init__(
+        self,
         problem: ContactProblem,
         shapes: Array,
-        body: Integers,
-        blocks: int,
-        sides: Integers,
-        mean_diagonal: float = 0.0,
-        gives: bool = True,
-    ) -> BlockModes:
+        blocks: Blocks,
+        options: BlockModesOptions | None = None,
+    ) -> None:
         """Reduce a structure.
 
         Args:
             problem: The structure.
-            shapes: As the attribute; `modes` gives them.
-            body: Block of every node of this rank, by any numbers.
-            blocks: Number of blocks.
-            sides: As the attribute, by the same numbers.
-            mean_diagonal: To be taken for that of K_P, where that is zero but for rounding.
-            gives: Whether joint points give.
+            shapes: Displacements of this rank's nodes in every mode of their block, zero where
+                held, shape (nodes, 2, modes).
+            blocks: Its blocks.
+            options: Numbers of the reduction.
         """
-        number, mine = numbered_by_rank(problem.comm, body, blocks)
-        body, sides = number[body], np.where(sides < 0, -1, number[sides])
-        basis, is_mode = _orthonormal_columns(problem, shapes, body, blocks, mine)
-        stiffness = problem.stiffness.ptap(basis)
-        diagonal = stiffness.getDiagonal()
-        stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
-        first, last = stiffness.getOwnershipRange()
-        mean = mean_diagonal or diagonal.sum() / diagonal.getSize()
-        for row in first + np.flatnonzero(~is_mode[first:last]):
-            stiffness.setValue(row, row, mean)
-        stiffness.assemble()
-        diagonal.destroy()
-        local = _local_compliance(problem, body, blocks) if gives else None
-        reduced = ContactProblem(
+        options = options or BlockModesOptions()
+        self.full, self._blocks, self._modes = problem, blocks, shapes.shape[2]
+        basis, is_mode = _orthonormal_columns(problem, shapes, blocks, options.dependent)
+        self._basis = SparseMap(basis)
+        stiffness = problem.stiffness.matrix.ptap(basis)
+        _set_diagonal_where_missing(stiffness, is_mode)
+        nodes = problem.comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
+        refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
+        #: C_ii of all displacements, m per N/m.
+        self._indentation = (
+            options.indentation * np.repeat(refinement, 2) / problem.stiffness.diagonal()
+        )
+        maps = (
             stiffness,
-            _restricted(basis, problem.dead),
-            _restricted(basis, problem.live),
-            problem.normal.matMult(basis),
-            problem.tangential.matMult(basis),
+            problem.normal.matrix.matMult(basis),
+            problem.tangential.matrix.matMult(basis),
+            basis.transposeMatMult(problem.rigid.matrix),
+        )
+        self._maps = stiffness, normal, tangential, rigid = [SparseMap(m) for m in maps]
+        self.reduced = ContactProblem(
+            stiffness,
+            self._basis.T @ problem.dead,
+            self._basis.T @ problem.live,
+            normal,
+            tangential,
             problem.friction,
             problem.strength,
-            basis.transposeMatMult(problem.rigid),
+            rigid,
             problem.slip_origin,
-            _give(problem, local),
-        )
-        springs = SpringStiffness(stiffness, _rows(reduced, sides, shapes.shape[2]))
-        springs.mean_diagonal = mean_diagonal or springs.mean_diagonal
-        return cls(basis, problem, reduced, springs, shapes, body, sides, local)
-
-    @cached_property
-    def rigid(self) -> BlockModes:
-        """The same blocks, rigid; made when first asked for."""
-        return self.build(
-            self.full,
-            self.shapes[:, :, :RIGID],
-            self.body,
-            self.count,
-            self.sides,
-            self.springs.mean_diagonal,
-            gives=False,
+            self._point_compliance(),
         )
 
-    @property
-    def count(self) -> int:
-        """Number of blocks."""
-        return int(self.basis.getSize()[1]) // int(self.shapes.shape[2])
+    def __enter__(self) -> BlockModes:
+        return self
 
-    @property
-    def factorizations(self) -> int:
-        """Numeric factorisations so far, those of rigid blocks among them."""
-        rigid = self.rigid.factorizations if "rigid" in self.__dict__ else 0
-        return self.springs.factorizations + rigid
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
-    def of(self, problem: ContactProblem) -> ContactProblem:
-        """The reduced structure with the live load of `problem`, which may be reversed."""
-        if problem is self.full:
-            return self.reduced
-        live = _restricted(self.basis, problem.live)
+    def close(self) -> None:
+        """Free the matrices, on all ranks together."""
+        for item in (*self._maps, self._basis):
+            item.close()
+
+    def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
+        """K_P with joint springs; the caller closes it.
+
+        Args:
+            kind: Of factorisation, see `JointStiffness`.
+            tally: Counts the factorisations.
+        """
+        rows = _rows(self.reduced, self._blocks.sides, self._modes)
+        return JointStiffness(self.reduced.stiffness, rows, kind, tally)
+
+    def under(self, problem: ContactProblem) -> ContactProblem:
+        """The reduced structure with the live load and origin of slip of `problem`."""
+        live = self._basis.T @ problem.live
         return replace(self.reduced, live=live, slip_origin=problem.slip_origin)
 
     def restricted(self, state: State) -> State:
         """A state in the modes: their part of the displacements, the same joint forces."""
-        return replace(
-            state, displacement=_restricted(self.basis, state.displacement), strained=None
-        )
+        u = self._basis.T @ state.displacement
+        return replace(state, displacement=u, elastic=self.reduced.elastic_part(u))
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""
-        displacement = self._prolonged(state.displacement)
-        strained = None if state.strained is None else self._prolonged(state.strained)
-        if self.local is not None:
-            given = displacement.duplicate()
-            self.full.add_joint_forces(given, state.pressure, state.shear)
-            given.pointwiseMult(given, self.local)
-            displacement.axpy(1.0, given)
-            if strained is not None:
-                strains = self.full.strained(given)
-                strained.axpy(1.0, strains)
-                strains.destroy()
-            given.destroy()
-        return replace(state, displacement=displacement, strained=strained)
+        indented = self._indentation * self.full.joint_forces(state.pressure, state.shear)
+        return replace(
+            state,
+            displacement=self._basis @ state.displacement + indented,
+            elastic=self._basis @ state.elastic + self.full.elastic_part(indented),
+        )
 
-    def _prolonged(self, amplitudes: PETSc.Vec) -> PETSc.Vec:
-        """The displacements P a."""
-        u = self.basis.createVecLeft()
-        self.basis.mult(amplitudes, u)
-        return u
-
-    def destroy(self) -> None:
-        """Free the PETSc objects, which would otherwise be kept for long."""
-        if "rigid" in self.__dict__:
-            self.rigid.destroy()
-        self.springs.destroy()
-        problem = self.reduced
-        for item in (problem.stiffness, problem.normal, problem.tangential, problem.rigid):
-            item.destroy()
-        for vector in (problem.dead, problem.live, self.local):
-            if vector is not None:
-                vector.destroy()
-        self.basis.destroy()
+    def _point_compliance(self) -> Array:
+        """diag(B C B^T) of this rank's joint points, normal and tangential."""
+        compliance = np.zeros((2, len(self.full.friction)))
+        for side, operator in enumerate((self.full.normal, self.full.tangential)):
+            start, columns, values = operator.matrix.getValuesCSR()
+            matrix = operator.matrix
+            squares = SparseMap(
+                PETSc.Mat().createAIJ(
+                    matrix.getSizes(), csr=(start, columns, values**2), comm=matrix.comm
+                )
+            )
+            compliance[side] = squares @ self._indentation
+            squares.close()
+        return compliance
 
 
 def modes(arm: Array) -> Array:
@@ -215,80 +212,81 @@ def modes(arm: Array) -> Array:
     return shapes
 
 
+def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Integers, range]:
+    """Numbers of the bodies by which each rank's are in a row.
+
+    A body is that rank's which has most of its nodes. Unknowns of bodies numbered like this are
+    where those of their nodes and joints are.
+
+    Args:
+        comm: The ranks.
+        body: Body of every node of this rank, by any numbers.
+        count: Number of bodies.
+
+    Returns:
+        The new number of every body, and the range of this rank's.
+    """
+    home = np.argmax(comm.allgather(np.bincount(body, minlength=count)), axis=0)
+    number = np.empty(count, dtype=np.int32)
+    number[np.argsort(home, kind="stable")] = np.arange(count)
+    first, last = np.cumsum([0, *np.bincount(home, minlength=comm.size)])[comm.rank :][:2]
+    return number, range(first, last)
+
+
 def _orthonormal_columns(
-    problem: ContactProblem, shapes: Array, body: Integers, blocks: int, mine: range
+    problem: ContactProblem, shapes: Array, blocks: Blocks, dependent: float
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
     """P, of which a block's columns span its modes, and which of all columns are not zero."""
-    comm, motions = problem.comm, shapes.shape[2]
-    gram = np.zeros((blocks, motions, motions))
-    for k, m in combinations_with_replacement(range(motions), 2):
+    comm, count, body = problem.comm, shapes.shape[2], blocks.body
+    gram = np.zeros((blocks.count, count, count))
+    for k, m in combinations_with_replacement(range(count), 2):
         products = np.sum(shapes[:, :, k] * shapes[:, :, m], axis=1)
-        gram[:, k, m] = gram[:, m, k] = np.bincount(body, products, blocks)
+        gram[:, k, m] = gram[:, m, k] = np.bincount(body, products, blocks.count)
     gram = comm.allreduce(gram)
     # Modes of unit length first: their sizes are powers of the block's.
     length = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
     size, direction = np.linalg.eigh(gram * scale[:, :, None] * scale[:, None, :])
-    independent = size > DEPENDENT
+    independent = size > dependent
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.matmul(shapes, columns[body])
-    sizes = problem.dead.getSizes(), (motions * len(mine), motions * blocks)
-    indices = np.repeat(motions * body[:, None] + np.arange(motions), 2, axis=0)
-    csr = [
-        a.astype(PETSc.IntType) for a in (motions * np.arange(2 * len(body) + 1), indices.ravel())
-    ]
+    displacements = len(problem.dead)
+    sizes = (displacements, PETSc.DETERMINE), (count * len(blocks.mine), count * blocks.count)
+    indices = np.repeat(count * body[:, None] + np.arange(count), 2, axis=0)
+    csr = [a.astype(PETSc.IntType) for a in (count * np.arange(2 * len(body) + 1), indices.ravel())]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
     return basis, independent.ravel()
 
 
-def _local_compliance(problem: ContactProblem, body: Integers, blocks: int) -> PETSc.Vec:
-    """C_ii of all displacements, m per N/m."""
-    nodes = problem.comm.allreduce(np.bincount(body, minlength=blocks))
-    local = problem.stiffness.getDiagonal()
-    local.reciprocal()
-    local.array[:] *= np.repeat(LOCAL * np.log(np.maximum(nodes / 3.0, 1.0))[body], 2)
-    return local
 
 
-def _give(problem: ContactProblem, local: PETSc.Vec | None) -> Array:
-    """diag(B C B^T) of this rank's joint points, normal and tangential."""
-    give = np.zeros((2, len(problem.friction)))
-    if local is not None:
-        for side, matrix in enumerate((problem.normal, problem.tangential)):
-            start, columns, values = matrix.getValuesCSR()
-            squares = PETSc.Mat().createAIJ(
-                matrix.getSizes(), csr=(start, columns, values**2), comm=matrix.comm
-            )
-            of_points = squares.createVecLeft()
-            squares.mult(local, of_points)
-            give[side] = of_points.array_r
-            of_points.destroy()
-            squares.destroy()
-    return give
+def _set_diagonal_where_missing(stiffness: PETSc.Mat, is_mode: npt.NDArray[np.bool_]) -> None:
+    """Put the mean diagonal on rows of modes that are none."""
+    diagonal = stiffness.getDiagonal()
+    mean = diagonal.sum() / diagonal.getSize()
+    diagonal.destroy()
+    stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
+    first, last = stiffness.getOwnershipRange()
+    for row in first + np.flatnonzero(~is_mode[first:last]):
+        stiffness.setValue(row, row, mean)
+    stiffness.assemble()
 
 
-def _restricted(basis: PETSc.Mat, vector: PETSc.Vec) -> PETSc.Vec:
-    """P^T f."""
-    restricted = basis.createVecRight()
-    basis.multTranspose(vector, restricted)
-    return restricted
-
-
-def _rows(reduced: ContactProblem, sides: Integers, motions: int) -> JointRows:
+def _rows(reduced: ContactProblem, sides: Integers, count: int) -> JointRows:
     """Rows of B_P, joint by joint: the points between the same two blocks together.
 
     Args:
         reduced: The reduced structure.
         sides: Blocks on both sides of this rank's joint points.
-        motions: Modes per block.
+        count: Modes per block.
     """
     per_point = []
-    for matrix in (reduced.normal, reduced.tangential):
-        start, columns, values = matrix.getValuesCSR()
+    for operator in (reduced.normal, reduced.tangential):
+        start, columns, values = operator.matrix.getValuesCSR()
         point = np.repeat(np.arange(len(sides)), np.diff(start))
-        second = columns // motions == sides[point, 1]
-        rows = np.zeros((len(sides), 2 * motions))
-        rows[point, columns % motions + motions * second] = values
+        second = columns // count == sides[point, 1]
+        rows = np.zeros((len(sides), 2 * count))
+        rows[point, columns % count + count * second] = values
         per_point.append(rows)
-    dofs = np.where(sides[:, :, None] < 0, -1, motions * sides[:, :, None] + np.arange(motions))
-    return JointRows.grouped(dofs.reshape(-1, 2 * motions), *per_point)
+    dofs = np.where(sides[:, :, None] < 0, -1, count * sides[:, :, None] + np.arange(count))
+    return JointRows.grouped(dofs.reshape(-1, 2 * count), *per_point)

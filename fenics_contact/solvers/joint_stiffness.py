@@ -3,40 +3,59 @@
     A = K + B_N^T diag(k_N) B_N + B_T^T diag(k_T) B_T + B_T^T diag(c) B_N
 
 The coupling c of shear to opening occurs with Coulomb friction and makes A unsymmetric; without it
-A is symmetric positive definite. Its sparsity does not depend on the springs: it is laid out, and
-analysed for either kind, once per scene.
+A is symmetric positive definite. The sparsity of A does not depend on the springs.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
-from fenics_contact.discretization.joints import JointOperators
+from fenics_contact.solvers.problem import Array, SparseMap
 
-Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
 
-#: Options of MUMPS for A with coupling. It is nearly symmetric with springs of very different size
-#: on the diagonal: searching off-diagonal pivots cancels digits that plain elimination keeps, and
-#: that needs no scaling. The determinant is asked for.
-PLAIN_ELIMINATION = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1}
+#: Factorisations: A without coupling, and any A.
+SYMMETRIC, GENERAL = PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU
 
-#: MUMPS' error where a pivot is zero. Without a zero spring that is rounding, next to a mechanism
-#: with large springs. From then on a pivot has at least this size, in units of the mean diagonal of
-#: K: it only tells how far the mechanism would go, and the work of the live load does that.
-SINGULAR, SMALLEST_PIVOT = -10, 1e-20
 
-#: Ordering by approximate minimum fill, for up to so many unknowns: the automatic choice, PORD,
-#: takes several times as long and saves nothing there.
-MINIMUM_FILL, FILL_UNKNOWNS = 2, 100_000
+@dataclass(frozen=True)
+class MumpsOptions:
+    """Settings of MUMPS for `GENERAL` factorisations.
+
+    A is nearly symmetric with springs of very different size on its diagonal. Off-diagonal pivots
+    would cancel digits that plain elimination keeps, and plain elimination needs no scaling.
+
+    Attributes:
+        plain: No pivoting, no scaling, no permutation; the determinant is asked for.
+        smallest_pivot: Least pivot, in units of the mean diagonal of K. A smaller one is rounding
+            next to a mechanism; the work of the live load limits the mechanism.
+        minimum_fill: MUMPS' number of that ordering, which is quicker to find than the default.
+        minimum_fill_up_to: Unknowns up to which it is used; beyond the default needs less memory.
+    """
+
+    plain: tuple[tuple[str, float], ...] = (
+        ("icntl_6", 0),
+        ("cntl_1", 0.0),
+        ("icntl_8", 0),
+        ("icntl_33", 1),
+    )
+    smallest_pivot: float = 1e-20
+    minimum_fill: int = 2
+    minimum_fill_up_to: int = 100_000
+
+
+@dataclass
+class Tally:
+    """Number of numeric factorisations so far."""
+
+    count: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,20 +70,19 @@ class JointRows:
         place: Place of every point among those of all groups in a row.
     """
 
-    dofs: npt.NDArray[np.int32]
+    dofs: Integers
     normal: Array
     tangential: Array
     place: npt.NDArray[np.int64]
 
     @classmethod
-    def of(cls, joints: JointOperators) -> JointRows:
-        """Every joint point for itself."""
-        normal, tangential = joints.normal_rows, joints.tangential_rows
-        return cls(joints.dofs, normal[:, None], tangential[:, None], np.arange(len(normal)))
+    def single(cls, dofs: Integers, normal: Array, tangential: Array) -> JointRows:
+        """Rows of points that have dofs of their own; arguments as those of `grouped`."""
+        return cls(dofs, normal[:, None], tangential[:, None], np.arange(len(normal)))
 
     @classmethod
-    def grouped(cls, dofs: npt.NDArray[np.int32], normal: Array, tangential: Array) -> JointRows:
-        """Group points that have the same dofs.
+    def grouped(cls, dofs: Integers, normal: Array, tangential: Array) -> JointRows:
+        """Rows of points many of which share their dofs.
 
         Args:
             dofs: Global dofs of every point, -1: none, shape (points, n).
@@ -96,185 +114,106 @@ class JointRows:
         return spread.reshape(groups, points, 1)
 
 
-class SpringStiffness:
-    """A with its factor.
+class JointStiffness:
+    """A for any springs.
 
     Attributes:
         mean_diagonal: Mean diagonal of K, N/m, the unit in which springs are large or small.
-        factorizations: Number of numeric factorisations so far.
-        seconds: Time spent in them, s.
+        tally: Counts the factorisations.
     """
 
-    def __init__(self, stiffness: PETSc.Mat, rows: JointRows) -> None:
-        """Lay out A.
+    def __init__(
+        self,
+        stiffness: SparseMap,
+        rows: JointRows,
+        kind: str,
+        tally: Tally,
+        options: MumpsOptions | None = None,
+    ) -> None:
+        """Lay out A; it is analysed with the first factor.
 
         Args:
             stiffness: K in the supports' coordinates.
             rows: Joint rows.
+            kind: `SYMMETRIC` or `GENERAL`.
+            tally: Counts the factorisations.
+            options: Of MUMPS.
         """
-        self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
+        self.tally = tally
+        self._kind = kind
+        self._options = options or MumpsOptions()
         self._rows = rows
+        self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
         both = np.concatenate([rows.normal, rows.tangential], axis=1)
         self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
-        self._elastic = self._with_spring_pattern(stiffness)
-        self._factors: dict[str, tuple[PETSc.Mat, PETSc.KSP]] = {}
-        self._together: dict[int, tuple[PETSc.Mat, ...]] = {}
-        self._current = ""
-        self._smallest_pivot = 0.0
-        self._symmetric_before = False
-        diagonal = stiffness.getDiagonal()
-        self.mean_diagonal = diagonal.sum() / diagonal.getSize()
-        diagonal.destroy()
-        self.factorizations = 0
-        self.seconds = 0.0
+        diagonal = stiffness.diagonal()
+        total, size = stiffness.comm.allreduce(np.array([diagonal.sum(), len(diagonal)]))
+        self.mean_diagonal = float(total / size)
+        self._elastic = self._with_spring_pattern(stiffness.matrix)
+        self._matrix = self._elastic.duplicate()
+        self._vectors = self._matrix.createVecs()
+        self._dense: dict[int, tuple[PETSc.Mat, PETSc.Mat]] = {}
+        self._made = 0
+        self._solver = self._new_solver()
 
-    def factor(self, normal: Array, tangential: Array, coupling: Array | None = None) -> None:
-        """Set the springs and factor A.
+    def __enter__(self) -> JointStiffness:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free matrices and factor, on all ranks together."""
+        dense = [matrix for pair in self._dense.values() for matrix in pair]
+        for item in (self._solver, self._matrix, self._elastic, *self._vectors, *dense):
+            item.destroy()
+
+    def factor(self, normal: Array, tangential: Array, coupling: Array | None = None) -> Factor:
+        """A^-1 for some springs; it replaces the last one.
 
         Args:
             normal: k_N of this rank's joint points, N/m.
             tangential: k_T, likewise.
-            coupling: c, likewise; when not given A is symmetric and factored as such, but for a
-                single one after others with coupling, which does with their analysis.
+            coupling: c, likewise; only for `GENERAL`.
 
         Raises:
             SolverError: If A is numerically singular.
         """
-        start = time.perf_counter()
-        coupled_before = PETSc.PC.Type.LU in self._factors
-        symmetric = coupling is None and (self._symmetric_before or not coupled_before)
-        self._symmetric_before = coupling is None
-        self._current = PETSc.PC.Type.CHOLESKY if symmetric else PETSc.PC.Type.LU
-        if not symmetric and not coupled_before and PETSc.PC.Type.CHOLESKY in self._factors:
-            self._drop(PETSc.PC.Type.CHOLESKY)  # its series is over, and two take much memory
-        error = self._factored(normal, tangential, coupling)
-        if error == SINGULAR and not symmetric and not self._smallest_pivot:
-            softest = min(np.min(springs, initial=np.inf) for springs in (normal, tangential))
-            if self._elastic.comm.tompi4py().allreduce(softest, MPI.MIN) > 0.0:
-                self._smallest_pivot = SMALLEST_PIVOT * self.mean_diagonal
-                error = self._factored(normal, tangential, coupling)
-        self.factorizations += 1
-        self.seconds += time.perf_counter() - start
-        if error < 0:
-            raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
-
-    def _factored(self, normal: Array, tangential: Array, coupling: Array | None) -> int:
-        """Factor A; MUMPS' error, below zero where it failed."""
-        if self._current not in self._factors:
-            self._factors[self._current] = self._new_factor(self._current)
-        matrix, solver = self._factors[self._current]
-        self._elastic.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        self._add(matrix, normal, tangential, coupling)
-        matrix.setOption(PETSc.Mat.Option.SPD, self._current == PETSc.PC.Type.CHOLESKY)
-        preconditioner = solver.getPC()
+        self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        self._add_springs(self._matrix, normal, tangential, coupling)
+        self._matrix.setOption(PETSc.Mat.Option.SPD, self._kind == SYMMETRIC)
+        preconditioner = self._solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
+        self.tally.count += 1
+        self._made += 1
         error = int(preconditioner.getFactorMatrix().getMumpsInfog(1))
         if error < 0:
-            self._drop(self._current)
-        return error
+            self._solver.destroy()  # MUMPS does not recover from a failure
+            self._solver = self._new_solver()
+            raise SolverError(f"MUMPS cannot factor the blocks with joint springs (error {error})")
+        return Factor(self, self._made)
 
-    @property
-    def determinant_sign(self) -> float:
-        """Sign of the determinant of the last A with coupling; without, A is positive definite."""
-        if self._current != PETSc.PC.Type.LU:
-            return 1.0
-        factor = self._factors[self._current][1].getPC().getFactorMatrix()
-        return float(np.sign(factor.getMumpsRinfog(12)))
-
-    def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solve A x = b with the last factor."""
-        self._factors[self._current][1].solve(right, solution)
-
-    def solve_transposed(self, right: PETSc.Vec, solution: PETSc.Vec) -> None:
-        """Solve A^T x = b with the last factor."""
-        self._factors[self._current][1].solveTranspose(right, solution)
-
-    def solve_together(self, rights: Sequence[PETSc.Vec], solutions: Sequence[PETSc.Vec]) -> None:
-        """Solve A x = b for several b at once, which reads the factor only once."""
-        count = len(rights)
-        if count not in self._together:
-            (rows, _), comm = self._elastic.getSizes(), self._elastic.comm
-            columns = (count if comm.rank == 0 else 0, count)
-            pair = tuple(PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
-            for matrix in pair:
-                matrix.setUp()
-                matrix.assemble()
-            self._together[count] = pair
-        right, solution = self._together[count]
-        for column, vector in enumerate(rights):
-            right.getDenseArray()[:, column] = vector.array_r
-        self._factors[self._current][1].getPC().getFactorMatrix().matSolve(right, solution)
-        for column, vector in enumerate(solutions):
-            vector.array[:] = solution.getDenseArray()[:, column]
-
-    def solve_columns(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
-        """Solve A X = B for columns of B with few entries, with the last factor.
-
-        Args:
-            columns: Rows and values of the entries of every column, the same on all ranks.
-
-        Returns:
-            X, a dense matrix with all columns on rank 0 and rows as those of A.
-        """
-        (rows, size), comm = self._elastic.getSizes()[0], self._elastic.comm
-        first = comm.rank == 0
-        count, start = len(columns), np.cumsum([0, *(len(values) for _, values in columns)])
-        # MUMPS wants sparse right-hand sides as rows, all on the first rank.
-        places, values = (np.concatenate(part) for part in zip(*columns, strict=True))
-        csr = (start.astype(PETSc.IntType), places.astype(PETSc.IntType), values)
-        if not first:
-            csr = (np.zeros(1, dtype=PETSc.IntType), csr[1][:0], csr[2][:0])
-        sizes = (count if first else 0, count), (size if first else 0, size)
-        transposed = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
-        rights = PETSc.Mat().createTranspose(transposed)
-        solutions = PETSc.Mat().createDense(((rows, size), sizes[0]), comm=comm)
-        solutions.setUp()
-        solutions.assemble()
-        self._factors[self._current][1].getPC().getFactorMatrix().matSolve(rights, solutions)
-        rights.destroy()
-        transposed.destroy()
-        return solutions
-
-    def forget(self) -> None:
-        """Free the factors; the next one is analysed afresh."""
-        for kind in list(self._factors):
-            self._drop(kind)
-
-    def destroy(self) -> None:
-        """Free the matrices and factors, which PETSc would otherwise keep for long."""
-        self.forget()
-        for matrices in self._together.values():
-            for matrix in matrices:
-                matrix.destroy()
-        self._elastic.destroy()
-
-    def _drop(self, kind: str) -> None:
-        """Forget a factor; MUMPS does not recover from a failure."""
-        matrix, solver = self._factors.pop(kind)
-        solver.destroy()
-        matrix.destroy()
-
-    def _new_factor(self, kind: str) -> tuple[PETSc.Mat, PETSc.KSP]:
-        matrix = self._elastic.duplicate()
-        solver = PETSc.KSP().create(matrix.comm)
+    def _new_solver(self) -> PETSc.KSP:
+        solver = PETSc.KSP().create(self._matrix.comm)
         solver.setType(PETSc.KSP.Type.PREONLY)
         preconditioner = solver.getPC()
-        preconditioner.setType(kind)
+        preconditioner.setType(self._kind)
         preconditioner.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        solver.setOperators(matrix)
-        if kind == PETSc.PC.Type.LU:
-            small = matrix.getSize()[0] <= FILL_UNKNOWNS
+        solver.setOperators(self._matrix)
+        if self._kind == GENERAL:
+            options = self._options
+            small = self._matrix.getSize()[0] <= options.minimum_fill_up_to
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             solver.setOptionsPrefix(prefix)
-            options = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
-            for name, value in PLAIN_ELIMINATION.items():
-                options[f"mat_mumps_{name}"] = value
-            options["mat_mumps_cntl_4"] = self._smallest_pivot or -1.0  # below zero: none
+            table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
+            for name, value in options.plain:
+                table[f"mat_mumps_{name}"] = value
+            table["mat_mumps_cntl_4"] = options.smallest_pivot * self.mean_diagonal
             if small:
-                options["mat_mumps_icntl_7"] = MINIMUM_FILL
-        return matrix, solver
+                table["mat_mumps_icntl_7"] = options.minimum_fill
+        return solver
 
-    def _add(
+    def _add_springs(
         self, matrix: PETSc.Mat, normal: Array, tangential: Array, coupling: Array | None = None
     ) -> None:
         rows = self._rows
@@ -288,6 +227,7 @@ class SpringStiffness:
         matrix.assemble()
 
     def _with_spring_pattern(self, stiffness: PETSc.Mat) -> PETSc.Mat:
+        """K, with zeros stored where springs add."""
         springs = PETSc.Mat().create(stiffness.comm)
         springs.setSizes(stiffness.getSizes())
         springs.setType(PETSc.Mat.Type.AIJ)
@@ -296,8 +236,92 @@ class SpringStiffness:
         springs.setPreallocationNNZ((most, most))
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         zero = np.zeros(len(self._rows.place))
-        self._add(springs, zero, zero)
+        self._add_springs(springs, zero, zero)
         padded = stiffness.copy()
         padded.axpy(1.0, springs, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         springs.destroy()
         return padded
+
+    def _dense_pair(self, count: int) -> tuple[PETSc.Mat, PETSc.Mat]:
+        """Dense matrices for so many right-hand sides and solutions."""
+        if count not in self._dense:
+            comm, rows = self._elastic.comm, self._elastic.getSizes()[0]
+            columns = (count if comm.rank == 0 else 0, count)
+            first, second = (PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
+            for matrix in (first, second):
+                matrix.setUp()
+                matrix.assemble()
+            self._dense[count] = first, second
+        return self._dense[count]
+
+
+class Factor:
+    """A^-1 for one set of springs, until the next one is made."""
+
+    def __init__(self, stiffness: JointStiffness, number: int) -> None:
+        """Remember which factorisation it is."""
+        self._stiffness = stiffness
+        self._number = number
+
+    @property
+    def current(self) -> bool:
+        """Whether no other factor was made since."""
+        return self._number == self._stiffness._made
+
+    def _factor_matrix(self) -> Any:
+        if not self.current:
+            raise SolverError("a factor is used after another one was made")
+        return self._stiffness._solver.getPC().getFactorMatrix()
+
+    @property
+    def determinant_sign(self) -> float:
+        """Sign of det A; 1 without coupling, where A is positive definite."""
+        if self._stiffness._kind == SYMMETRIC:
+            return 1.0
+        return float(np.sign(self._factor_matrix().getMumpsRinfog(12)))
+
+    def solve(self, right: Array) -> Array:
+        """A^-1 b, this rank's part."""
+        self._factor_matrix()
+        x, b = self._stiffness._vectors
+        b.array[:] = right
+        self._stiffness._solver.solve(b, x)
+        return x.array_r.copy()
+
+    def solve_all(self, rights: Sequence[Array]) -> list[Array]:
+        """A^-1 b for several b at once, which reads the factor only once."""
+        matrix = self._factor_matrix()
+        right, solution = self._stiffness._dense_pair(len(rights))
+        for column, values in enumerate(rights):
+            right.getDenseArray()[:, column] = values
+        matrix.matSolve(right, solution)
+        return list(solution.getDenseArray().T.copy())
+
+    def solve_sparse(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
+        """A^-1 B for columns of B with few entries.
+
+        Args:
+            columns: Rows and values of the entries of every column, the same on all ranks.
+
+        Returns:
+            A dense matrix with all columns on rank 0 and rows as those of A; the caller frees it.
+        """
+        matrix = self._factor_matrix()
+        (rows, size), comm = self._stiffness._elastic.getSizes()[0], self._stiffness._elastic.comm
+        first = comm.rank == 0
+        count, start = len(columns), np.cumsum([0, *(len(values) for _, values in columns)])
+        # MUMPS wants sparse right-hand sides as rows, all on the first rank.
+        places, values = (np.concatenate(part) for part in zip(*columns, strict=True))
+        csr = (start.astype(PETSc.IntType), places.astype(PETSc.IntType), values)
+        if not first:
+            csr = (np.zeros(1, dtype=PETSc.IntType), csr[1][:0], csr[2][:0])
+        sizes = (count if first else 0, count), (size if first else 0, size)
+        transposed = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
+        rights = PETSc.Mat().createTranspose(transposed)
+        solutions = PETSc.Mat().createDense(((rows, size), sizes[0]), comm=comm)
+        solutions.setUp()
+        solutions.assemble()
+        matrix.matSolve(rights, solutions)
+        rights.destroy()
+        transposed.destroy()
+        return solutions

@@ -1,4 +1,4 @@
-"""The equations of one state under work control, as Newton's method sees them.
+"""The perturbed optimality (KKT) conditions of one state, and Newton's method on them.
 
 Prescribe the work of the live load, f_L.u = T; its multiplier is the load factor. With given
 friction g this is a convex problem,
@@ -17,108 +17,74 @@ f_L:
 
     k_N = r_N / y,    k_T = 1 / (z1/s1 + z2/s2),    coupling  q k_N,  q = F k_T (z1/s1 - z2/s2),
 
-the coupling with Coulomb friction only. Joint points that give of themselves (`problem`) are
-springs in a row with these.
+the coupling with Coulomb friction only. Joint points with a compliance of their own (`problem`)
+are springs in series with these. (S.J. Wright, Primal-Dual Interior-Point Methods (1997).)
 
 The motion of a mechanism may be so much larger than what strains the blocks that u has no digits
-left for K u. So the part of u without rigid motions of blocks is summed up step by step for itself.
+left for K u. So the part of u that strains the blocks is summed up step by step for itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
 
-from fenics_contact.solvers.problem import ContactProblem
-from fenics_contact.solvers.smoothing import Growth, distance_from_bound, normal_law
-from fenics_contact.solvers.joint_stiffness import SpringStiffness
+from fenics_contact.solvers.joint_stiffness import Factor, JointStiffness
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+from fenics_contact.solvers.smoothing import distance_from_bound, normal_law
 
-Array = npt.NDArray[np.float64]
-Changes = tuple[Array, Array, Array]
 
-#: Largest spring, in units of the mean diagonal of K; larger ones would cancel digits.
-LARGEST_SPRING = 1e10
-
-#: Springs that resist the steps, not the slip, of points that transmit no shear, in units of force
-#: over displacement: without them blocks on frictionless joints would have no stiffness.
-PROXIMAL_SPRING = 1e-8
-
-#: Distance of shear from its bound at the start of a solve, at least, in parts of the bound.
-NEAREST = 1e-9
-
-#: Points whose bound is below this fraction of the typical force transmit no shear.
-NO_FRICTION = 1e-12
-
-#: By how much larger than their sum the parts of a direction are from which on digits are kept.
-CANCELLING = 1e4
-
-#: Weight of the equilibrium residual. Stiff springs cancel some of its digits while the iterates
-#: still move; it recovers as they come to rest.
-EQUILIBRIUM_WEIGHT = 1e-3
+#: Least distance of shear from its bound, in units of the bound, at a state from elsewhere.
+COLD = 1e-9
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Typical sizes, so that no tolerance depends on units.
+class KKTOptions:
+    """Numbers of the Newton steps.
 
     Attributes:
-        displacement: m.
-        force: Nodal joint force, N/m.
-        load_factor: Typical load factor.
-        elastic: Displacement that strains the blocks, m; 0: as large as all.
+        largest_spring: Cap on springs, in units of the mean diagonal of K; larger ones would
+            cancel digits.
+        sliding_spring: Spring that resists steps, not slip, at points without friction, in units
+            of force over displacement: without it blocks on frictionless joints have no stiffness.
+        no_friction: Points whose given bound is below this part of the typical force transmit no
+            shear.
+        cancellation: A direction is solved for once more if its two parts are larger than their
+            sum by this factor: its digits have cancelled.
+        equilibrium_weight: Of the equilibrium residual. Stiff springs cancel some of its digits
+            while the iterates still move; it recovers as they come to rest.
     """
 
-    displacement: float
-    force: float
-    load_factor: float
-    elastic: float = 0.0
-
-    @property
-    def elastic_part(self) -> float:
-        """Part of the displacements that strains the blocks."""
-        return min(self.elastic / self.displacement, 1.0) if self.elastic > 0.0 else 1.0
+    largest_spring: float = 1e10
+    sliding_spring: float = 1e-8
+    no_friction: float = 1e-12
+    cancellation: float = 1e4
+    equilibrium_weight: float = 1e-3
 
 
 @dataclass(frozen=True)
-class State:
-    """Displacements and joint forces of a structure under work control.
-
-    Attributes:
-        displacement: u, in the supports' coordinates.
-        load_factor: lambda.
-        pressure: r_N at this rank's points, N/m.
-        shear: r_T, likewise.
-        work: T = f_L . u.
-        strained: u without rigid motions of blocks, if more digits of it are known than u holds.
-    """
-
-    displacement: PETSc.Vec
-    load_factor: float
-    pressure: Array
-    shear: Array
-    work: float
-    strained: PETSc.Vec | None = None
-
-    def destroy(self) -> None:
-        """Free the vectors."""
-        self.displacement.destroy()
-        if self.strained is not None:
-            self.strained.destroy()
-
-
-@dataclass
 class Iterate:
-    """Variables of the interior point method, or a direction in their space.
+    """Variables of the perturbed conditions, or a direction in their space.
 
-    `strained` is u without rigid motions of blocks, with digits that u itself has lost.
+    Attributes:
+        u: Displacements, this rank's part, m.
+        elastic: The part of u that strains the blocks, with digits that u itself has lost.
+        load_factor: lambda.
+        y: Openings at this rank's points, m.
+        pressure: r_N, N per metre of thickness.
+        shear: r_T, likewise.
+        s1: Distance g - r_T of the shear force from its bound.
+        s2: g + r_T.
+        z1: Slip towards negative values, m.
+        z2: Slip towards positive values, m.
     """
 
-    u: PETSc.Vec
-    strained: PETSc.Vec
+    u: Array
+    elastic: Array
     load_factor: float
     y: Array
     pressure: Array
@@ -128,360 +94,349 @@ class Iterate:
     z1: Array
     z2: Array
 
-    def move(self, length: float, direction: Iterate) -> None:
-        """Take a step along a direction."""
-        self.u.axpy(length, direction.u)
-        self.strained.axpy(length, direction.strained)
-        for field in fields(self)[2:]:
-            here, there = getattr(self, field.name), getattr(direction, field.name)
-            setattr(self, field.name, here + length * there)
+    def moved(self, length: float, direction: Iterate) -> Iterate:
+        """The iterate a step along a direction."""
+        return Iterate(
+            *(
+                getattr(self, item.name) + length * getattr(direction, item.name)
+                for item in fields(self)
+            )
+        )
 
-    def copy(self) -> Iterate:
-        """A copy with arrays of its own."""
-        rest = (getattr(self, field.name) for field in fields(self)[3:])
-        vectors = self.u.copy(), self.strained.copy()
-        return Iterate(*vectors, self.load_factor, *(array.copy() for array in rest))
+    @property
+    def slip(self) -> Array:
+        """Slip z2 - z1, m."""
+        return self.z2 - self.z1
 
-    def destroy(self) -> None:
-        """Free the vectors, which PETSc would otherwise keep for long."""
-        self.u.destroy()
-        self.strained.destroy()
+    @property
+    def positive(self) -> Array:
+        """The six quantities that stay positive, shape (6 points,)."""
+        return np.concatenate([self.y, self.pressure, self.s1, self.s2, self.z1, self.z2])
 
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left of the linear optimality conditions at an iterate."""
+    """Residual of the linear conditions at an iterate: equilibrium, opening, slip and work."""
 
-    equilibrium: PETSc.Vec
+    equilibrium: Array
     opening: Array
     slip: Array
     work: float
 
 
-class Workspace:
-    """Vectors that all equations of one structure share."""
+@dataclass(frozen=True)
+class Products:
+    """Products y r_N, s1 z1 and s2 z2 of this rank's points, or changes of them."""
 
-    def __init__(self, problem: ContactProblem) -> None:
-        self.rights = problem.dead.duplicate(), problem.dead.duplicate()
-        self.frees = problem.dead.duplicate(), problem.dead.duplicate()
-        self.border, self.dual = problem.dead.duplicate(), problem.dead.duplicate()
-        self.rest = problem.dead.duplicate()
-        self.zero = problem.dead.duplicate()  # duplicates are zero
-        self.opening = problem.normal.createVecLeft()
-        self.slip = problem.tangential.createVecLeft()
-
-    def destroy(self) -> None:
-        """Free the vectors."""
-        rest = self.border, self.dual, self.rest, self.zero, self.opening, self.slip
-        for vector in (*self.rights, *self.frees, *rest):
-            vector.destroy()
+    normal: Array
+    lower: Array
+    upper: Array
 
 
-class PathEquations:
-    """The equations of one solve: one bound, and one T or load factor.
+@dataclass(frozen=True)
+class PerturbedKKT:
+    """The conditions of one state: under prescribed work or load factor, with given friction or not.
 
     Attributes:
-        keeps_digits: Whether directions are to keep digits that cancel, at the price of a solve.
+        problem: The structure.
+        stiffness: Its stiffness with joint springs.
+        scales: Typical sizes.
+        work: T, N m per metre of thickness; not used with a load factor.
+        load_factor: If given, lambda is prescribed, not the work.
+        given: Given friction bound g at this rank's points, N per metre; None: Coulomb's.
+        friction: Coulomb's coefficient in the equations, zero with a given bound.
+        options: Numbers of the Newton steps.
     """
 
-    keeps_digits = True
+    problem: ContactProblem
+    stiffness: JointStiffness
+    scales: Scales
+    work: float
+    load_factor: float | None
+    given: Array | None
+    friction: Array
+    options: KKTOptions = field(default_factory=KKTOptions)
 
-    def __init__(
-        self,
+    @classmethod
+    def coulomb(
+        cls,
         problem: ContactProblem,
-        springs: SpringStiffness,
-        workspace: Workspace,
-        bound: Array | None,
-        work: float,
+        stiffness: JointStiffness,
         scales: Scales,
+        work: float,
         load_factor: float | None = None,
-        growth: Growth | None = None,
-    ) -> None:
-        self.problem = problem
-        self.springs = springs
-        self.workspace = workspace
-        self.given = bound
-        self.work = work
-        self.load_factor = load_factor
-        self.scales = scales
-        self.unit = scales.force * scales.displacement
-        #: Coulomb's coefficient where the bound follows the pressure: that of the problem, or
-        #: where it grows, the part `mobile` of it.
-        self.growth = growth
-        self.mobile = 1.0 if growth is None else 0.0
-        self.friction = np.zeros_like(problem.friction)
-        if bound is None:
-            self.friction = self.mobile * problem.friction
-        #: Points that transmit shear; the others' shear stays zero and their slip is free.
-        if bound is None:
-            self.sticky = (problem.friction > 0.0) | (problem.strength > 0.0)
-        else:
-            self.sticky = bound > NO_FRICTION * scales.force
-        products = np.ones(len(self.sticky)) + 2.0 * self.sticky
-        self.count = max(problem.sum(products), 1.0)
-        #: Whether digits of directions cancel, and are to be kept; the factor that `dual` is of.
-        self.cancelling = False
-        self._factor_of_dual = 0
+    ) -> PerturbedKKT:
+        """The conditions with Coulomb friction: g = F r_N is one of the equations."""
+        return cls(problem, stiffness, scales, work, load_factor, None, problem.friction)
 
-    def mobilise(self, part: float) -> Array:
-        """Set the part of Coulomb's coefficient that is there.
+    @classmethod
+    def given_friction(
+        cls,
+        problem: ContactProblem,
+        stiffness: JointStiffness,
+        scales: Scales,
+        bound: Array,
+        work: float,
+        load_factor: float | None = None,
+    ) -> PerturbedKKT:
+        """The conditions with given friction g."""
+        none = np.zeros_like(problem.friction)
+        return cls(problem, stiffness, scales, work, load_factor, bound, none)
 
-        Returns:
-            The change of the coefficient.
-        """
-        before = self.friction
-        self.mobile = part
-        self.friction = part * self.problem.friction
-        return self.friction - before
+    @cached_property
+    def frictional(self) -> npt.NDArray[np.bool_]:
+        """Points that transmit shear; the others' shear stays zero and their slip is free."""
+        if self.given is None:
+            return self.problem.frictional
+        return self.given > self.options.no_friction * self.scales.force
 
-    def start(self, state: State, products: float) -> Iterate:
-        """The iterate next to a state with equal products, and the friction that they call for."""
-        if self.growth is not None:
-            self.mobilise(self.growth.part(products))
-        return self.centred(state, products)
+    @cached_property
+    def count(self) -> float:
+        """Number of products, at least 1."""
+        return max(self.problem.sum(1.0 + 2.0 * self.frictional), 1.0)
 
-    def bound(self, now: Iterate) -> Array:
-        """Bound g of an iterate."""
-        return self.problem.bound(now.pressure) if self.given is None else self.given
+    def bound(self, pressure: Array) -> Array:
+        """Friction bound g for given normal forces, N per metre."""
+        if self.given is not None:
+            return self.given
+        return self.friction * pressure + self.problem.strength
 
-    def centred(self, start: State, centring: float, strained: PETSc.Vec | None = None) -> Iterate:
-        """The point on the central path next to a state, all products equal to `centring`.
+    def on_central_path(self, start: State, mu: float, nearest: float = 0.0) -> Iterate:
+        """The point with all products equal to mu next to a state.
 
-        Its part without rigid motions is `strained`, if given, else that of the displacements.
+        It keeps p = r_N/f - w_N/d and q = r_T/f - w_T/d (`smoothing`).
 
-        It keeps p = r_N/f - w_N/d and q = r_T/f - w_T/d (`smoothed_laws`).
+        Args:
+            start: The state; its joint forces need not be admissible.
+            mu: In units of force times displacement.
+            nearest: Least distance of shear from its bound, in units of the bound. Above zero for
+                a state from elsewhere, where no spring may vanish.
         """
         d, f = self.scales.displacement, self.scales.force
-        opening, slip = self._moved(start.displacement, start.pressure, start.shear)
-        p = start.pressure / f - opening / d
-        y, pressure = normal_law(p, centring)
+        opening, slip = self._joint_motion(start.displacement, start.pressure, start.shear)
+        y, pressure = normal_law(start.pressure / f - opening / d, mu)
         y, pressure = y * d, pressure * f
-
-        bound = self.friction * pressure + self.problem.strength
-        if self.given is not None:
-            bound = self.given
-        gamma = np.where(self.sticky, bound / f, 1.0)
+        gamma = np.where(self.frictional, self.bound(pressure) / f, 1.0)
         q = start.shear / f - slip / d
-        near = distance_from_bound(np.abs(q), gamma, centring)
-        if strained is None:  # a cold start, or a mode: no spring may vanish
-            near = np.maximum(near, NEAREST * gamma)
+        near = np.maximum(distance_from_bound(np.abs(q), gamma, mu), nearest * gamma)
         far = 2.0 * gamma - near
         s1, s2 = np.where(q > 0.0, near, far) * f, np.where(q > 0.0, far, near) * f
-        z1, z2 = centring * f * d / s1, centring * f * d / s2
-        shear = np.where(self.sticky, 0.5 * (s2 - s1), 0.0)
-        u = start.displacement.copy()
-        load_factor = start.load_factor if self.load_factor is None else self.load_factor
-        if strained is None:
-            strained = self.problem.strained(u)
-        return Iterate(u, strained, load_factor, y, pressure, shear, s1, s2, z1, z2)
+        z1, z2 = mu * f * d / s1, mu * f * d / s2
+        shear = np.where(self.frictional, 0.5 * (s2 - s1), 0.0)
+        factor = start.load_factor if self.load_factor is None else self.load_factor
+        u, elastic = start.displacement, start.elastic
+        return Iterate(u, elastic, factor, y, pressure, shear, s1, s2, z1, z2)
 
     def residual(self, now: Iterate) -> Residual:
-        """What is left of the linear conditions; its vector is shared and soon overwritten."""
-        problem, equilibrium = self.problem, self.workspace.rest
-        problem.stiffness.mult(now.strained, equilibrium)
-        equilibrium.axpy(-1.0, problem.dead)
-        equilibrium.axpy(-now.load_factor, problem.live)
-        self.add_joint_forces(equilibrium, -now.pressure, -now.shear)
-        opening, slip = self._moved(now.u, now.pressure, now.shear)
-        work = problem.live.dot(now.u) - self.work if self.load_factor is None else 0.0
-        return Residual(equilibrium, now.y - opening, now.z2 - now.z1 - slip, work)
+        """Residual of the linear conditions."""
+        p = self.problem
+        equilibrium = (
+            p.stiffness @ now.elastic
+            - p.dead
+            - now.load_factor * p.live
+            - p.joint_forces(now.pressure, now.shear)
+        )
+        opening, slip = self._joint_motion(now.u, now.pressure, now.shear)
+        work = p.dot(p.live, now.u) - self.work if self.load_factor is None else 0.0
+        return Residual(equilibrium, now.y - opening, now.slip - slip, work)
 
     def sizes(self, now: Iterate, residual: Residual) -> dict[str, float]:
-        """Relative sizes of residuals and mean product."""
+        """Relative sizes of the residuals, and the mean product."""
         d, f = self.scales.displacement, self.scales.force
-        problem, sticky = self.problem, self.sticky
-        equilibrium = problem.max(np.abs(residual.equilibrium.array_r)) / f
+        p = self.problem
+        equilibrium = p.max(np.abs(residual.equilibrium)) / f
         return {
-            "equilibrium": EQUILIBRIUM_WEIGHT * equilibrium,
-            "opening": problem.max(np.abs(residual.opening)) / d,
-            "slip": problem.max(np.abs(residual.slip[sticky])) / d,
+            "equilibrium": self.options.equilibrium_weight * equilibrium,
+            "opening": p.max(np.abs(residual.opening)) / d,
+            "slip": p.max(np.abs(residual.slip[self.frictional])) / d,
             "work": abs(residual.work) / abs(self.work) if residual.work else 0.0,
             "complementarity": self.mean_product(now),
         }
 
-    def factor(
-        self, now: Iterate, stiffest: float = LARGEST_SPRING, free: float = PROXIMAL_SPRING
-    ) -> tuple[Array, Array, Array]:
+    def products(self, now: Iterate) -> Products:
+        """Products of this rank's points, N m per metre of thickness."""
+        return Products(now.y * now.pressure, now.s1 * now.z1, now.s2 * now.z2)
+
+    def total(self, products: Products) -> float:
+        """Sum of products over all points and ranks."""
+        shear = np.where(self.frictional, products.lower + products.upper, 0.0)
+        return self.problem.sum(products.normal + shear)
+
+    def mean_product(self, now: Iterate) -> float:
+        """mu as the mean of the products, in units of force times displacement."""
+        unit = self.scales.force * self.scales.displacement
+        return self.total(self.products(now)) / (self.count * unit)
+
+    def state(self, now: Iterate) -> State:
+        """An iterate as a state, its displacements with the digits of the elastic part."""
+        u = now.u + (now.elastic - self.problem.elastic_part(now.u))
+        work = self.problem.dot(self.problem.live, u) if self.load_factor is not None else self.work
+        return State(u, now.elastic, now.load_factor, now.pressure, now.shear, work)
+
+    def linearize(self, now: Iterate) -> Linearization:
+        """Newton's equations at an iterate: springs, and A factored.
+
+        Raises:
+            SolverError: If A is singular.
+        """
+        return Linearization(self, now)
+
+    def _joint_motion(self, u: Array, pressure: Array, shear: Array) -> tuple[Array, Array]:
+        """Openings and slips of this rank's points, with those of the points' own compliance."""
+        p = self.problem
+        c_n, c_t = p.compliance
+        return p.normal @ u + c_n * pressure, p.tangential @ u - p.slip_origin + c_t * shear
+
+
+class Linearization:
+    """Newton's equations at an iterate, on one factor of A.
+
+    Attributes:
+        kkt: The conditions.
+        now: The iterate.
+        k_n: Normal springs k_N of the laws, N/m.
+        k_t: Tangential springs k_T, zero where there is no friction.
+        q: Coupling of shear to normal forces.
+        factor: A^-1.
+    """
+
+    def __init__(
+        self,
+        kkt: PerturbedKKT,
+        now: Iterate,
+        stiffest: float | None = None,
+        sliding: float | None = None,
+    ) -> None:
         """Factor A with the springs of an iterate.
 
         Args:
+            kkt: The conditions.
             now: The iterate.
-            stiffest: Cap on them, in units of the mean diagonal of K.
-            free: Springs where there is no friction, in units of force over displacement.
+            stiffest: Cap on springs; that of the options when not given.
+            sliding: Spring of points without friction, likewise.
 
-        Returns:
-            k_N, k_T (zero where there is no friction) and q.
+        Raises:
+            SolverError: If A is singular.
         """
-        largest = stiffest * self.springs.mean_diagonal
-        k_n = np.minimum(now.pressure / now.y, largest)
+        self.kkt, self.now = kkt, now
+        options, frictional = kkt.options, kkt.frictional
+        largest = (stiffest or options.largest_spring) * kkt.stiffness.mean_diagonal
+        self.k_n = np.minimum(now.pressure / now.y, largest)
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
-        k_t = np.where(self.sticky, np.minimum(1.0 / (lower + upper), largest), 0.0)
-        q = self.friction * k_t * (lower - upper)
-        unit = self.scales.force / self.scales.displacement
-        normal, tangential, coupling = self.felt((k_n, k_t, q))
-        self.springs.factor(
+        self.k_t = np.where(frictional, np.minimum(1.0 / (lower + upper), largest), 0.0)
+        self.q = kkt.friction * self.k_t * (lower - upper)
+        #: Parts of the blocks' displacements that are left to the laws' springs.
+        c_n, c_t = kkt.problem.compliance
+        self._share_n, self._share_t = 1.0 / (1.0 + c_n * self.k_n), 1.0 / (1.0 + c_t * self.k_t)
+        normal, tangential, coupling = self.springs
+        free = (sliding or options.sliding_spring) * kkt.scales.force / kkt.scales.displacement
+        self.factor: Factor = kkt.stiffness.factor(
             normal,
-            np.where(self.sticky, tangential, free * unit),
-            coupling if self.given is None else None,
+            np.where(frictional, tangential, free),
+            coupling if kkt.given is None else None,
         )
-        return k_n, k_t, q
+        self._live_response: Array | None = None
 
-    def felt(self, springs: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        """Springs that blocks feel: those of the laws, k_N, k_T and q, and what gives, in a row.
+    @property
+    def springs(self) -> tuple[Array, Array, Array]:
+        """Springs that the blocks feel: normal, tangential, and coupling of shear to opening."""
+        normal = self._share_n * self.k_n
+        return normal, self._share_t * self.k_t, self._share_t * self.q * normal
 
-        Returns:
-            Normal and tangential springs and the coupling of shear to opening.
-        """
-        k_n, k_t, q = springs
-        normal, tangential = self._shares(k_n, k_t)
-        return normal * k_n, tangential * k_t, tangential * q * normal * k_n
+    @property
+    def live_response(self) -> Array:
+        """A^-1 f_L."""
+        if self._live_response is None:
+            self._live_response = self.factor.solve(self.kkt.problem.live)
+        return self._live_response
 
-    def _shares(self, k_n: Array, k_t: Array) -> tuple[Array, Array]:
-        """Parts of the displacements of blocks that are left to the laws' springs."""
-        give_n, give_t = self.problem.give
-        return 1.0 / (1.0 + give_n * k_n), 1.0 / (1.0 + give_t * k_t)
+    @property
+    def flexibility(self) -> float:
+        """f_L.A^-1 f_L."""
+        return self.kkt.problem.dot(self.kkt.problem.live, self.live_response)
 
-    def directions(
-        self,
-        now: Iterate,
-        springs: tuple[Array, Array, Array],
-        asked: Sequence[tuple[Residual, Changes]],
-        first: bool = False,
-    ) -> list[Iterate]:
-        """Newton directions on the last factor, at most two.
+    @property
+    def orientation(self) -> float:
+        """Sign of the determinant of A bordered by f_L, with the sign that it has at T = 0."""
+        return self.factor.determinant_sign * float(np.sign(self.flexibility))
 
-        The first ones on a factor find A^-1 f_L too; all is then solved for at once.
-
-        Under work control they are solutions of A u = b + d lambda f_L with f_L.u given. Next to a
-        mechanism A^-1 b and A^-1 f_L are far larger than u, and cancel digits. With A^-T f_L
-        d lambda is known before, from the directions on that did cancel some.
+    def directions(self, asked: Sequence[tuple[Residual, Products]]) -> list[Iterate]:
+        """Newton directions, all solved for at once.
 
         Args:
-            now: Where.
-            springs: As `factor` gave them.
-            asked: What is left of the linear conditions and to be taken away, and the changes of
-                the products y r_N, s1 z1, s2 z2.
-            first: Whether they are the first ones.
+            asked: Residual to be taken away, and change of the products.
         """
-        count, live, work = len(asked), self.problem.live, self.workspace
-        rights, frees = work.rights[:count], work.frees[:count]
-        drives = [
-            self._right(now, *one, springs, right) for one, right in zip(asked, rights, strict=True)
-        ]
-        held, load_factors = self.load_factor is None, [0.0] * count
-        if held and self.cancelling:
-            if self._factor_of_dual != self.springs.factorizations:
-                self.springs.solve_transposed(live, work.dual)
-                self._factor_of_dual = self.springs.factorizations
-            for k, ((residual, _), right) in enumerate(zip(asked, rights, strict=True)):
-                missing = -residual.work - right.dot(work.dual)
-                load_factors[k] = float(missing / live.dot(work.dual))
-                right.axpy(load_factors[k], live)
-        if first and held:
-            self.springs.solve_together((*rights, live), (*frees, work.border))
+        drives, rights = zip(*(self._right_hand_side(*one) for one in asked), strict=True)
+        if self.kkt.load_factor is not None:
+            found = self.factor.solve_all(rights) if len(rights) > 1 else map(self.factor.solve, rights)
+            works = [(u, 0.0) for u in found]
         else:
-            for right, free in zip(rights, frees, strict=True):
-                self.springs.solve(right, free)
-        found = [
-            self._found(now, *one, springs, *answer)
-            for one, *answer in zip(asked, drives, frees, load_factors, strict=True)
+            if self._live_response is None:
+                *found, self._live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
+            else:
+                found = [self.factor.solve(right) for right in rights]
+            works = [
+                self._bordered(u, right, residual.work)
+                for u, right, (residual, _) in zip(found, rights, asked, strict=True)
+            ]
+        return [
+            self._direction(*one, drive, *answer)
+            for one, drive, answer in zip(asked, drives, works, strict=True)
         ]
-        if held and self.keeps_digits and not self.cancelling:
-            border = work.border.norm(PETSc.NormType.INFINITY)
-            self.cancelling = any(
-                abs(one.load_factor) * border > CANCELLING * one.u.norm(PETSc.NormType.INFINITY)
-                for one in found
-            )
-        return found
 
-    def _right(
-        self,
-        now: Iterate,
-        residual: Residual,
-        changes: Changes,
-        springs: tuple[Array, Array, Array],
-        right: PETSc.Vec,
-    ) -> Array:
-        """Set a right-hand side; returns what drives slip."""
-        (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
-        residual.equilibrium.copy(right)
-        right.scale(-1.0)
-        normal, tangential = self._shares(k_n, k_t)
-        push = normal * (c_n / now.y + k_n * residual.opening)
-        drive = np.where(self.sticky, c_2 / now.s2 - c_1 / now.s1 + residual.slip, 0.0)
-        self.add_joint_forces(right, push, tangential * (k_t * drive + q * push))
-        return drive
+    def hold_work(self, u: Array, excess: float = 0.0) -> tuple[Array, float]:
+        """A change of displacements that takes excess work away, and of the load factor."""
+        live = self.kkt.problem.live
+        factor = -(excess + self.kkt.problem.dot(live, u)) / self.flexibility
+        return u + factor * self.live_response, factor
 
-    def _found(
-        self,
-        now: Iterate,
-        residual: Residual,
-        changes: Changes,
-        springs: tuple[Array, Array, Array],
-        drive: Array,
-        free: PETSc.Vec,
-        load_factor: float,
+    def _bordered(self, u: Array, right: Array, excess: float) -> tuple[Array, float]:
+        """Solution of A u = b + d lambda f_L with f_L.u = -excess, from u = A^-1 b.
+
+        Next to a mechanism A^-1 b and A^-1 f_L are far larger than their sum, and cancel digits.
+        Then A u = b + d lambda f_L is solved once more, with d lambda known.
+        """
+        held, factor = self.hold_work(u, excess)
+        largest = self.kkt.problem.max
+        parts = abs(factor) * largest(np.abs(self.live_response))
+        if parts > self.kkt.options.cancellation * largest(np.abs(held)):
+            again = self.factor.solve(right + factor * self.kkt.problem.live)
+            held, more = self.hold_work(again, excess)
+            factor += more
+        return held, factor
+
+    def _right_hand_side(self, residual: Residual, change: Products) -> tuple[Array, Array]:
+        """Drive of the slip, and right-hand side b."""
+        now, kkt = self.now, self.kkt
+        push = self._share_n * (change.normal / now.y + self.k_n * residual.opening)
+        drive = change.upper / now.s2 - change.lower / now.s1 + residual.slip
+        drive = np.where(kkt.frictional, drive, 0.0)
+        shear = self._share_t * (self.k_t * drive + self.q * push)
+        return drive, kkt.problem.joint_forces(push, shear) - residual.equilibrium
+
+    def _direction(
+        self, residual: Residual, change: Products, drive: Array, u: Array, load_factor: float
     ) -> Iterate:
-        """The direction of a solution, with A^-1 f_L in `workspace.border`."""
-        (k_n, k_t, q), (c_n, c_1, c_2) = springs, changes
-        u = free.copy()
-        if self.load_factor is None:
-            load_factor += self.hold_work(u, residual.work)
-        opening, slip = self.joint_displacements(u)
-        give_n, give_t = self.problem.give
-        normal, tangential = self._shares(k_n, k_t)
-        pressure = normal * (c_n / now.y - k_n * (opening - residual.opening))
-        y = opening + give_n * pressure - residual.opening
-        shear = tangential * (k_t * np.where(self.sticky, drive - slip, 0.0) + q * pressure)
-        slip += give_t * shear
-        s1, s2 = self.friction * pressure - shear, self.friction * pressure + shear
-        z1, z2 = (c_1 - now.z1 * s1) / now.s1, (c_2 - now.z2 * s2) / now.s2
+        """The direction with given displacements: what the eliminated equations say."""
+        now, kkt, p = self.now, self.kkt, self.kkt.problem
+        c_n, c_t = p.compliance
+        opening, slip = p.normal @ u, p.tangential @ u
+        pressure = self._share_n * (
+            change.normal / now.y - self.k_n * (opening - residual.opening)
+        )
+        y = opening + c_n * pressure - residual.opening
+        stuck = np.where(kkt.frictional, drive - slip, 0.0)
+        shear = self._share_t * (self.k_t * stuck + self.q * pressure)
+        slip = slip + c_t * shear
+        s1, s2 = kkt.friction * pressure - shear, kkt.friction * pressure + shear
+        z1, z2 = (change.lower - now.z1 * s1) / now.s1, (change.upper - now.z2 * s2) / now.s2
         # Next to its bound the shear force has lost the digits that tell how far a point slides.
-        slid, unit = slip - residual.slip, self.scales.displacement / self.scales.force
+        slid, unit = slip - residual.slip, kkt.scales.displacement / kkt.scales.force
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
         down, up = lower > np.maximum(upper, unit), upper > np.maximum(lower, unit)
         z1, z2 = np.where(down, z2 - slid, z1), np.where(up, z1 + slid, z2)
-        s1 = np.where(down, (c_1 - now.s1 * z1) / now.z1, s1)
-        s2 = np.where(up, (c_2 - now.s2 * z2) / now.z2, s2)
-        s1, s2, z1, z2 = (np.where(self.sticky, change, 0.0) for change in (s1, s2, z1, z2))
-        return Iterate(u, self.problem.strained(u), load_factor, y, pressure, shear, s1, s2, z1, z2)
-
-    def hold_work(self, u: PETSc.Vec, excess: float = 0.0) -> float:
-        """Add a multiple of A^-1 f_L to a change u, so that f_L.u takes excess work away.
-
-        Returns:
-            The multiple, which is the change of the load factor.
-        """
-        live, border = self.problem.live, self.workspace.border
-        load_factor = float((-excess - u.dot(live)) / border.dot(live))
-        u.axpy(load_factor, border)
-        return load_factor
-
-    def products(self, now: Iterate) -> float:
-        """Sum of all complementarity products, N m per metre of thickness."""
-        slip = np.where(self.sticky, now.s1 * now.z1 + now.s2 * now.z2, 0.0)
-        return self.problem.sum(now.y * now.pressure + slip)
-
-    def mean_product(self, now: Iterate) -> float:
-        """Mean of the products, in units of force times displacement."""
-        return self.products(now) / (self.count * self.unit)
-
-    def joint_displacements(self, u: PETSc.Vec) -> tuple[Array, Array]:
-        """B_N u and B_T u at this rank's points."""
-        opening, slip = self.workspace.opening, self.workspace.slip
-        self.problem.normal.mult(u, opening)
-        self.problem.tangential.mult(u, slip)
-        return opening.array.copy(), slip.array.copy()
-
-    def _moved(self, u: PETSc.Vec, pressure: Array, shear: Array) -> tuple[Array, Array]:
-        """Openings and slips, of blocks and of what gives, at this rank's points."""
-        (opening, slip), (give_n, give_t) = self.joint_displacements(u), self.problem.give
-        return opening + give_n * pressure, slip - self.problem.slip_origin + give_t * shear
-
-    def add_joint_forces(self, vector: PETSc.Vec, pressure: Array, shear: Array) -> None:
-        """Add B_N^T r_N + B_T^T r_T."""
-        opening, slip = self.workspace.opening, self.workspace.slip
-        opening.array[:] = pressure
-        slip.array[:] = shear
-        self.problem.normal.multTransposeAdd(opening, vector, vector)
-        self.problem.tangential.multTransposeAdd(slip, vector, vector)
+        s1 = np.where(down, (change.lower - now.s1 * z1) / now.z1, s1)
+        s2 = np.where(up, (change.upper - now.s2 * z2) / now.z2, s2)
+        s1, s2, z1, z2 = (np.where(kkt.frictional, part, 0.0) for part in (s1, s2, z1, z2))
+        elastic = p.elastic_part(u)
+        return Iterate(u, elastic, load_factor, y, pressure, shear, s1, s2, z1, z2)

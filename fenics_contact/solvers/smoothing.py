@@ -1,4 +1,4 @@
-"""Contact laws whose products all equal mu: smooth functions of one number per point and side.
+"""Contact laws with all products equal to mu: smooth functions of one number per point and side.
 
 With forces and displacements in typical units, opening y and slip w = z2 - z1, every p and q
 belong to one state of a joint point:
@@ -17,35 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import Array
 
-#: Newton steps that leave nothing but rounding of a distance from the bound, or 1e-6 of it.
-NEWTON_STEPS, FEWER = 6, 4
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Friction that grows to its full size as the products fall.
-
-    Collapse states are not unique, and those met with little friction first are low ones.
-
-    Attributes:
-        full_at: Products, in units of force times displacement, from which on all of it is there.
-        power: Before that it is (products / full_at)^-power of it.
-    """
-
-    full_at: float
-    power: float
-
-    def part(self, products: float) -> float:
-        """Part of the friction that is there."""
-        if products <= self.full_at:  # zero where a tangent leads anywhere
-            return 1.0
-        return (self.full_at / products) ** self.power
-
-    def rate(self, products: float) -> float:
-        """Its derivative with respect to the logarithm of the products, in units of itself."""
-        return -self.power if products > self.full_at else 0.0
+Points = npt.NDArray[np.int64] | slice
 
 
 @dataclass(frozen=True)
@@ -68,10 +42,6 @@ class JointStates:
         """r_T - w."""
         return np.asarray(self.values[3] - self.values[2])
 
-    def at(self, points: npt.NDArray[np.int64]) -> JointStates:
-        """Those of some points."""
-        return JointStates(self.values[:, points])
-
 
 @dataclass(frozen=True)
 class Derivatives:
@@ -79,7 +49,7 @@ class Derivatives:
 
     p: Array
     q: Array
-    mu: Array
+    log_mu: Array
 
 
 @dataclass(frozen=True)
@@ -87,96 +57,82 @@ class SmoothedLaws:
     """Laws of some joint points.
 
     Attributes:
-        friction: Coulomb's coefficient F when all of it is there.
+        friction: Coulomb's coefficient F.
         strength: Given bound on the shear force, in typical units.
-        sticky: Points that transmit shear; the others slide freely.
+        frictional: Points that transmit shear; the others slide freely.
         smallest: Size of p and q by which changes are measured, at least.
-        growth: How friction grows as the products fall; None: all of it is there.
     """
 
     friction: Array
     strength: Array
-    sticky: npt.NDArray[np.bool_]
+    frictional: npt.NDArray[np.bool_]
     smallest: float
-    growth: Growth | None = None
 
-    def at(self, points: npt.NDArray[np.int64] | slice) -> SmoothedLaws:
-        """Those of some points."""
-        friction, strength, sticky = (
-            array[points] for array in (self.friction, self.strength, self.sticky)
-        )
-        return replace(self, friction=friction, strength=strength, sticky=sticky)
+    def at(self, points: Points) -> SmoothedLaws:
+        """Laws of some of the points."""
+        arrays = self.friction, self.strength, self.frictional
+        friction, strength, frictional = (array[points] for array in arrays)
+        return replace(self, friction=friction, strength=strength, frictional=frictional)
 
     def states(self, p: Array, q: Array, mu: float) -> JointStates:
-        """The states that p and q belong to."""
+        """States that belong to p and q."""
         y, r = normal_law(p, mu)
-        gamma = self._bound(r, mu)
+        gamma = self._bound(r)
         near = distance_from_bound(np.abs(q), gamma, mu)
-        shear = np.where(self.sticky, np.copysign(gamma - near, q), 0.0)
+        shear = np.where(self.frictional, np.copysign(gamma - near, q), 0.0)
         return JointStates(np.array([y, r, shear - q, shear]))
 
-    def sizes(self, states: JointStates, mu: float) -> Array:
-        """Sizes of p and q of such states, shape (2, points)."""
+    def sizes(self, states: JointStates) -> Array:
+        """Sizes of p and q of states, shape (2, points)."""
         y, r, w, _ = states.values
-        of_q = self._bound(r, mu) + np.abs(w)
-        return np.maximum(np.array([r + y, of_q]), self.smallest)
+        return np.maximum(np.array([r + y, self._bound(r) + np.abs(w)]), self.smallest)
 
-    def distances(self, values: Array, mu: float) -> Array:
-        """Distances from the laws of other states with the same p and q, to six digits.
+    def distances(self, states: JointStates, mu: float) -> Array:
+        """Distances of any states from the states with equal p and q, relative to p and q.
 
-        Args:
-            values: As those of `JointStates`.
-            mu: The product.
-
-        Returns:
-            The larger of the differences of openings and slips, relative to p and q.
+        The larger of the differences of openings and of slips, to six digits, shape (points,).
         """
-        opening, pressure, slip, shear = values
-        y, r = normal_law(pressure - opening, mu)
-        q, gamma = shear - slip, self._bound(r, mu)
-        near = distance_from_bound(np.abs(q), gamma, mu, FEWER)
+        opening, _, slip, _ = states.values
+        y, r = normal_law(states.p, mu)
+        q, gamma = states.q, self._bound(r)
+        near = distance_from_bound(np.abs(q), gamma, mu, newton_steps=4)
         w = np.copysign(gamma - near, q) - q
         of_p = np.abs(y - opening) / np.maximum(r + y, self.smallest)
         of_q = np.abs(w - slip) / np.maximum(gamma + np.abs(w), self.smallest)
-        return np.asarray(np.maximum(of_p, np.where(self.sticky, of_q, 0.0)))
+        return np.asarray(np.maximum(of_p, np.where(self.frictional, of_q, 0.0)))
 
-    def linearised(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Derivatives]:
-        """The same states, to six digits, and their derivatives."""
+    def linearized(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Derivatives]:
+        """States that belong to p and q, to six digits, and their derivatives."""
         none = np.zeros_like(p)
         y, r = normal_law(p, mu)
-        root = y + r
-        part, rate = self._part(mu), self.growth.rate(mu) if self.growth is not None else 0.0
-        gamma, gamma_r = self._bound(r, mu), part * self.friction
+        root, gamma = y + r, self._bound(r)
         r_p, y_p, r_mu = r / root, -y / root, mu / root
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
-        near = distance_from_bound(np.abs(q), gamma, mu, FEWER)
+        near = distance_from_bound(np.abs(q), gamma, mu, newton_steps=4)
         far = 2.0 * gamma - near
         of_near, of_far = mu / near, mu / far
         by_s = 1.0 + of_near / near + of_far / far
         by_gamma = -1.0 - 2.0 * of_far / far
-        side = np.where(self.sticky, np.copysign(1.0, q), 0.0)
+        side = np.where(self.frictional, np.copysign(1.0, q), 0.0)
         shear = side * (gamma - near)
-        shear_gamma_r = side * (1.0 + by_gamma / by_s) * gamma_r
-        shear_p = shear_gamma_r * r_p
-        shear_q = np.where(self.sticky, 1.0 / by_s, 0.0)
-        shear_mu = shear_gamma_r * (r_mu + rate * r) + side * (of_far - of_near) / by_s
-        rows = np.array(
-            (
-                *(y, r, shear - q, shear),
-                *(y_p, r_p, shear_p, shear_p),
-                *(none, none, shear_q - 1.0, shear_q),
-                *(r_mu, r_mu, shear_mu, shear_mu),
+        shear_r = side * (1.0 + by_gamma / by_s) * self.friction
+        shear_p = shear_r * r_p
+        shear_q = np.where(self.frictional, 1.0 / by_s, 0.0)
+        shear_mu = shear_r * r_mu + side * (of_far - of_near) / by_s
+        states = JointStates(np.array((y, r, shear - q, shear)))
+        by_p, by_q, by_mu = (
+            np.array(rows)
+            for rows in (
+                (y_p, r_p, shear_p, shear_p),
+                (none, none, shear_q - 1.0, shear_q),
+                (r_mu, r_mu, shear_mu, shear_mu),
             )
         )
-        return JointStates(rows[:4]), Derivatives(rows[4:8], rows[8:12], rows[12:])
+        return states, Derivatives(by_p, by_q, by_mu)
 
-    def _part(self, mu: float) -> float:
-        return 1.0 if self.growth is None else self.growth.part(mu)
-
-    def _bound(self, pressure: Array, mu: float) -> Array:
+    def _bound(self, pressure: Array) -> Array:
         """Bound g; 1 where there is none."""
-        bound = self._part(mu) * self.friction * pressure + self.strength
-        return np.where(self.sticky, bound, 1.0)
+        return np.where(self.frictional, self.friction * pressure + self.strength, 1.0)
 
 
 def normal_law(p: Array, mu: float) -> tuple[Array, Array]:
@@ -186,7 +142,7 @@ def normal_law(p: Array, mu: float) -> tuple[Array, Array]:
     return np.where(p > 0.0, small, large), np.where(p > 0.0, large, small)
 
 
-def distance_from_bound(q: Array, gamma: Array, mu: float, steps: int = NEWTON_STEPS) -> Array:
+def distance_from_bound(q: Array, gamma: Array, mu: float, newton_steps: int = 6) -> Array:
     """Distance s of the shear force from the bound that it is nearer to.
 
     Solves s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
@@ -195,14 +151,14 @@ def distance_from_bound(q: Array, gamma: Array, mu: float, steps: int = NEWTON_S
         q: |q|.
         gamma: The bound, above 0.
         mu: The product.
-        steps: Of Newton's method.
+        newton_steps: 6 leave nothing but rounding, 4 leave 1e-6 of s.
     """
     # Without the third term s is larger, and the first step goes too far: the left-hand side is
     # concave. From there Newton's method climbs to the solution and never passes it.
     rest = gamma - q
     large = 0.5 * (np.sqrt(rest**2 + 4.0 * mu) + np.abs(rest))
     s = np.minimum(np.where(rest > 0.0, large, mu / large), gamma)
-    for _ in range(steps):
+    for _ in range(newton_steps):
         other = 2.0 * gamma - s
         near, far = mu / s, mu / other
         s = s - (s - near + far - rest) / (1.0 + near / s + far / other)
