@@ -95,7 +95,7 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, _vertices_of_cell(domain.topology))
+    return _rows(domain.geometry.dofmap, nodes_of_cell(domain.topology.cell_type.name))
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
@@ -103,13 +103,14 @@ def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
 
 
-def _vertices_of_cell(topology: Any) -> int:
-    return {name: width for name, width in CELL_TYPES.values()}[topology.cell_type.name]
+def nodes_of_cell(cell_name: str) -> int:
+    """Number of nodes of a straight-sided cell, which is also that of its facets."""
+    return dict(CELL_TYPES.values())[cell_name]
 
 
 def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
     """Facets of every local cell, shape (cells, facets of a cell)."""
-    return topology.connectivity(2, 1).array.reshape(-1, _vertices_of_cell(topology))
+    return topology.connectivity(2, 1).array.reshape(-1, nodes_of_cell(topology.cell_type.name))
 
 
 def petsc_vector(function: fem.Function) -> PETSc.Vec:
