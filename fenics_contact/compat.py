@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import cpp, fem, io, mesh
+from dolfinx import cpp, fem, io, la, mesh
 from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -113,9 +113,10 @@ def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
     return topology.connectivity(2, 1).array.reshape(-1, nodes_of_cell(topology.cell_type.name))
 
 
-def petsc_vector(function: fem.Function) -> PETSc.Vec:
-    """The PETSc vector that shares the memory of a function."""
-    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+def add_ghosts(function: fem.Function) -> None:
+    """Add the values at ghosts to those at their owners."""
+    modes = getattr(la, "InsertMode", None) or la.ScatterMode
+    function.x.scatter_reverse(modes.add)
 
 
 def interpolation_points(space: Any) -> Any:
