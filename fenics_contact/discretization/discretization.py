@@ -105,8 +105,8 @@ class Structure:
         operators = joint_operators(joints, supports, elasticity.stiffness)
         problem = ContactProblem(
             elasticity.stiffness,
-            elasticity.dead,
-            elasticity.live,
+            _vector(elasticity, elasticity.dead),
+            _vector(elasticity, elasticity.live),
             operators.normal,
             operators.tangential,
             joints.friction[operators.points],
@@ -204,8 +204,8 @@ class Structure:
         position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
         arm = position - self.bodies.centre[body]
         spin = motion[body, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-        vector.array[:] = (motion[body, :2] + spin).ravel()
-        self.supports.to_supports(vector)
+        first = vector.getOwnershipRange()[0] // 2
+        vector.array[:] = self.supports.to_supports((motion[body, :2] + spin).ravel(), first)
         return vector
 
     def destroy(self) -> None:
@@ -220,14 +220,20 @@ class Structure:
             vector.destroy()
 
 
+def _vector(elasticity: Elasticity, values: npt.NDArray[np.float64]) -> PETSc.Vec:
+    vector = elasticity.stiffness.createVecRight()
+    vector.array[:] = values
+    return vector
+
+
 def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     """Orthonormal rigid motions of the bodies that no support touches as columns of a matrix.
 
     Those that supports leave to others may be free to some digits only.
     """
-    nodes, count = elasticity.dead.getLocalSize() // 2, len(bodies.centre)
+    nodes, count = len(elasticity.dead) // 2, len(bodies.centre)
     body = elasticity.node_body[:nodes]
-    comm = elasticity.dead.comm.tompi4py()
+    comm = elasticity.stiffness.comm.tompi4py()
     arm = elasticity.space.tabulate_dof_coordinates()[:nodes, :2] - bodies.centre[body]
     motion = motions(arm, bodies.size)  # about the mean of the nodes: orthogonal
     squares = np.zeros((count, 3))
@@ -236,7 +242,7 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     scale = untouched[:, None] / np.sqrt(comm.allreduce(squares))
     motion *= scale[body][:, None, :]
     number, mine = numbered_by_rank(comm, body, count)
-    sizes = elasticity.dead.getSizes(), (3 * len(mine), 3 * count)
+    sizes = elasticity.stiffness.getSizes()[0], (3 * len(mine), 3 * count)
     columns = np.repeat(3 * number[body][:, None] + np.arange(3), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (3 * np.arange(2 * nodes + 1), columns.ravel())]
     return PETSc.Mat().createAIJ(sizes, csr=(*csr, motion.ravel()), comm=comm)
@@ -248,7 +254,7 @@ def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) 
     Raises:
         InputError: If it does not.
     """
-    force = np.abs(elasticity.live.array_r).reshape(-1, 2).max(axis=1)
+    force = np.abs(elasticity.live).reshape(-1, 2).max(axis=1)
     body = elasticity.node_body[: len(force)]
     pushed = np.zeros(len(bodies.centre))
     np.maximum.at(pushed, body, force)
