@@ -102,7 +102,7 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         print(f"reading {options.scene}", flush=True)
     from fenics_contact.limit_load import limit_load
     from fenics_contact.progress import Progress
-    from fenics_contact.toml_tables import read_scene
+    from fenics_contact.scene import read_scene
 
     folder = _output_folder(options, comm)
     scene = read_scene(options.scene, comm, options.overrides)
@@ -189,7 +189,7 @@ def _summary(result: LimitLoad) -> str:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from fenics_contact.report import describe
-    from fenics_contact.toml_tables import read_scene
+    from fenics_contact.scene import read_scene
     from fenics_contact.discretization.discretization import Structure
 
     scene = read_scene(options.scene, comm, options.overrides)

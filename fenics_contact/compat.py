@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import cpp, fem, io, mesh
+from dolfinx import cpp, fem, io, la, mesh
 from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -95,7 +95,7 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, _vertices_of_cell(domain.topology))
+    return _rows(domain.geometry.dofmap, nodes_of_cell(domain.topology.cell_type.name))
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
@@ -103,18 +103,20 @@ def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
 
 
-def _vertices_of_cell(topology: Any) -> int:
-    return {name: width for name, width in CELL_TYPES.values()}[topology.cell_type.name]
+def nodes_of_cell(cell_name: str) -> int:
+    """Number of nodes of a straight-sided cell, which is also that of its facets."""
+    return dict(CELL_TYPES.values())[cell_name]
 
 
 def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
     """Facets of every local cell, shape (cells, facets of a cell)."""
-    return topology.connectivity(2, 1).array.reshape(-1, _vertices_of_cell(topology))
+    return topology.connectivity(2, 1).array.reshape(-1, nodes_of_cell(topology.cell_type.name))
 
 
-def petsc_vector(function: fem.Function) -> PETSc.Vec:
-    """The PETSc vector that shares the memory of a function."""
-    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+def add_ghosts(function: fem.Function) -> None:
+    """Add the values at ghosts to those at their owners."""
+    modes = getattr(la, "InsertMode", None) or la.ScatterMode
+    function.x.scatter_reverse(modes.add)
 
 
 def interpolation_points(space: Any) -> Any:

@@ -21,7 +21,7 @@ from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointStep
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import WorkControl
 from fenics_contact.solvers.kkt import Scales, State
-from fenics_contact.analysis.plan import Plan
+from fenics_contact.analysis.plan import Plan, make_plan
 from fenics_contact.solvers.problem import ContactProblem
 from fenics_contact.scene import Scene
 from fenics_contact.analysis.work_control import (
@@ -158,7 +158,7 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
     """
     start = time.perf_counter()
     structure = Structure.build(scene)
-    plan = scene.plan()
+    plan = make_plan(scene)
     for item in plan.skipped:
         _log.info("skipped: %s", item)
     driver = _Driver(structure, plan, monitor)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,10 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
 
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+Labels = npt.NDArray[np.int32]
+
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
 
@@ -23,28 +27,22 @@ _LINE = 1  # gmsh element type of a straight facet
 
 
 @dataclass(frozen=True)
-class GmshMesh:
-    """The planar cells and tagged facets of a gmsh model, on one rank.
+class TaggedMesh:
+    """Physical groups of a mesh; the same on all ranks that have it.
 
     Attributes:
-        cell_name: "triangle" or "quadrilateral".
-        points: Coordinates of the nodes the cells use, shape (points, 2), in the unit of the file.
-        cells: Node indices in gmsh order, shape (cells, nodes of a cell).
-        cell_groups: Physical groups of every cell, as an index into `cell_sets`.
-        facets: Node indices of the tagged facets, smaller first, shape (facets, 2), each once.
-        facet_groups: Physical groups of every facet, as an index into `facet_sets`.
+        source: Where the mesh came from, for messages.
+        facets: Input nodes of the tagged facets, smaller first, shape (facets, 2), each once.
+        facet_groups: Physical groups of those facets, as an index into `facet_sets`.
         cell_sets: The sets of group names that occur on cells.
         facet_sets: The sets of group names that occur on facets.
         cell_names: Names of all two-dimensional groups.
         facet_names: Names of all one-dimensional groups.
     """
 
-    cell_name: str
-    points: npt.NDArray[np.float64]
-    cells: npt.NDArray[np.int64]
-    cell_groups: npt.NDArray[np.int32]
-    facets: npt.NDArray[np.int64]
-    facet_groups: npt.NDArray[np.int32]
+    source: str
+    facets: Indices
+    facet_groups: Labels
     cell_sets: tuple[frozenset[str], ...]
     facet_sets: tuple[frozenset[str], ...]
     cell_names: tuple[str, ...]
@@ -52,35 +50,37 @@ class GmshMesh:
 
 
 @dataclass(frozen=True)
-class BlockMesh:
+class GmshMesh(TaggedMesh):
+    """The planar cells and tagged facets of a gmsh model, on one rank.
+
+    Attributes:
+        cell_name: "triangle" or "quadrilateral".
+        points: Coordinates of the nodes the cells use, shape (points, 2), in the unit of the file.
+        cells: Node indices in gmsh order, shape (cells, nodes of a cell).
+        cell_groups: Physical groups of every cell, as an index into `cell_sets`.
+    """
+
+    cell_name: str
+    points: Array
+    cells: Indices
+    cell_groups: Labels
+
+
+@dataclass(frozen=True)
+class BlockMesh(TaggedMesh):
     """A distributed mesh whose bodies (connected sets of cells) share no node.
 
     Attributes:
         domain: The dolfinx mesh.
-        source: Where it came from, for messages.
         body: Body of every local cell, shape (local cells,); bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
-        facets: Input node indices of all tagged facets, smaller first, shape (facets, 2), on all
-            ranks.
-        facet_groups: Physical groups of those facets, as an index into `facet_sets`; on all ranks.
-        cell_sets: The sets of group names that occur on cells.
-        facet_sets: The sets of group names that occur on facets.
-        cell_names: Names of all two-dimensional groups.
-        facet_names: Names of all one-dimensional groups.
     """
 
     domain: Any
-    source: str
-    body: npt.NDArray[np.int32]
+    body: Labels
     body_count: int
-    cell_groups: npt.NDArray[np.int32]
-    facets: npt.NDArray[np.int64]
-    facet_groups: npt.NDArray[np.int32]
-    cell_sets: tuple[frozenset[str], ...]
-    facet_sets: tuple[frozenset[str], ...]
-    cell_names: tuple[str, ...]
-    facet_names: tuple[str, ...]
+    cell_groups: Labels
 
     @property
     def comm(self) -> MPI.Comm:
@@ -98,12 +98,7 @@ class BlockMesh:
         Raises:
             InputError: On all ranks, if the file is missing, not gmsh's, or not a mesh of blocks.
         """
-        comm = compat.default_comm() if comm is None else comm
-        mesh = None
-        with raised_together(comm):
-            if comm.rank == 0:
-                mesh = _read(Path(path))
-        return cls._distribute(mesh, comm, str(path))
+        return cls._distribute(lambda: _read(Path(path)), comm)
 
     @classmethod
     def from_model(cls, model: Any, comm: MPI.Comm | None = None) -> BlockMesh:
@@ -116,45 +111,29 @@ class BlockMesh:
         Raises:
             InputError: On all ranks, if the model is not a mesh of blocks.
         """
-        comm = compat.default_comm() if comm is None else comm
-        mesh = None
-        with raised_together(comm):
-            if comm.rank == 0:
-                mesh = extract(model, "the gmsh model")
-        return cls._distribute(mesh, comm, "the gmsh model")
+        return cls._distribute(lambda: extract(model, "the gmsh model"), comm)
 
     @classmethod
-    def _distribute(cls, mesh: GmshMesh | None, comm: MPI.Comm, source: str) -> BlockMesh:
-        body: npt.NDArray[np.int32] = np.empty(0, dtype=np.int32)
+    def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
+        """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
+        comm = compat.default_comm() if comm is None else comm
+        mesh, numbers = None, None
         with raised_together(comm):
-            if mesh is not None:
-                _check_cells(mesh, source)
-                body = _bodies(mesh, source)
-        destinations = None if mesh is None else _ranks_of_bodies(mesh, body, comm.size)
-        whole = comm.bcast(destinations is not None)
-        name, width = comm.bcast(None if mesh is None else (mesh.cell_name, mesh.cells.shape[1]))
-        if mesh is None:
-            cells, points = np.empty((0, width), dtype=np.int64), np.empty((0, 2))
-            destinations = np.empty(0, dtype=np.int32) if whole else None
-        else:
-            cells, points = mesh.cells, mesh.points
-        domain = compat.create_mesh(comm, name, cells, points, destinations)
-        per_cell = None if mesh is None else np.column_stack([body, mesh.cell_groups])
-        mine = _send_to_cells(comm, domain, per_cell)
-        shared = comm.bcast(
+            if comm.rank == 0:
+                mesh = read()
+                body = bodies_of_cells(mesh)
+                numbers = np.column_stack([body, mesh.cell_groups])
+        domain = _distributed_cells(comm, mesh, None if numbers is None else numbers[:, 0])
+        mine = _send_to_cells(comm, domain, numbers)
+        tags = comm.bcast(
             None
             if mesh is None
-            else {
-                "body_count": int(body.max()) + 1,
-                "facets": mesh.facets,
-                "facet_groups": mesh.facet_groups,
-                "cell_sets": mesh.cell_sets,
-                "facet_sets": mesh.facet_sets,
-                "cell_names": mesh.cell_names,
-                "facet_names": mesh.facet_names,
-            }
+            else {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
         )
-        return cls(domain=domain, source=source, body=mine[:, 0], cell_groups=mine[:, 1], **shared)
+        count = comm.allreduce(int(mine[:, 0].max(initial=-1)), MPI.MAX) + 1
+        return cls(
+            domain=domain, body=mine[:, 0], body_count=count, cell_groups=mine[:, 1], **tags
+        )
 
 
 @contextmanager
@@ -198,66 +177,74 @@ def extract(model: Any, source: str) -> GmshMesh:
         source: What to call the model in messages.
 
     Raises:
-        InputError: If there are no two-dimensional groups with cells, or cells of a kind we lack.
+        InputError: If there are no two-dimensional groups with cells, or cells of a kind we lack,
+            or without area, or out of the plane.
     """
     names = {(d, t): model.getPhysicalName(d, t) or str(t) for d, t in model.getPhysicalGroups()}
-    cell_names = tuple(dict.fromkeys(n for (d, _), n in names.items() if d == 2))
-    facet_names = tuple(dict.fromkeys(n for (d, _), n in names.items() if d == 1))
+    cell_names, facet_names = (
+        tuple(dict.fromkeys(name for (d, _), name in names.items() if d == dim)) for dim in (2, 1)
+    )
     if not cell_names:
         raise InputError(
             f"{source} has no two-dimensional physical group; put the blocks' surfaces into one"
         )
-    cell_sets: dict[frozenset[str], int] = {}
-    facet_sets: dict[frozenset[str], int] = {}
-    cell_type, cells, cell_groups = _cells(model, names, cell_sets, source)
-    facets, facet_groups = _facets(model, names, facet_sets)
-
-    tags, coordinates, _ = model.mesh.getNodes()
-    coordinates = coordinates.reshape(-1, 3)
-    order = np.argsort(tags)
-    tags, coordinates = tags[order], coordinates[order]
+    cell_name, cells, cell_groups, cell_sets = _cells(model, names, source)
+    facets, facet_groups, facet_sets = _facets(model, names, facet_names)
     used, flat = np.unique(cells, return_inverse=True)
-    points = coordinates[np.searchsorted(tags, used)]
+    index = np.minimum(np.searchsorted(used, facets), len(used) - 1)
+    known = np.all(used[index] == facets, axis=1)
+    mesh = GmshMesh(
+        source=source,
+        facets=np.sort(index[known], axis=1),
+        facet_groups=facet_groups[known],
+        cell_sets=cell_sets,
+        facet_sets=facet_sets,
+        cell_names=cell_names,
+        facet_names=facet_names,
+        cell_name=cell_name,
+        points=_coordinates(model, used, source),
+        cells=flat.reshape(cells.shape).astype(np.int64),
+        cell_groups=cell_groups,
+    )
+    _check_areas(mesh)
+    return mesh
+
+
+def _coordinates(model: Any, nodes: npt.NDArray[np.uint64], source: str) -> Array:
+    """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
+    tags, coordinates, _ = model.mesh.getNodes()
+    order = np.argsort(tags)
+    rows = order[np.searchsorted(tags, nodes, sorter=order)]
+    points = coordinates.reshape(-1, 3)[rows]
     spread = np.ptp(points, axis=0)
     if spread[2] > 1e-9 * spread.max():
         raise InputError(f"{source} is not planar: z varies by {spread[2]:.3g}; draw it in x and y")
-    index = np.minimum(np.searchsorted(used, facets), len(used) - 1)
-    known = np.all(used[index] == facets, axis=1) if len(facets) else np.zeros(0, dtype=bool)
-    return GmshMesh(
-        cell_name=compat.CELL_TYPES[cell_type][0],
-        points=points[:, :2].copy(),
-        cells=flat.reshape(cells.shape).astype(np.int64),
-        cell_groups=cell_groups,
-        facets=np.sort(index[known], axis=1).astype(np.int64).reshape(-1, 2),
-        facet_groups=facet_groups[known],
-        cell_sets=tuple(cell_sets),
-        facet_sets=tuple(facet_sets),
-        cell_names=cell_names,
-        facet_names=facet_names,
-    )
+    return points[:, :2].copy()
 
 
-def _groups_of(
-    model: Any, dim: int, entity: int, names: dict[tuple[int, int], str]
-) -> frozenset[str]:
-    tags = model.getPhysicalGroupsForEntity(dim, entity)
-    return frozenset(names[(dim, int(tag))] for tag in tags)
+def _elements(
+    model: Any, dim: int, names: dict[tuple[int, int], str]
+) -> Iterator[tuple[frozenset[str], int, npt.NDArray[np.uint64]]]:
+    """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
+    for _, entity in model.getEntities(dim):
+        tags = model.getPhysicalGroupsForEntity(dim, entity)
+        if len(tags):
+            types, _, nodes = model.mesh.getElements(dim, entity)
+            for kind, flat in zip(types, nodes, strict=True):
+                yield frozenset(names[dim, int(tag)] for tag in tags), int(kind), flat
 
 
 def _cells(
-    model: Any, names: dict[tuple[int, int], str], sets: dict[frozenset[str], int], source: str
-) -> tuple[int, npt.NDArray[np.uint64], npt.NDArray[np.int32]]:
+    model: Any, names: dict[tuple[int, int], str], source: str
+) -> tuple[str, npt.NDArray[np.uint64], Labels, tuple[frozenset[str], ...]]:
+    """Cell name, nodes of the cells, and their groups as an index into the sets that occur."""
+    sets: dict[frozenset[str], int] = {}
     kinds, cells, groups = set(), [], []
-    for dim, entity in model.getEntities(2):
-        group = _groups_of(model, dim, entity, names)
-        if not group:
-            continue
-        types, _, nodes = model.mesh.getElements(dim, entity)
-        for kind, flat in zip(types, nodes, strict=True):
-            kinds.add(int(kind))
-            width = compat.CELL_TYPES.get(int(kind), ("", 1))[1]
-            cells.append(flat.reshape(-1, width))
-            groups.append(np.full(len(cells[-1]), sets.setdefault(group, len(sets)), np.int32))
+    for names_of_cell, kind, flat in _elements(model, 2, names):
+        kinds.add(kind)
+        cells.append(flat.reshape(-1, compat.CELL_TYPES.get(kind, ("", 1))[1]))
+        label = sets.setdefault(names_of_cell, len(sets))
+        groups.append(np.full(len(cells[-1]), label, np.int32))
     if not cells:
         raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
     if len(kinds) > 1 or not kinds <= set(compat.CELL_TYPES):
@@ -266,127 +253,124 @@ def _cells(
             f"{source} has cells of kind {found}; mesh it with straight triangles only, or with"
             " straight quadrilaterals only"
         )
-    return kinds.pop(), np.concatenate(cells), np.concatenate(groups)
+    name, _ = compat.CELL_TYPES[kinds.pop()]
+    return name, np.concatenate(cells), np.concatenate(groups), tuple(sets)
 
 
 def _facets(
-    model: Any, names: dict[tuple[int, int], str], sets: dict[frozenset[str], int]
-) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.int32]]:
-    """Tagged facets, each once with the union of its groups."""
-    pairs, groups = [np.empty((0, 2), dtype=np.uint64)], [np.empty(0, dtype=np.int32)]
-    for dim, entity in model.getEntities(1):
-        group = _groups_of(model, dim, entity, names)
-        if not group:
-            continue
-        types, _, nodes = model.mesh.getElements(dim, entity)
-        for kind, flat in zip(types, nodes, strict=True):
-            if kind == _LINE:
-                pairs.append(np.sort(flat.reshape(-1, 2), axis=1))
-                groups.append(np.full(len(pairs[-1]), sets.setdefault(group, len(sets)), np.int32))
-    facets, first, inverse = np.unique(
-        np.concatenate(pairs), axis=0, return_index=True, return_inverse=True
-    )
-    group_of = np.concatenate(groups)
-    merged = group_of[first]
-    known = list(sets)
-    for row in np.flatnonzero(group_of != merged[inverse.ravel()]):  # tagged more than once
-        facet = inverse.ravel()[row]
-        union = known[merged[facet]] | known[group_of[row]]
-        merged[facet] = sets.setdefault(union, len(sets))
-        known = list(sets)
-    return facets, merged
+    model: Any, names: dict[tuple[int, int], str], facet_names: tuple[str, ...]
+) -> tuple[npt.NDArray[np.uint64], Labels, tuple[frozenset[str], ...]]:
+    """Nodes of tagged facets, each once, and their groups as an index into the sets that occur."""
+    pairs = [np.empty((0, 2), dtype=np.uint64)]
+    flags = [np.empty((0, len(facet_names)), dtype=bool)]
+    for groups, kind, flat in _elements(model, 1, names):
+        if kind == _LINE:
+            pairs.append(np.sort(flat.reshape(-1, 2), axis=1))
+            flags.append(np.tile([name in groups for name in facet_names], (len(pairs[-1]), 1)))
+    facets, row = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
+    member = np.zeros((len(facets), len(facet_names)), dtype=bool)
+    np.logical_or.at(member, row.ravel(), np.concatenate(flags))
+    sets, label = np.unique(member, axis=0, return_inverse=True)
+    named = tuple(frozenset(np.array(facet_names)[one].tolist()) for one in sets)
+    return facets, label.ravel().astype(np.int32), named
 
 
-def _check_cells(mesh: GmshMesh, source: str) -> None:
+def _check_areas(mesh: GmshMesh) -> None:
     corners = mesh.points[mesh.cells]
     # Relative to the first corner, so that far-away origins cost no digits.
     shifted = corners - corners[:, :1]
     following = np.roll(shifted, -1, axis=1)
     cross = shifted[..., 0] * following[..., 1] - shifted[..., 1] * following[..., 0]
     area = 0.5 * np.abs(cross.sum(axis=1))
-    edge2 = ((following - shifted) ** 2).sum(axis=2).max(axis=1)
-    flat = np.flatnonzero(area <= 1e-10 * edge2)
+    longest2 = ((following - shifted) ** 2).sum(axis=2).max(axis=1)
+    flat = np.flatnonzero(area <= 1e-10 * longest2)
     if len(flat):
         x, y = corners[flat[0]].mean(axis=0)
-        raise InputError(f"{source}: {len(flat)} cells have no area, the first at ({x:g}, {y:g})")
+        raise InputError(
+            f"{mesh.source}: {len(flat)} cells have no area, the first at ({x:g}, {y:g})"
+        )
 
 
-def _bodies(mesh: GmshMesh, source: str) -> npt.NDArray[np.int32]:
+def bodies_of_cells(mesh: GmshMesh) -> Labels:
     """Body of every cell: sets of cells connected through facets, numbered by first cell.
 
     Raises:
         InputError: If a body hangs together at a single node only, which would be a hinge.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    count, width = mesh.cells.shape
-    cell = np.repeat(np.arange(count), width)
-    shape = (count, len(mesh.points))
-    at_node = coo_matrix((np.ones(cell.size, np.int8), (cell, mesh.cells.ravel())), shape).tocsr()
-    by_node = connected_components(_bipartite(at_node), directed=False)[1][:count]
-
     sides = np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=2).reshape(-1, 2)
     key = sides.min(axis=1) * len(mesh.points) + sides.max(axis=1)
     _, side = np.unique(key, return_inverse=True)
-    at_side = coo_matrix((np.ones(cell.size, np.int8), (cell, side))).tocsr()
-    by_side = connected_components(_bipartite(at_side), directed=False)[1][:count]
-    if len(np.unique(by_node)) != len(np.unique(by_side)):
+    by_node = _connected(mesh.cells)
+    by_side = _connected(side.reshape(mesh.cells.shape))
+    if by_node.max() != by_side.max():
         raise InputError(
-            f"{source}: blocks share single nodes; every block needs nodes of its own (double them)"
+            f"{mesh.source}: blocks share single nodes; every block needs nodes of its own"
+            " (double them)"
         )
     _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[label].astype(np.int32)
 
 
-def _bipartite(incidence: Any) -> Any:
-    from scipy.sparse import bmat
+def _connected(entities: Indices) -> Labels:
+    """Labels 0, 1, ... of the sets of cells that are connected through entities they share."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
 
-    return bmat([[None, incidence], [incidence.T, None]])
+    count, width = entities.shape
+    cell, entity = np.repeat(np.arange(count), width), count + entities.ravel()
+    size = int(entity.max()) + 1
+    graph = coo_matrix((np.ones(len(cell), np.int8), (cell, entity)), (size, size))
+    return np.unique(connected_components(graph, directed=False)[1][:count], return_inverse=True)[1]
 
 
-def _ranks_of_bodies(
-    mesh: GmshMesh, body: npt.NDArray[np.int32], ranks: int
-) -> npt.NDArray[np.int32] | None:
-    """Rank of every cell such that bodies stay whole, or None where that would not balance."""
+def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:
+    """Rank of every cell such that bodies stay whole, or None where that would not balance.
+
+    Args:
+        mesh: The cells.
+        body: Body of every cell.
+        ranks: Number of ranks.
+    """
     cells = np.bincount(body)
     centre = mesh.points[mesh.cells].mean(axis=1)
     position = np.column_stack([np.bincount(body, centre[:, d]) / cells for d in range(2)])
     rank = np.zeros(len(cells), dtype=np.int32)
-    _bisect(np.arange(len(cells)), cells, position, 0, ranks, rank)
+
+    def bisect(members: Indices, first: int, count: int) -> None:
+        """Recursive coordinate bisection of bodies onto ranks first, ..., first + count - 1."""
+        if count == 1 or len(members) == 0:
+            rank[members] = first
+            return
+        axis = int(np.argmax(np.ptp(position[members], axis=0)))
+        order = members[np.lexsort((position[members, 1 - axis], position[members, axis]))]
+        total = np.cumsum(cells[order])
+        left = count // 2
+        cut = int(np.searchsorted(total - 0.5 * cells[order], total[-1] * left / count))
+        bisect(order[:cut], first, left)
+        bisect(order[cut:], first + left, count - left)
+
+    bisect(np.arange(len(cells)), 0, ranks)
     load = np.bincount(rank, cells, minlength=ranks)
-    if load.max() > BODY_IMBALANCE * load.mean():
-        return None
-    return rank[body]
+    return None if load.max() > BODY_IMBALANCE * load.mean() else rank[body]
 
 
-def _bisect(
-    members: npt.NDArray[np.int64],
-    weight: npt.NDArray[np.int64],
-    position: npt.NDArray[np.float64],
-    first: int,
-    ranks: int,
-    rank: npt.NDArray[np.int32],
-) -> None:
-    """Recursive coordinate bisection of bodies onto ranks first, ..., first + ranks - 1."""
-    if ranks == 1 or len(members) == 0:
-        rank[members] = first
-        return
-    axis = int(np.argmax(np.ptp(position[members], axis=0)))
-    order = members[np.lexsort((position[members, 1 - axis], position[members, axis]))]
-    left = ranks // 2
-    total = np.cumsum(weight[order])
-    cut = int(np.searchsorted(total - 0.5 * weight[order], total[-1] * left / ranks))
-    _bisect(order[:cut], weight, position, first, left, rank)
-    _bisect(order[cut:], weight, position, first + left, ranks - left, rank)
+def _distributed_cells(comm: MPI.Comm, mesh: GmshMesh | None, body: Labels | None) -> Any:
+    """The dolfinx mesh of cells that rank 0 has, bodies whole where that balances."""
+    destinations, name = None, ""
+    if mesh is not None and body is not None:
+        destinations, name = ranks_of_bodies(mesh, body, comm.size), mesh.cell_name
+    name, whole = comm.bcast((name, destinations is not None))
+    if mesh is not None:
+        return compat.create_mesh(comm, name, mesh.cells, mesh.points, destinations)
+    cells = np.empty((0, compat.nodes_of_cell(name)), dtype=np.int64)
+    none = np.empty(0, dtype=np.int32) if whole else None
+    return compat.create_mesh(comm, name, cells, np.empty((0, 2)), none)
 
 
-def _send_to_cells(
-    comm: MPI.Comm, domain: Any, values: npt.NDArray[np.int32] | None
-) -> npt.NDArray[np.int32]:
+def _send_to_cells(comm: MPI.Comm, domain: Any, values: Labels | None) -> Labels:
     """Values of the input cells (on rank 0) at the local cells that they became."""
     wanted = comm.gather(np.asarray(domain.topology.original_cell_index))
-    parts: list[npt.NDArray[np.int32]] = []
+    parts: list[Labels] = []
     if values is not None and wanted is not None:
         parts = [values[index] for index in wanted]
     return comm.scatter(parts)

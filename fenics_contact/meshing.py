@@ -1,9 +1,15 @@
-"""gmsh builders: walls in courses, and blocks given by their corners."""
+"""gmsh builders: walls in courses, arches, and blocks given by their corners.
+
+Every builder returns `gmsh.model`, meshed; its model is gmsh's current one and replaces an earlier
+model of the same name, so that drawing many does not fill the memory. `quadrilaterals` asks for
+quadrilateral cells in place of triangles.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -12,8 +18,10 @@ import numpy.typing as npt
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import extract, gmsh_session
 
-_TRIANGLE = 2  # gmsh element types
-_QUADRILATERAL = 3
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+_ELEMENT_TYPES = {2: 1, 3: 2, 4: 3}  # gmsh's, by number of nodes
 
 #: Corners closer than this, relative to the size of the drawing, are the same point.
 COINCIDENT = 1e-9
@@ -31,16 +39,12 @@ def model_from_arrays(
         points: Coordinates, shape (points, 2).
         cells: Node indices of the cells by group name, each of shape (cells, 3) or (cells, 4).
         facets: Node indices of facets by group name, each of shape (facets, 2).
-        name: Name of the model, which becomes gmsh's current one.
-
-    Returns:
-        `gmsh.model`.
+        name: Name of the model.
     """
     coordinates = np.zeros((len(np.asarray(points)), 3))
     coordinates[:, :2] = points
     with gmsh_session() as gmsh:
-        model = gmsh.model
-        model.add(name)
+        model = _new_model(gmsh, name)
         nodes = np.arange(1, len(coordinates) + 1)
         next_element = 1
         for dim, groups in ((2, cells), (1, facets)):
@@ -52,12 +56,21 @@ def model_from_arrays(
                 if len(nodes):  # all nodes are classified on the first surface
                     model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
                     nodes = nodes[:0]
-                kind = 1 if dim == 1 else {3: _TRIANGLE, 4: _QUADRILATERAL}[table.shape[1]]
                 elements = np.arange(next_element, next_element + len(table))
                 next_element += len(table)
+                kind = _ELEMENT_TYPES[table.shape[1]]
                 model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
                 model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
         return model
+
+
+def _new_model(gmsh: Any, name: str) -> Any:
+    """An empty model in place of those of the same name."""
+    while name in gmsh.model.list():
+        gmsh.model.setCurrent(name)
+        gmsh.model.remove()
+    gmsh.model.add(name)
+    return gmsh.model
 
 
 def wall(
@@ -76,10 +89,7 @@ def wall(
             number is a void of that length.
         block: Length and height of one block, m.
         elements: Number of elements along half a block.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If a length is zero, or courses have no block.
@@ -87,27 +97,29 @@ def wall(
     length, height = block
     if length <= 0.0 or height <= 0.0 or elements < 1:
         raise InputError("wall: block sizes and elements must be positive")
-    corners = [np.concatenate([[0.0], np.cumsum(np.abs(row))]) for row in courses]
-    if not corners or any(np.any(np.diff(row) <= 0.0) for row in corners):
+    ends = [np.concatenate([[0.0], np.cumsum(np.abs(row))]) for row in courses]
+    if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
     rectangles = [
         (left * length, level * height, right * length, (level + 1) * height)
-        for level, (row, course) in enumerate(zip(corners, courses, strict=True))
+        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
         for left, right, size in zip(row[:-1], row[1:], course, strict=True)
         if size > 0.0
     ]
     if not rectangles:
         raise InputError("wall: there is no block, all lengths are negative")
-    half = np.concatenate(corners) * 2.0 * elements
-    if np.allclose(half, np.round(half), rtol=0.0, atol=1e-9):
+    on_grid = np.concatenate(ends) * 2.0 * elements
+    if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
         steps = (0.5 * length / elements, height / max(1, round(2.0 * elements * height / length)))
-        return _grid_wall(np.asarray(rectangles), steps, quadrilaterals)
-    outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
-    free = polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
-    mesh = extract(free, "the wall")
-    free.remove()
-    groups = _outline_groups(mesh.points, _boundary_facets(mesh.cells))
-    return model_from_arrays(mesh.points, {"blocks": mesh.cells}, groups, "wall")
+        points, cells = _grid_wall(rectangles, steps, quadrilaterals)
+    else:
+        outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
+        free = polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
+        mesh = extract(free, "the wall")
+        free.remove()
+        points, cells = mesh.points, mesh.cells
+    groups = _outline_groups(points, _boundary_facets(cells))
+    return model_from_arrays(points, {"blocks": cells}, groups, "wall")
 
 
 def running_bond(
@@ -117,64 +129,56 @@ def running_bond(
     elements: int = 2,
     quadrilaterals: bool = False,
 ) -> Any:
-    """Mesh a wall in running bond with half bricks at the ends of every second course.
+    """Mesh a `wall` in running bond with half bricks at the ends of every second course.
 
     Args:
         bricks: Length of the wall in bricks.
         courses: Number of courses.
         block: Length and height of a brick, m.
         elements: Number of elements along half a brick.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed, with the groups of `wall`.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If there is no brick or no course.
     """
     if bricks < 1 or courses < 1:
         raise InputError("running_bond: give at least one brick and one course")
-    whole = [1.0] * bricks
-    broken = [0.5] + [1.0] * (bricks - 1) + [0.5]
-    rows = [whole if level % 2 == 0 else broken for level in range(courses)]
-    return wall(rows, block, elements, quadrilaterals)
+    rows = ([1.0] * bricks, [0.5] + [1.0] * (bricks - 1) + [0.5])
+    return wall([rows[level % 2] for level in range(courses)], block, elements, quadrilaterals)
 
 
 def _grid_wall(
-    rectangles: npt.NDArray[np.float64], steps: tuple[float, float], quadrilaterals: bool
-) -> Any:
-    """Rectangles (x0, y0, x1, y1) on one grid; diagonals alternate so that no side is preferred."""
-    points, cells, edges = [], [], []
+    rectangles: Sequence[tuple[float, float, float, float]],
+    steps: tuple[float, float],
+    quadrilaterals: bool,
+) -> tuple[Array, Indices]:
+    """Points and cells of rectangles (x0, y0, x1, y1) on one grid."""
+    points, cells = [], []
     count = 0
     for x0, y0, x1, y1 in rectangles:
         nx, ny = round((x1 - x0) / steps[0]), round((y1 - y0) / steps[1])
         x, y = np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1)
         grid = count + np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
         points.append(np.column_stack([np.tile(x, ny + 1), np.repeat(y, nx + 1)]))
-        count = int(grid[-1, -1]) + 1
         cells.append(_grid_cells(grid, quadrilaterals))
-        sides = (grid[0], grid[:, -1], grid[-1, ::-1], grid[::-1, 0])
-        edges.append(np.concatenate([np.column_stack([s[:-1], s[1:]]) for s in sides]))
-    facets = np.concatenate(edges)
-    coordinates = np.concatenate(points)
-    groups = _outline_groups(coordinates, facets)
-    return model_from_arrays(coordinates, {"blocks": np.concatenate(cells)}, groups, "wall")
+        count += grid.size
+    return np.concatenate(points), np.concatenate(cells)
 
 
-def _grid_cells(grid: npt.NDArray[np.int64], quadrilaterals: bool) -> npt.NDArray[np.int64]:
-    a, b, c, d = (
-        part.ravel() for part in (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
-    )
+def _grid_cells(grid: Indices, quadrilaterals: bool) -> Indices:
+    """Cells of a grid of nodes; diagonals alternate so that no side is preferred."""
+    corners = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
+    a, b, c, d = (part.ravel() for part in corners)
     if quadrilaterals:
         return np.column_stack([a, b, c, d])
-    row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))
+    row, column = np.indices(corners[0].shape)
     rising = ((row + column) % 2 == 0).ravel()[:, None]
     lower = np.where(rising, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
     upper = np.where(rising, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
 
 
-def _boundary_facets(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _boundary_facets(cells: Indices) -> Indices:
     """Facets of one cell only, in arrays of cells that share no nodes between blocks."""
     facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
     _, first, count = np.unique(
@@ -183,9 +187,7 @@ def _boundary_facets(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return facets[first[count == 1]]
 
 
-def _outline_groups(
-    points: npt.NDArray[np.float64], facets: npt.NDArray[np.int64]
-) -> dict[str, npt.NDArray[np.int64]]:
+def _outline_groups(points: Array, facets: Indices) -> dict[str, Indices]:
     """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
     from scipy.spatial import cKDTree
 
@@ -227,61 +229,78 @@ def polygons(
         names: Two-dimensional group of every block; "blocks" for all when not given.
         groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
             group. When not given, "base" is what lies at the lowest level of the drawing.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If a block has fewer than three corners or no area, or a group no side.
     """
-    corners = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
-    if not corners or (size is not None and size <= 0.0):
+    blocks = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
+    if not blocks or (size is not None and size <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
     if size is None:
-        size = 0.25 * float(np.sqrt(np.mean([_area(outline) for outline in corners])))
-    if names is not None and len(names) != len(corners):
-        raise InputError(f"polygons: {len(names)} names for {len(corners)} blocks")
-    everything = np.concatenate(corners)
-    near = COINCIDENT * np.ptp(everything, axis=0).max()
+        size = 0.25 * float(np.sqrt(np.mean([_area(block) for block in blocks])))
+    names = ["blocks"] * len(blocks) if names is None else names
+    if len(names) != len(blocks):
+        raise InputError(f"polygons: {len(names)} names for {len(blocks)} blocks")
+    corners = np.concatenate(blocks)
+    near = COINCIDENT * np.ptp(corners, axis=0).max()
     if groups is None:
-        (left, low), right = everything.min(axis=0), everything[:, 0].max()
+        (left, low), right = corners.min(axis=0), corners[:, 0].max()
         groups = {"base": [((left, low), (right, low))]}
     with gmsh_session() as gmsh:
-        model = gmsh.model
-        model.add("polygons")
-        on_group: dict[str, list[int]] = {name: [] for name in groups}
-        surfaces: dict[str, list[int]] = {}
-        for number, outline in enumerate(corners):
-            lines = _add_sides(model.geo, _with_t_joints(outline, everything, near), size)
-            surface = model.geo.addPlaneSurface([model.geo.addCurveLoop([t for t, _, _ in lines])])
-            surfaces.setdefault("blocks" if names is None else names[number], []).append(surface)
-            for name, segments in groups.items():
-                on_group[name] += [
-                    tag
-                    for tag, start, end in lines
-                    if any(_on_segment(np.array([start, end]), s, near).all() for s in segments)
-                ]
-        model.geo.synchronize()
-        for dim, members in ((2, surfaces), (1, on_group)):
-            for name, tags in members.items():
-                if not tags:
-                    raise InputError(f"polygons: no side of a block lies on group '{name}'")
-                model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
+        model = _new_model(gmsh, "polygons")
+        blocks = [_with_t_joints(block, corners, near) for block in blocks]
+        _draw(model, blocks, size, names, groups, near)
         # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 1 if quadrilaterals else 0)
-        gmsh.option.setNumber("Mesh.RecombineAll", 1 if quadrilaterals else 0)
-        try:
+        subdivision = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
+        with _mesh_options(gmsh, {"MeshSizeMax": size, **subdivision}):
             model.mesh.generate(2)
-        finally:
-            gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22)
-            gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 0)
-            gmsh.option.setNumber("Mesh.RecombineAll", 0)
         return model
 
 
-def _checked_outline(outline: npt.ArrayLike, number: int) -> npt.NDArray[np.float64]:
+@contextmanager
+def _mesh_options(gmsh: Any, options: Mapping[str, float]) -> Iterator[None]:
+    """Set some of gmsh's options of meshing for a while."""
+    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
+    try:
+        for name, value in options.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
+        yield
+    finally:
+        for name, value in before.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
+
+
+def _draw(
+    model: Any,
+    blocks: Sequence[Array],
+    size: float,
+    names: Sequence[str],
+    groups: Mapping[str, Sequence[npt.ArrayLike]],
+    near: float,
+) -> None:
+    """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
+    surfaces: dict[str, list[int]] = {}
+    on_group: dict[str, list[int]] = {name: [] for name in groups}
+    for block, block_name in zip(blocks, names, strict=True):
+        lines = _add_sides(model.geo, block, size)
+        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(lines)])
+        surfaces.setdefault(block_name, []).append(surface)
+        following = np.roll(block, -1, axis=0)
+        for name, segments in groups.items():
+            on = np.zeros(len(block), dtype=bool)
+            for segment in segments:
+                on |= _on_segment(block, segment, near) & _on_segment(following, segment, near)
+            on_group[name] += [lines[side] for side in np.flatnonzero(on)]
+    model.geo.synchronize()
+    for dim, members in ((2, surfaces), (1, on_group)):
+        for name, tags in members.items():
+            if not tags:
+                raise InputError(f"polygons: no side of a block lies on group '{name}'")
+            model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
+
+
+def _checked_outline(outline: npt.ArrayLike, number: int) -> Array:
     """The corners anticlockwise."""
     corners = np.asarray(outline, dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
@@ -292,15 +311,13 @@ def _checked_outline(outline: npt.ArrayLike, number: int) -> npt.NDArray[np.floa
     return corners if area > 0.0 else corners[::-1]
 
 
-def _area(corners: npt.NDArray[np.float64]) -> float:
+def _area(corners: Array) -> float:
     """Area of a polygon, negative if its corners run clockwise."""
     x, y = (corners - corners[0]).T
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def _on_segment(
-    points: npt.NDArray[np.float64], segment: npt.ArrayLike, near: float
-) -> npt.NDArray[np.bool_]:
+def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> npt.NDArray[np.bool_]:
     """Which points lie on a segment, its ends included."""
     start, end = np.asarray(segment, dtype=float)
     length = float(np.linalg.norm(end - start))
@@ -309,36 +326,29 @@ def _on_segment(
     return (np.abs(across) <= near) & (along >= -near) & (along <= length + near)
 
 
-def _with_t_joints(
-    outline: npt.NDArray[np.float64], everything: npt.NDArray[np.float64], near: float
-) -> npt.NDArray[np.float64]:
+def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         low, high = np.minimum(start, end) - near, np.maximum(start, end) + near
-        close = everything[np.all((everything >= low) & (everything <= high), axis=1)]
+        close = corners[np.all((corners >= low) & (corners <= high), axis=1)]
         close = close[_on_segment(close, (start, end), near)]
-        along = np.sort((close - start) @ (end - start) / np.linalg.norm(end - start))
-        inside = along[(along > near) & (along < np.linalg.norm(end - start) - near)]
+        length = np.linalg.norm(end - start)
+        along = np.sort((close - start) @ (end - start) / length)
+        inside = along[(along > near) & (along < length - near)]
         inside = inside[np.diff(inside, prepend=-np.inf) > near]
-        pieces.append(start[None])
-        pieces.append(start + inside[:, None] * (end - start) / np.linalg.norm(end - start))
+        pieces += [start[None], start + inside[:, None] * (end - start) / length]
     return np.concatenate(pieces)
 
 
-def _add_sides(
-    geo: Any, outline: npt.NDArray[np.float64], size: float
-) -> list[tuple[int, npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
-    """Add the sides of one block: (gmsh curve, start, end) in order."""
+def _add_sides(geo: Any, outline: Array, size: float) -> list[int]:
+    """Add the sides of one block, divided into elements; returns gmsh's curves in order."""
     points = [geo.addPoint(x, y, 0.0) for x, y in outline]
-    lines = []
-    for index, start in enumerate(outline):
-        following = (index + 1) % len(outline)
-        line = geo.addLine(points[index], points[following])
-        length = float(np.linalg.norm(outline[following] - start))
+    lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
+    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    for line, length in zip(lines, lengths, strict=True):
         # Both blocks of a joint must come to the same number, whatever their rounding.
         geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
-        lines.append((line, start, outline[following]))
     return lines
 
 
@@ -361,10 +371,7 @@ def arch(
         radius: Of the middle of the ring, m.
         embrace: Angle between the springings, degrees, at most 360.
         elements: Number of elements through the thickness.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If sizes are not positive, or the thickness reaches the centre.
@@ -404,10 +411,7 @@ def wedge(
         height: Of wedge and blocks, m.
         length: Of a block along the ground, m.
         size: Largest length of an element along the sides, m.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If sizes are not positive or the wedge is wider than the blocks.
@@ -415,22 +419,18 @@ def wedge(
     half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
     if height <= 0.0 or not 0.0 < half < length:
         raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
-    flanks = [((0.0, 0.0), (side * half, height)) for side in (-1.0, 1.0)]
-    return polygons(
-        [
-            [(-length, 0.0), (0.0, 0.0), (-half, height), (-length, height)],
-            [(0.0, 0.0), (length, 0.0), (length, height), (half, height)],
-            [(0.0, 0.0), (half, height), (-half, height)],
-        ],
-        size,
-        names=["blocks", "blocks", "wedge"],
-        groups={
-            "base": [((-length, 0.0), (length, 0.0))],
-            "top": [((-half, height), (half, height))],
-            "flanks": flanks,
-        },
-        quadrilaterals=quadrilaterals,
-    )
+    left, right, tip = (-half, height), (half, height), (0.0, 0.0)
+    blocks = [
+        [(-length, 0.0), tip, left, (-length, height)],
+        [tip, (length, 0.0), (length, height), right],
+        [tip, right, left],
+    ]
+    groups = {
+        "base": [((-length, 0.0), (length, 0.0))],
+        "top": [(left, right)],
+        "flanks": [(tip, left), (tip, right)],
+    }
+    return polygons(blocks, size, ["blocks", "blocks", "wedge"], groups, quadrilaterals)
 
 
 def buttress(
@@ -453,10 +453,7 @@ def buttress(
         foot: Width of the buttress at the ground, m.
         height: Of a course, m.
         size: Largest length of an element along the sides, m.
-        quadrilaterals: Quadrilateral cells in place of triangles.
-
-    Returns:
-        `gmsh.model`, meshed.
+        quadrilaterals: Quadrilateral cells.
 
     Raises:
         InputError: If a size is not positive.
@@ -465,23 +462,14 @@ def buttress(
         raise InputError("buttress: courses and sizes must be positive")
     total = courses * height
     blocks: list[list[tuple[float, float]]] = []
-    names = []
-    for course in range(courses):
-        low, high = course * height, (course + 1) * height
+    for low, high in itertools.pairwise(height * np.arange(courses + 1)):
         blocks.append([(0.0, low), (wall_width, low), (wall_width, high), (0.0, high)])
-        left, right = wall_width, wall_width + foot * (1.0 - low / total)
-        above = wall_width + foot * (1.0 - high / total)
-        corners = [(left, low), (right, low), (above, high), (left, high)]
-        blocks.append(corners[:3] if course == courses - 1 else corners)
-        names += ["wall", "buttress"]
-    return polygons(
-        blocks,
-        size,
-        names=names,
-        groups={
-            "base": [((0.0, 0.0), (wall_width + foot, 0.0))],
-            "left": [((0.0, 0.0), (0.0, total))],
-            "back": [((wall_width, 0.0), (wall_width, total))],
-        },
-        quadrilaterals=quadrilaterals,
-    )
+        right, above = (wall_width + foot * (1.0 - level / total) for level in (low, high))
+        corners = [(wall_width, low), (right, low), (above, high), (wall_width, high)]
+        blocks.append(corners if high < total else corners[:3])  # the last one is a triangle
+    groups = {
+        "base": [((0.0, 0.0), (wall_width + foot, 0.0))],
+        "left": [((0.0, 0.0), (0.0, total))],
+        "back": [((wall_width, 0.0), (wall_width, total))],
+    }
+    return polygons(blocks, size, ["wall", "buttress"] * courses, groups, quadrilaterals)

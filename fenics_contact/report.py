@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_contact.analysis.plan import make_plan
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.scene import JointLaw
 from fenics_contact.discretization.discretization import Structure
@@ -36,7 +37,7 @@ def describe(structure: Structure) -> str:
     for name, resultant in (("dead", bodies.dead), ("live", bodies.live)):
         x, y = resultant[:, :2].sum(axis=0) + 0.0
         lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
-    lines += [f"skipped: {item}" for item in scene.plan().skipped]
+    lines += [f"skipped: {item}" for item in make_plan(scene).skipped]
     return "\n".join(lines)
 
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
+from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
-
-if TYPE_CHECKING:
-    from fenics_contact.analysis.plan import Plan
+from fenics_contact.toml_tables import from_table, read_toml
 
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
@@ -31,8 +29,12 @@ def _require(condition: bool, message: str) -> None:
         raise InputError(message)
 
 
-def _non_negative(value: float) -> bool:
-    return math.isfinite(value) and value >= 0.0
+def _require_choice(name: str, value: str, known: Sequence[str]) -> None:
+    _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+
+
+def _require_not_negative(name: str, value: float) -> None:
+    _require(math.isfinite(value) and value >= 0.0, f"{name} = {value} must be finite and >= 0")
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Material:
             f"young = {self.young} must be a positive number (Pa)",
         )
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
-        _require(_non_negative(self.density), f"density = {self.density} must be finite and >= 0")
+        _require_not_negative("density", self.density)
 
 
 @dataclass(frozen=True)
@@ -74,18 +76,17 @@ class JointLaw:
     bound: float | None = None
 
     def __post_init__(self) -> None:
-        _require(self.law in LAWS, f"law = '{self.law}' must be one of {', '.join(LAWS)}")
+        _require_choice("law", self.law, LAWS)
         for name, value, owner in (
             ("friction", self.friction, "coulomb"),
             ("bound", self.bound, "tresca"),
         ):
-            if self.law == owner:
-                _require(value is not None, f"law '{owner}' needs {name}")
-                _require(
-                    _non_negative(float(value or 0.0)), f"{name} = {value} must be finite and >= 0"
-                )
-            else:
+            if self.law != owner:
                 _require(value is None, f"law '{self.law}' takes no {name}")
+            elif value is None:
+                raise InputError(f"law '{owner}' needs {name}")
+            else:
+                _require_not_negative(name, value)
 
 
 @dataclass(frozen=True)
@@ -136,14 +137,11 @@ class SolveOptions:
     states: str = "first"
 
     def __post_init__(self) -> None:
-        for name, value, known in (
-            ("method", self.method, METHODS),
-            ("direction", self.direction, DIRECTIONS),
-            ("control", self.control, CONTROLS),
-            ("slip", self.slip, SLIPS),
-            ("states", self.states, STATES),
-        ):
-            _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+        _require_choice("method", self.method, METHODS)
+        _require_choice("direction", self.direction, DIRECTIONS)
+        _require_choice("control", self.control, CONTROLS)
+        _require_choice("slip", self.slip, SLIPS)
+        _require_choice("states", self.states, STATES)
         _require(
             1e-12 <= self.tolerance <= 0.1,
             f"tolerance = {self.tolerance} must lie between 1e-12 and 0.1",
@@ -214,13 +212,13 @@ class Scene:
     output: OutputOptions = field(default_factory=OutputOptions)
 
     def __post_init__(self) -> None:
-        _require(self.plane in PLANES, f"plane.state = '{self.plane}' must be strain or stress")
+        _require_choice("plane.state", self.plane, PLANES)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         for name, kind in self.supports.items():
-            _require(
-                kind in SUPPORTS, f"supports.{name} = '{kind}' must be one of {', '.join(SUPPORTS)}"
-            )
+            _require_choice(f"supports.{name}", kind, SUPPORTS)
         self._check_names()
+        self._check_roles()
+        self._check_materials()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -229,16 +227,13 @@ class Scene:
 
     @classmethod
     def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> Scene:
-        """Read a scene file and its mesh; see `fenics_contact.toml_tables.read_scene`."""
-        from fenics_contact.toml_tables import read_scene
-
+        """Read a scene file and its mesh; see `read_scene`."""
         return read_scene(path, comm)
 
-    def plan(self) -> Plan:
-        """What this scene does not need."""
-        from fenics_contact.analysis.plan import make_plan
-
-        return make_plan(self)
+    def material(self, groups: Iterable[str]) -> Material:
+        """Material of the cells in a set of groups."""
+        named = sorted(set(groups) & set(self.materials))
+        return self.materials[named[0] if named else "default"]
 
     def _check_names(self) -> None:
         source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names
@@ -255,12 +250,18 @@ class Scene:
                     f"{table}.{name}: {source} has no {what} group '{name}'; it has"
                     f" {_listed(known)}"
                 )
-        roles = [set(self.joints), set(self.foundations), set(self.supports)]
-        for first, second in ((0, 1), (0, 2), (1, 2)):
-            for name in sorted(roles[first] & roles[second] - {"default"}):
-                raise InputError(
-                    f"group '{name}' has two roles; it can be a joint, a foundation or a support"
-                )
+
+    def _check_roles(self) -> None:
+        roles: dict[str, int] = {}
+        for table in (self.joints, self.foundations, self.supports):
+            for name in set(table) - {"default"}:
+                roles[name] = roles.get(name, 0) + 1
+        for name in sorted(name for name, count in roles.items() if count > 1):
+            raise InputError(
+                f"group '{name}' has two roles; it can be a joint, a foundation or a support"
+            )
+
+    def _check_materials(self) -> None:
         for groups in self.mesh.cell_sets:
             materials = sorted(groups & set(self.materials))
             if not materials and "default" not in self.materials:
@@ -271,11 +272,78 @@ class Scene:
             if len({self.materials[name] for name in materials}) > 1:
                 raise InputError(f"the groups {_listed(materials)} share cells; give one material")
 
-    def material(self, groups: Iterable[str]) -> Material:
-        """Material of the cells in a set of groups."""
-        named = sorted(set(groups) & set(self.materials))
-        return self.materials[named[0] if named else "default"]
-
 
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+# ---- what a scene file holds, table by table
+
+
+@dataclass(frozen=True)
+class _MeshTable:
+    file: str = ""
+    degree: int = 1
+
+    def __post_init__(self) -> None:
+        _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
+
+
+@dataclass(frozen=True)
+class _PlaneTable:
+    state: str = "strain"
+
+
+@dataclass(frozen=True)
+class _LoadTables:
+    live: Load
+    dead: Load = field(default_factory=Load)
+
+
+@dataclass(frozen=True)
+class _SceneTables:
+    loads: _LoadTables
+    mesh: _MeshTable = field(default_factory=_MeshTable)
+    materials: Mapping[str, Material] = field(default_factory=dict)
+    joints: Mapping[str, JointLaw] = field(default_factory=dict)
+    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
+    supports: Mapping[str, str] = field(default_factory=dict)
+    plane: _PlaneTable = field(default_factory=_PlaneTable)
+    title: str = ""
+    solve: SolveOptions = field(default_factory=SolveOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+
+    def __post_init__(self) -> None:
+        _require(bool(self.materials), "materials is missing; give [materials.default]")
+
+
+def read_scene(
+    path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+) -> Scene:
+    """Read a scene file and its mesh.
+
+    Args:
+        path: The TOML file; its mesh is found relative to it.
+        comm: Communicator; the one PETSc was started with when not given.
+        overrides: Assignments "joints.default.friction=0.5" made on top of the file.
+
+    Raises:
+        InputError: On all ranks, if the file or its mesh is missing or wrong.
+    """
+    comm = compat.default_comm() if comm is None else comm
+    path = Path(path)
+    tables = from_table(_SceneTables, read_toml(path, comm, overrides))
+    return Scene(
+        mesh=BlockMesh.from_file(path.parent / tables.mesh.file, comm),
+        materials=tables.materials,
+        live=tables.loads.live,
+        dead=tables.loads.dead,
+        joints=tables.joints,
+        foundations=tables.foundations,
+        supports=tables.supports,
+        plane=tables.plane.state,
+        degree=tables.mesh.degree,
+        title=tables.title,
+        solve=tables.solve,
+        output=tables.output,
+    )

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from fenics_contact.scene import Scene
+
 if TYPE_CHECKING:
     from fenics_contact.analysis.coulomb import FixedPointHistory
-    from fenics_contact.scene import Scene
 
 FIXED_POINT = "fixed point on the friction bound"
 

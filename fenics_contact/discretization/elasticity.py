@@ -22,8 +22,10 @@ from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.scene import Load, Scene
 from fenics_contact.discretization.supports import Supports
+from fenics_contact.scene import Load, Scene
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,24 +38,24 @@ class Elasticity:
     Attributes:
         space: Displacement space.
         stiffness: K, N/m per metre of thickness.
-        dead: f_D, N per metre of thickness.
+        dead: f_D, N per metre of thickness, this rank's part, shape (2 * nodes of this rank,).
         live: f_L, likewise.
         lame: Lame's lambda (of the plane state) and mu by cell, Pa.
         dead_resultant: Force and moment about `centre` on every body, shape (bodies, 3), on all
             ranks.
         live_resultant: Likewise.
         centre: Mean position of the nodes of every body, shape (bodies, 2), m; on all ranks.
-        node_body: Body of every local node.
+        node_body: Body of every local node, this rank's own ones first.
     """
 
     space: Any
     stiffness: PETSc.Mat
-    dead: PETSc.Vec
-    live: PETSc.Vec
+    dead: Array
+    live: Array
     lame: tuple[fem.Function, fem.Function]
-    dead_resultant: npt.NDArray[np.float64]
-    live_resultant: npt.NDArray[np.float64]
-    centre: npt.NDArray[np.float64]
+    dead_resultant: Array
+    live_resultant: Array
+    centre: Array
     node_body: npt.NDArray[np.int32]
 
 
@@ -70,32 +72,24 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
         space: From `displacement_space`.
         boundary: From `collect_boundary` on that space.
         supports: From `find_supports`.
-    """
-    young, poisson, density = _material_fields(scene)
-    lame_lambda, lame_mu = _lame(scene, young, poisson)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    stiffness = fem_petsc.assemble_matrix(
-        fem.form(ufl.inner(stress(u, lame_lambda, lame_mu), strain(v)) * ufl.dx)
-    )
-    stiffness.assemble()
 
-    node_body, centre = _bodies_of_nodes(scene, space)
+    Raises:
+        InputError: If a traction acts inside a block.
+    """
+    density = _material_field(scene, "density")
     loads = [_load(scene, space, boundary, load, density) for load in (scene.dead, scene.live)]
+    node_body, centre = _bodies_of_nodes(scene, space)
     resultants = [_resultants(scene, space, load, node_body, centre) for load in loads]
-    stiffness = supports.constrain_matrix(stiffness)
-    for load in loads:
-        supports.constrain_vector(load)
-    return Elasticity(
-        space=space,
-        stiffness=stiffness,
-        dead=loads[0].array.copy(),
-        live=loads[1].array.copy(),
-        lame=(lame_lambda, lame_mu),
-        dead_resultant=resultants[0],
-        live_resultant=resultants[1],
-        centre=centre,
-        node_body=node_body,
-    )
+    first = space.dofmap.index_map.local_range[0]
+    dead, live = (supports.constrain_vector(load, first) for load in loads)
+
+    lame = _lame(scene)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
+    stiffness = fem_petsc.assemble_matrix(form)
+    stiffness.assemble()
+    supports.constrain_matrix(stiffness)
+    return Elasticity(space, stiffness, dead, live, lame, *resultants, centre, node_body)
 
 
 def strain(u: Any) -> Any:
@@ -108,38 +102,31 @@ def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
     return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
 
 
-def _material_fields(scene: Scene) -> list[fem.Function]:
+def _material_field(scene: Scene, key: str) -> fem.Function:
+    """A property of the materials, constant by cell."""
     space = compat.function_space(scene.mesh.domain, "DG", 0)
-    materials = [scene.material(groups) for groups in scene.mesh.cell_sets]
-    fields = []
-    for key in ("young", "poisson", "density"):
-        values = np.array([getattr(material, key) for material in materials])
-        field = fem.Function(space)
-        field.x.array[compat.cell_dofs(space)[:, 0]] = values[scene.mesh.cell_groups]
-        fields.append(field)
-    return fields
+    values = [getattr(scene.material(groups), key) for groups in scene.mesh.cell_sets]
+    field = fem.Function(space)
+    field.x.array[compat.cell_dofs(space)[:, 0]] = np.array(values)[scene.mesh.cell_groups]
+    return field
 
 
-def _lame(
-    scene: Scene, young: fem.Function, poisson: fem.Function
-) -> tuple[fem.Function, fem.Function]:
-    e, nu = young.x.array, poisson.x.array
-    lame_lambda, lame_mu = fem.Function(young.function_space), fem.Function(young.function_space)
-    lame_mu.x.array[:] = e / (2.0 * (1.0 + nu))
-    if scene.plane == "strain":
-        lame_lambda.x.array[:] = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    else:
-        lame_lambda.x.array[:] = e * nu / (1.0 - nu**2)
-    return lame_lambda, lame_mu
+def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
+    """Lame's parameters from Young's modulus and Poisson's ratio, in place of these."""
+    first, second = (_material_field(scene, key) for key in ("young", "poisson"))
+    e, nu = first.x.array.copy(), second.x.array.copy()
+    in_plane = 1.0 - 2.0 * nu if scene.plane == "strain" else 1.0 - nu
+    first.x.array[:] = e * nu / ((1.0 + nu) * in_plane)
+    second.x.array[:] = e / (2.0 * (1.0 + nu))
+    return first, second
 
 
-def _load(
-    scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function
-) -> PETSc.Vec:
-    domain = scene.mesh.domain
-    v = ufl.TestFunction(space)
-    force = fem.Constant(domain, PETSc.ScalarType(load.body))
-    vector = fem_petsc.assemble_vector(fem.form(density * ufl.inner(force, v) * ufl.dx))
+def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:
+    """Nodal forces of a load, this rank's part."""
+    domain, v = scene.mesh.domain, ufl.TestFunction(space)
+    forces = fem.Function(space)
+    body = fem.Constant(domain, PETSc.ScalarType(load.body))
+    fem.assemble_vector(forces.x.array, fem.form(density * ufl.inner(body, v) * ufl.dx))
     for name, traction in load.traction.items():
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block
@@ -147,14 +134,12 @@ def _load(
         tags = dolfinx_mesh.meshtags(domain, 1, facets, np.ones(len(facets), dtype=np.int32))
         ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
         force = fem.Constant(domain, PETSc.ScalarType(traction))
-        fem_petsc.assemble_vector(vector, fem.form(ufl.inner(force, v) * ds(1)))
-    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    return vector
+        fem.assemble_vector(forces.x.array, fem.form(ufl.inner(force, v) * ds(1)))
+    compat.add_ghosts(forces)
+    return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 
 
-def _bodies_of_nodes(
-    scene: Scene, space: Any
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
+def _bodies_of_nodes(scene: Scene, space: Any) -> tuple[npt.NDArray[np.int32], Array]:
     """Body of every local node, and the mean node position of every body."""
     position = space.tabulate_dof_coordinates()[:, :2]
     node_body = np.zeros(len(position), dtype=np.int32)
@@ -168,14 +153,10 @@ def _bodies_of_nodes(
 
 
 def _resultants(
-    scene: Scene,
-    space: Any,
-    load: PETSc.Vec,
-    node_body: npt.NDArray[np.int32],
-    centre: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64]:
+    scene: Scene, space: Any, load: Array, node_body: npt.NDArray[np.int32], centre: Array
+) -> Array:
     """Force and moment of nodal forces on every body, shape (bodies, 3)."""
-    force = load.array_r.reshape(-1, 2)
+    force = load.reshape(-1, 2)
     body = node_body[: len(force)]
     arm = space.tabulate_dof_coordinates()[: len(force), :2] - centre[body]
     moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]

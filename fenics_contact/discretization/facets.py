@@ -12,10 +12,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx.mesh import exterior_facet_indices
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+Labels = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -35,15 +40,15 @@ class Boundary:
         interior: Number of tagged facets that lie inside a body, by name of their group.
     """
 
-    nodes: npt.NDArray[np.int64]
-    points: npt.NDArray[np.float64]
-    normal: npt.NDArray[np.float64]
-    length: npt.NDArray[np.float64]
-    body: npt.NDArray[np.int32]
-    groups: npt.NDArray[np.int32]
+    nodes: Indices
+    points: Array
+    normal: Array
+    length: Array
+    body: Labels
+    groups: Labels
     facet_sets: tuple[frozenset[str], ...]
-    local: npt.NDArray[np.int64]
-    local_facets: npt.NDArray[np.int32]
+    local: Indices
+    local_facets: Labels
     interior: Mapping[str, int]
 
     def in_group(self, name: str) -> npt.NDArray[np.bool_]:
@@ -51,7 +56,7 @@ class Boundary:
         member = np.array([name in groups for groups in self.facet_sets] + [False])
         return member[self.groups]
 
-    def role(self, names: Iterable[str]) -> npt.NDArray[np.int64]:
+    def role(self, names: Iterable[str]) -> Indices:
         """Position in `names` of the group each facet is in, -1 where none, shape (facets,).
 
         Raises:
@@ -82,65 +87,66 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     Args:
         mesh: The blocks.
         space: Their displacement space, of degree 1 or 2.
-
     """
-    domain = mesh.domain
-    topology = domain.topology
-    facets, cell, side = _exterior_facets(topology)
-    vertices = compat.facet_vertices(topology)
-    corner = vertices[side]
-    geometry = compat.geometry_dofs(domain)[cell[:, None], corner]
-    inputs = np.sort(np.asarray(domain.geometry.input_global_indices)[geometry], axis=1)
-
-    layout = space.dofmap.dof_layout
-    at_vertex = np.array([layout.entity_dofs(0, v)[0] for v in range(vertices.max() + 1)])
-    columns = at_vertex[corner]
-    inside = [layout.entity_dofs(1, s) for s in range(len(vertices))]
-    if len(inside[0]):
-        columns = np.column_stack([columns, np.array(inside)[side]])
-    local_nodes = compat.cell_dofs(space)[cell[:, None], columns]
-    nodes = space.dofmap.index_map.local_to_global(local_nodes.ravel().astype(np.int32))
-    points = space.tabulate_dof_coordinates()[local_nodes][:, :, :2]
-    centre = domain.geometry.x[compat.geometry_dofs(domain)[cell]][:, :, :2].mean(axis=1)
-    normal, length = _outward_normals(points, centre)
-
-    local = (
-        inputs,
-        np.asarray(nodes).reshape(local_nodes.shape),
-        points,
-        normal,
-        length,
-        mesh.body[cell],
-    )
-    gathered = mesh.comm.allgather(local)
-    inputs, nodes, points, normal, length, body = (
-        np.concatenate(parts) for parts in zip(*gathered, strict=True)
-    )
-    start = sum(len(parts[0]) for parts in gathered[: mesh.comm.rank])
+    mine, local_facets = _local_facets(mesh, space)
+    parts = mesh.comm.allgather(mine)
+    table = {name: np.concatenate([part[name] for part in parts]) for name in mine}
+    inputs = table.pop("inputs")
     order = np.lexsort((inputs[:, 1], inputs[:, 0]))
     groups, interior = _groups(mesh, inputs[order])
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
+    place = np.argsort(order)
+    start = sum(len(part["length"]) for part in parts[: mesh.comm.rank])
     return Boundary(
-        nodes=nodes[order],
-        points=points[order],
-        normal=normal[order],
-        length=length[order],
-        body=body[order],
+        **{name: values[order] for name, values in table.items()},
         groups=groups,
         facet_sets=mesh.facet_sets,
-        local=place[start : start + len(facets)],
-        local_facets=facets,
+        local=place[start : start + len(local_facets)],
+        local_facets=local_facets,
         interior=interior,
     )
 
 
-def _exterior_facets(
-    topology: Any,
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """Local facets with one cell, that cell, and the facet's number in it."""
-    from dolfinx.mesh import exterior_facet_indices
+def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
+    """Columns of the table for this rank's boundary facets, and their indices in the mesh.
 
+    The columns are those of `Boundary`, and "inputs": the ends as nodes of the input, sorted.
+    """
+    domain = mesh.domain
+    facets, cell, side = _exterior_facets(domain.topology)
+    corner = compat.facet_vertices(domain.topology)[side]
+    geometry = compat.geometry_dofs(domain)[cell]
+    ends = np.take_along_axis(geometry, corner, axis=1)
+    columns = _facet_dofs(space)[side]
+    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], columns, axis=1)
+    points = space.tabulate_dof_coordinates()[nodes][:, :, :2]
+    global_nodes = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    centre = domain.geometry.x[geometry][:, :, :2].mean(axis=1)
+    normal, length = _outward_normals(points, centre)
+    table = {
+        "inputs": np.sort(np.asarray(domain.geometry.input_global_indices)[ends], axis=1),
+        "nodes": np.asarray(global_nodes).reshape(nodes.shape),
+        "points": points,
+        "normal": normal,
+        "length": length,
+        "body": mesh.body[cell],
+    }
+    return table, facets
+
+
+def _facet_dofs(space: Any) -> Indices:
+    """Cell-local dofs of every facet of a cell, its two ends first."""
+    layout = space.dofmap.dof_layout
+    vertices = compat.facet_vertices(space.mesh.topology)
+    return np.array(
+        [
+            [*(layout.entity_dofs(0, vertex)[0] for vertex in ends), *layout.entity_dofs(1, side)]
+            for side, ends in enumerate(vertices)
+        ]
+    )
+
+
+def _exterior_facets(topology: Any) -> tuple[Labels, Labels, Indices]:
+    """Local facets with one cell, that cell, and the facet's number in it."""
     topology.create_entities(1)
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
@@ -151,9 +157,7 @@ def _exterior_facets(
     return facets, cell, np.argmax(sides == facets[:, None], axis=1)
 
 
-def _outward_normals(
-    points: npt.NDArray[np.float64], centre: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _outward_normals(points: Array, centre: Array) -> tuple[Array, Array]:
     along = points[:, 1] - points[:, 0]
     length = np.linalg.norm(along, axis=1)
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
@@ -162,9 +166,7 @@ def _outward_normals(
     return normal, length
 
 
-def _groups(
-    mesh: BlockMesh, inputs: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int32], dict[str, int]]:
+def _groups(mesh: BlockMesh, inputs: Indices) -> tuple[Labels, dict[str, int]]:
     """Group of every boundary facet, found by its input nodes; and what is tagged elsewhere."""
     groups = np.full(len(inputs), -1, dtype=np.int32)
     interior: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Joints: facets that face each other, and the points at which they exchange forces.
+"""Joint points, at which blocks exchange forces, and their opening and slip B_N u and B_T u.
 
 A joint point is a pair of coinciding nodes of two blocks, or a node on rigid ground. With n the
 unit normal from the first side to the second and t = n turned by 90 degrees anticlockwise,
@@ -19,17 +19,20 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.errors import InputError
-from fenics_contact.scene import JointLaw, Scene
+from fenics_contact.discretization.pairing import (
+    GROUND,
+    JointFacets,
+    distances_of_ends,
+    joint_facets,
+)
 from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
+from fenics_contact.scene import JointLaw, Scene
 
-#: Facets face each other when their nodes agree to this fraction of their length.
-MATCHING = 1e-4
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 #: Weight of a facet's nodes in units of its length, by number of nodes.
 NODAL_WEIGHTS = {2: (0.5, 0.5), 3: (1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0)}
-
-GROUND = -1
 
 
 @dataclass(frozen=True)
@@ -48,61 +51,30 @@ class Joints:
         segments: Joint points at the ends of every facet of a joint, shape (facets, 2).
     """
 
-    nodes: npt.NDArray[np.int64]
+    nodes: Indices
     bodies: npt.NDArray[np.int32]
-    position: npt.NDArray[np.float64]
-    normal: npt.NDArray[np.float64]
-    length: npt.NDArray[np.float64]
-    law: npt.NDArray[np.int64]
+    position: Array
+    normal: Array
+    length: Array
+    law: Indices
     laws: tuple[JointLaw, ...]
     names: tuple[str, ...]
-    segments: npt.NDArray[np.int64]
+    segments: Indices
 
     @property
-    def tangent(self) -> npt.NDArray[np.float64]:
+    def tangent(self) -> Array:
         """Unit tangents, shape (points, 2)."""
         return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
 
     @property
-    def friction(self) -> npt.NDArray[np.float64]:
+    def friction(self) -> Array:
         """Coefficient of friction of every point, 0 where the law is not Coulomb's."""
         return np.array([law.friction or 0.0 for law in self.laws] + [0.0])[self.law]
 
     @property
-    def shear_strength(self) -> npt.NDArray[np.float64]:
+    def shear_strength(self) -> Array:
         """Given bound on the shear force at every point, N/m; 0 where the law is not Tresca's."""
         return np.array([law.bound or 0.0 for law in self.laws] + [0.0])[self.law] * self.length
-
-
-@dataclass(frozen=True)
-class Slots:
-    """The joint points of every body, in a row; the same on all ranks.
-
-    Attributes:
-        body: Bodies of both sides of every joint point, -1 for ground, shape (points, 2).
-        slot: Places of the joint point among those of either body, shape (points, 2).
-        table: Joint point in every place of every body, -1: none, shape (bodies, places).
-    """
-
-    body: npt.NDArray[np.int64]
-    slot: npt.NDArray[np.int64]
-    table: npt.NDArray[np.int64]
-
-    @classmethod
-    def of(cls, body: npt.NDArray[np.int32]) -> Slots:
-        """Slots from the bodies of both sides of all joint points."""
-        flat = np.asarray(body, dtype=np.int64).ravel()
-        order = np.argsort(flat, kind="stable")
-        owner = flat[order]
-        place = np.arange(len(flat)) - np.searchsorted(owner, owner)
-        slot = np.empty_like(flat)
-        slot[order] = place
-        held = owner != GROUND
-        count = int(owner.max(initial=-1)) + 1, int(place[held].max(initial=-1)) + 1
-        table = np.full(count, -1)
-        table[owner[held], place[held]] = order[held] // 2
-        slot[flat == GROUND] = -1
-        return cls(flat.reshape(-1, 2), slot.reshape(-1, 2), table)
 
 
 @dataclass(frozen=True)
@@ -110,22 +82,22 @@ class JointOperators:
     """B_N and B_T with this rank's rows, and the joint points that those rows are.
 
     Attributes:
-        normal: B_N, shape (points, dofs).
-        tangential: B_T, shape (points, dofs).
+        normal: B_N, shape (points, displacements).
+        tangential: B_T, likewise.
         points: Joint point of every local row.
+        sides: Bodies of both sides of every local row, `GROUND` for rigid ground, shape (rows, 2).
         dofs: Global dofs of every local row, first side then second, shape (rows, 4); -1: none.
         normal_rows: Coefficients of B_N on those dofs, shape (rows, 4).
         tangential_rows: Coefficients of B_T, likewise.
-        slots: The joint points of every body.
     """
 
     normal: PETSc.Mat
     tangential: PETSc.Mat
-    points: npt.NDArray[np.int64]
+    points: Indices
+    sides: npt.NDArray[np.int32]
     dofs: npt.NDArray[np.int32]
-    normal_rows: npt.NDArray[np.float64]
-    tangential_rows: npt.NDArray[np.float64]
-    slots: Slots
+    normal_rows: Array
+    tangential_rows: Array
 
 
 def find_joints(scene: Scene, boundary: Boundary) -> Joints:
@@ -135,199 +107,63 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         InputError: If facets of a joint group have none opposite, touch without matching nodes,
             or have no law or two.
     """
-    names = (*scene.joints, *scene.foundations)
-    laws = (*scene.joints.values(), *scene.foundations.values())
-    joint_role = boundary.role([name for name in scene.joints if name != "default"])
-    ground_role = boundary.role(scene.foundations)
-    pairs = _pair_facets(boundary)
-    _check_pairs(scene, boundary, pairs, joint_role, ground_role)
-    law = _laws_of_pairs(scene, boundary, pairs, joint_role)
-    ground = np.flatnonzero(ground_role >= 0)
-    return _points(
-        boundary, pairs, law, ground, len(scene.joints) + ground_role[ground], laws, names
-    )
-
-
-def _pair_facets(boundary: Boundary) -> npt.NDArray[np.int64]:
-    """Facets of two bodies that coincide, lower body first, shape (pairs, 2)."""
-    from scipy.spatial import cKDTree
-
-    near = MATCHING * boundary.length
-    middle = boundary.points[:, :2].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
-    first, second = pairs.T
-    ends, other = boundary.points[first, :2], boundary.points[second, :2]
-    close = np.minimum(near[first], near[second])
-    # Both facets run with their block on one side or other: compare either way round.
-    straight = np.linalg.norm(ends - other, axis=2).max(axis=1)
-    crossed = np.linalg.norm(ends - other[:, ::-1], axis=2).max(axis=1)
-    facing = np.sum(boundary.normal[first] * boundary.normal[second], axis=1) < 0.0
-    apart = boundary.body[first] != boundary.body[second]
-    pairs = pairs[apart & facing & (np.minimum(straight, crossed) <= close)]
-    swap = boundary.body[pairs[:, 0]] > boundary.body[pairs[:, 1]]
-    pairs[swap] = pairs[swap, ::-1]
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
-    seen, count = np.unique(pairs, return_counts=True)
-    if np.any(count > 1):
-        x, y = middle[seen[count > 1][0]]
-        raise InputError(f"three or more facets coincide at ({x:g}, {y:g}); blocks overlap there")
-    return pairs
-
-
-def _check_pairs(
-    scene: Scene,
-    boundary: Boundary,
-    pairs: npt.NDArray[np.int64],
-    joint_role: npt.NDArray[np.int64],
-    ground_role: npt.NDArray[np.int64],
-) -> None:
-    paired = np.zeros(len(boundary.length), dtype=bool)
-    paired[pairs] = True
-    groups = [name for name in scene.joints if name != "default"]
-    for position, name in enumerate(groups):
-        alone = int(np.count_nonzero((joint_role == position) & ~paired))
-        if alone:
-            raise InputError(
-                f"joint group '{name}': {alone} facets have no facet opposite; mesh both sides"
-                " with the same nodes, or make the group a foundation or support"
-            )
-    for position, name in enumerate(scene.foundations):
-        both = int(np.count_nonzero((ground_role == position) & paired))
-        if both:
-            raise InputError(
-                f"foundation '{name}': {both} facets touch another block; a foundation is rigid"
-                " ground, make the group a joint"
-            )
-    _check_overlaps(boundary, np.flatnonzero(~paired))
-
-
-def _check_overlaps(boundary: Boundary, alone: npt.NDArray[np.int64]) -> None:
-    """A facet without partner must not lie on another body's facet: its contact would be lost."""
-    from scipy.spatial import cKDTree
-
-    if len(alone) == 0:
-        return
-    middle = boundary.points[:, :2].mean(axis=1)
-    reach = 0.5 * (boundary.length[alone] + boundary.length.max())
-    candidates = cKDTree(middle).query_ball_point(middle[alone], reach)
-    count = np.array([len(c) for c in candidates])
-    one = np.repeat(alone, count)
-    other = np.concatenate([np.asarray(c, dtype=np.int64) for c in candidates])
-    keep = boundary.body[one] != boundary.body[other]
-    keep &= np.sum(boundary.normal[one] * boundary.normal[other], axis=1) < -0.99
-    one, other = one[keep], other[keep]
-    start = boundary.points[other, 0]
-    along = boundary.points[other, 1] - start
-    square = np.sum(along**2, axis=1)[:, None]
-    arm = boundary.points[one, :2] - start[:, None]
-    at = np.einsum("nek,nk->ne", arm, along) / square  # where the ends of `one` fall on `other`
-    off = np.abs(np.einsum("nek,nk->ne", arm, boundary.normal[other]))
-    shorter = np.minimum(boundary.length[one], boundary.length[other])
-    common = np.minimum(at.max(axis=1), 1.0) - np.maximum(at.min(axis=1), 0.0)
-    overlap = (common * np.sqrt(square[:, 0]) > 0.01 * shorter) & (
-        off.max(axis=1) <= MATCHING * shorter
-    )
-    if np.any(overlap):
-        bad = np.unique(one[overlap])
-        x, y = middle[bad[0]]
-        raise InputError(
-            f"{len(bad)} facets touch another block without matching nodes, the first at"
-            f" ({x:g}, {y:g}); mesh both sides with the same nodes"
-        )
-
-
-def _laws_of_pairs(
-    scene: Scene,
-    boundary: Boundary,
-    pairs: npt.NDArray[np.int64],
-    joint_role: npt.NDArray[np.int64],
-) -> npt.NDArray[np.int64]:
-    """Law of every pair as a position in `scene.joints`: of the group either side is in."""
-    order = list(scene.joints)
-    position = np.array([order.index(n) for n in order if n != "default"] + [-1])
-    sides = position[joint_role[pairs]].reshape(-1, 2)
-    differ = np.flatnonzero((sides.min(axis=1) >= 0) & (sides[:, 0] != sides[:, 1]))
-    if len(differ):
-        first, second = (order[k] for k in sides[differ[0]])
-        raise InputError(
-            f"joint groups '{first}' and '{second}' are the two sides of {len(differ)} facets;"
-            " put both sides into one group"
-        )
-    law = sides.max(axis=1, initial=-1)
-    if np.any(law < 0):
-        if "default" not in scene.joints:
-            x, y = boundary.points[pairs[law < 0][0, 0]].mean(axis=0)
-            raise InputError(
-                f"blocks touch at ({x:g}, {y:g}) with no joint group of their own; add"
-                " [joints.default]"
-            )
-        law[law < 0] = order.index("default")
-    return law
-
-
-def _points(
-    boundary: Boundary,
-    pairs: npt.NDArray[np.int64],
-    law: npt.NDArray[np.int64],
-    ground: npt.NDArray[np.int64],
-    ground_law: npt.NDArray[np.int64],
-    laws: tuple[JointLaw, ...],
-    names: tuple[str, ...],
-) -> Joints:
-    """Merge the nodes of facets into joint points: one per node pair, law and direction."""
+    facets = joint_facets(scene, boundary)
+    first, second = facets.sides.T
+    ground = first == GROUND
+    base = np.where(ground, second, first)  # gives the order of the nodes
+    nodes = _nodes_of_sides(boundary, facets, base)
+    normal = np.where(ground, -1.0, 1.0)[:, None] * boundary.normal[base]
+    facet, rows, point = _merge(nodes, facets.law, normal)
     per_facet = boundary.nodes.shape[1]
-    first, second = pairs.T
-    # Order the second side's nodes like the first side's.
-    ends, other = boundary.points[first, :2], boundary.points[second, :2]
-    crossed = np.linalg.norm(ends - other, axis=2).sum(axis=1) > np.linalg.norm(
-        ends - other[:, ::-1], axis=2
-    ).sum(axis=1)
-    swap = np.where(crossed[:, None], [1, 0, 2][:per_facet], [0, 1, 2][:per_facet])
-    second_nodes = np.take_along_axis(boundary.nodes[second], swap, axis=1)
-    on_ground = np.full((len(ground), per_facet), GROUND)
-    nodes = np.stack(
-        [
-            np.concatenate([boundary.nodes[first], on_ground]),
-            np.concatenate([second_nodes, boundary.nodes[ground]]),
-        ],
-        axis=2,
-    )
-    bodies = np.concatenate(
-        [
-            boundary.body[pairs],
-            np.column_stack([np.full(len(ground), GROUND), boundary.body[ground]]),
-        ]
-    )
-    normal = np.concatenate([boundary.normal[first], -boundary.normal[ground]])
-    length = np.concatenate([boundary.length[first], boundary.length[ground]])
-    facet_law = np.concatenate([law, ground_law]).astype(np.int64)
-    position = np.concatenate([boundary.points[first], boundary.points[ground]])
-
-    facet = np.repeat(np.arange(len(length)), per_facet)
-    weight = np.outer(length, NODAL_WEIGHTS[per_facet]).ravel()
-    keys = np.column_stack([nodes.reshape(-1, 2), facet_law[facet]])
-    keys = np.column_stack([keys, _direction(keys, normal[facet])])
-    _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    point, rows = _in_order_of_appearance(point.ravel(), rows)
+    weight = np.outer(boundary.length[base], NODAL_WEIGHTS[per_facet]).ravel()
     count = len(rows)
-    total = np.bincount(point, weight, count).astype(float)
-    mean = np.column_stack([np.bincount(point, weight * normal[facet, d], count) for d in range(2)])
+    sums = [np.bincount(point, weight * normal[facet, d], count) for d in range(2)]
+    mean = np.column_stack(sums)
+    bodies = np.column_stack([np.where(ground, GROUND, boundary.body[first]), boundary.body[second]])
     return Joints(
         nodes=nodes.reshape(-1, 2)[rows],
         bodies=bodies[facet[rows]],
-        position=position.reshape(-1, 2)[rows],
+        position=boundary.points[base].reshape(-1, 2)[rows],
         normal=mean / np.linalg.norm(mean, axis=1)[:, None],
-        length=total,
-        law=facet_law[facet[rows]],
-        laws=laws,
-        names=names,
+        length=np.bincount(point, weight, count).astype(float),
+        law=facets.law[facet[rows]],
+        laws=(*scene.joints.values(), *scene.foundations.values()),
+        names=(*scene.joints, *scene.foundations),
         segments=point.reshape(-1, per_facet)[:, :2],
     )
 
 
-def _direction(
-    keys: npt.NDArray[np.int64], normal: npt.NDArray[np.float64]
-) -> npt.NDArray[np.int64]:
+def _nodes_of_sides(boundary: Boundary, facets: JointFacets, base: Indices) -> Indices:
+    """Nodes of both sides of every facet, those of the second in the order of the first's.
+
+    Shape (facets, nodes of a facet, 2).
+    """
+    first, second = facets.sides.T
+    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
+    order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])
+    other = np.take_along_axis(boundary.nodes[second], order[:, : boundary.nodes.shape[1]], axis=1)
+    return np.stack(
+        [np.where((first == GROUND)[:, None], GROUND, boundary.nodes[base]), other], axis=2
+    )
+
+
+def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:
+    """Merge the nodes of facets into joint points: one per node pair, law and direction.
+
+    Returns:
+        Facet of every node of the facets in a row, the first such node of every joint point, and
+        the joint point of every node. Points are in order of appearance, which does not depend on
+        node numbers.
+    """
+    facet = np.repeat(np.arange(len(law)), nodes.shape[1])
+    keys = np.column_stack([nodes.reshape(-1, 2), law[facet]])
+    keys = np.column_stack([keys, _direction(keys, normal[facet])])
+    _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(rows)
+    return facet, rows[order], np.argsort(order)[point.ravel()]
+
+
+def _direction(keys: Indices, normal: Array) -> Indices:
     """0, or 1 where the joint kinks at a node pair and this facet comes second."""
     order = np.lexsort(keys.T[::-1])
     same = np.all(keys[order[1:]] == keys[order[:-1]], axis=1)
@@ -335,16 +171,6 @@ def _direction(
     direction = np.zeros(len(keys), dtype=np.int64)
     direction[order[1:][same & kink]] = 1
     return direction
-
-
-def _in_order_of_appearance(
-    label: npt.NDArray[np.int64], first: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Renumber labels by their first row, so that the order does not depend on node numbers."""
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return rank[label], first[order]
 
 
 def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) -> JointOperators:
@@ -368,16 +194,14 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
         normal=matrices[0],
         tangential=matrices[1],
         points=points,
+        sides=joints.bodies[points],
         dofs=dofs.astype(PETSc.IntType),
         normal_rows=rows[0],
         tangential_rows=rows[1],
-        slots=Slots.of(joints.bodies),
     )
 
 
-def sparse_rows(
-    stiffness: PETSc.Mat, dofs: npt.NDArray[np.int64], rows: npt.NDArray[np.float64]
-) -> PETSc.Mat:
+def sparse_rows(stiffness: PETSc.Mat, dofs: Indices, rows: Array) -> PETSc.Mat:
     """A matrix on the displacements.
 
     Args:

@@ -16,6 +16,10 @@ from petsc4py import PETSc
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.scene import Scene
 
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
 #: Normals that differ by less than this angle are those of one (curved) boundary.
 SMOOTH_ANGLE = np.radians(15.0)
 
@@ -23,6 +27,9 @@ SMOOTH_ANGLE = np.radians(15.0)
 @dataclass(frozen=True)
 class Supports:
     """Held displacements; on all ranks.
+
+    Arrays of displacements or forces hold this rank's part, and `first` is the number of this
+    rank's first node among those of all ranks.
 
     Attributes:
         nodes: Nodes with something held, ascending, shape (nodes,).
@@ -32,74 +39,83 @@ class Supports:
         points: Coordinates of those nodes, shape (nodes, 2), m.
     """
 
-    nodes: npt.NDArray[np.int64]
-    frame: npt.NDArray[np.float64]
-    held: npt.NDArray[np.bool_]
+    nodes: Indices
+    frame: Array
+    held: Flags
     body: npt.NDArray[np.int32]
-    points: npt.NDArray[np.float64]
-
-    def free_directions(self, nodes: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-        """Derivatives du / du' at given nodes, zero for what is held, shape (nodes, 2, 2)."""
-        directions = np.tile(np.eye(2), (len(nodes), 1, 1))
-        if len(self.nodes):
-            where = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
-            found = self.nodes[where] == nodes
-            directions[found] = (self.frame * ~self.held[:, None, :])[where[found]]
-        return directions
+    points: Array
 
     @property
     def inclined(self) -> bool:
         """Whether some node's coordinates are turned."""
         return bool(np.any(self.frame != np.eye(2)))
 
-    def constrain_matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat:
-        """Q^T K Q with held rows and columns replaced by the mean diagonal of K."""
+    @property
+    def free_frame(self) -> Array:
+        """Derivatives du / du' at the supports' nodes: Q, zero for what is held."""
+        return self.frame * ~self.held[:, None, :]
+
+    def free_directions(self, nodes: Indices) -> Array:
+        """Derivatives du / du' at given nodes, zero for what is held, shape (nodes, 2, 2)."""
+        return self._at(nodes, self.free_frame)
+
+    def to_cartesian(self, values: Array, first: int) -> Array:
+        """Displacements u = Q u'."""
+        return self._times(self.frame, values, first)
+
+    def to_supports(self, values: Array, first: int) -> Array:
+        """Displacements u' = Q^T u."""
+        return self._times(np.swapaxes(self.frame, 1, 2), values, first)
+
+    def constrain_vector(self, values: Array, first: int) -> Array:
+        """Forces Q^T f, with held entries zero."""
+        return self._times(np.swapaxes(self.free_frame, 1, 2), values, first)
+
+    def constrain_matrix(self, stiffness: PETSc.Mat) -> None:
+        """Replace K by Q^T K Q, with held rows and columns replaced by the mean diagonal of K."""
         if self.inclined:
-            turn = self._turn(stiffness)
-            stiffness = stiffness.ptap(turn)
-            turn.destroy()
+            self._turn(stiffness)
+        start, end = stiffness.getOwnershipRange()
+        dofs = (2 * self.nodes[:, None] + np.arange(2))[self.held]
+        mine = dofs[(dofs >= start) & (dofs < end)].astype(PETSc.IntType)
         diagonal = stiffness.getDiagonal()
         mean = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
-        stiffness.zeroRowsColumns(self._held_dofs(stiffness.getOwnershipRange()), diag=mean)
-        return stiffness
+        stiffness.zeroRowsColumns(mine, diag=mean)
 
-    def constrain_vector(self, vector: PETSc.Vec) -> None:
-        """Replace f by Q^T f with held entries zero."""
-        self._apply(vector, np.swapaxes(self.frame * ~self.held[:, None, :], 1, 2))
+    def _turn(self, stiffness: PETSc.Mat) -> None:
+        """Replace K by Q^T K Q, block by block of two nodes; its sparsity stays."""
+        indptr, columns, values = stiffness.getValuesCSR()
+        pairs, node = values.reshape(-1, 2), columns[::2] // 2  # of a row, x and y of one node
+        count = np.diff(indptr)[::2] // 2  # blocks of every node
+        before = np.repeat(np.cumsum(count) - count, count)
+        upper = before + np.arange(count.sum())
+        lower = upper + np.repeat(count, count)
+        first = stiffness.getOwnershipRange()[0] // 2
+        left = self._at(first + np.repeat(np.arange(len(count)), count), self.frame)
+        right = self._at(node[upper], self.frame)
+        blocks = np.stack([pairs[upper], pairs[lower]], axis=1)
+        blocks = np.swapaxes(left, 1, 2) @ blocks @ right
+        pairs[upper], pairs[lower] = blocks[:, 0], blocks[:, 1]
+        stiffness.setValuesCSR(indptr, columns, values)
+        stiffness.assemble()
 
-    def to_cartesian(self, vector: PETSc.Vec) -> None:
-        """Replace u' by u = Q u'."""
-        self._apply(vector, self.frame)
+    def _times(self, blocks: Array, values: Array, first: int) -> Array:
+        """Product with a block diagonal matrix that has given blocks at the supports' nodes."""
+        result = values.reshape(-1, 2).copy()
+        rows = self.nodes - first
+        mine = (rows >= 0) & (rows < len(result))
+        result[rows[mine]] = np.einsum("nij,nj->ni", blocks[mine], result[rows[mine]])
+        return result.ravel()
 
-    def to_supports(self, u, first: int):
-        """u' = Q^T u."""
-        v = PETSc.Vec().createWithArray(u.copy(), comm=PETSc.COMM_WORLD); self._apply(v, np.swapaxes(self.frame, 1, 2)); return v.array.copy()
-
-    def _apply(self, vector: PETSc.Vec, blocks: npt.NDArray[np.float64]) -> None:
-        start, end = (bound // 2 for bound in vector.getOwnershipRange())
-        mine = (self.nodes >= start) & (self.nodes < end)
-        values = vector.array.reshape(-1, 2)
-        rows = self.nodes[mine] - start
-        values[rows] = np.einsum("nij,nj->ni", blocks[mine], values[rows])
-
-    def _held_dofs(self, ownership: tuple[int, int]) -> npt.NDArray[np.int32]:
-        dofs = (2 * self.nodes[:, None] + np.arange(2))[self.held]
-        return dofs[(dofs >= ownership[0]) & (dofs < ownership[1])].astype(PETSc.IntType)
-
-    def _turn(self, stiffness: PETSc.Mat) -> PETSc.Mat:
-        start, end = stiffness.getOwnershipRange()
-        blocks = np.tile(np.eye(2), ((end - start) // 2, 1, 1))
-        mine = (self.nodes >= start // 2) & (self.nodes < end // 2)
-        blocks[self.nodes[mine] - start // 2] = self.frame[mine]
-        columns = np.repeat(np.arange(start, end).reshape(-1, 2), 2, axis=0)
-        indptr = np.arange(0, 2 * (end - start) + 1, 2)
-        csr = [a.astype(PETSc.IntType) for a in (indptr, columns.ravel())]
-        turn = PETSc.Mat().createAIJ(
-            stiffness.getSizes(), csr=(*csr, blocks.ravel()), comm=stiffness.comm
-        )
-        turn.assemble()
-        return turn
+    def _at(self, nodes: Indices, blocks: Array) -> Array:
+        """Blocks at given nodes, the unit matrix where there is no support."""
+        found = np.tile(np.eye(2), (len(nodes), 1, 1))
+        if len(self.nodes):
+            where = np.minimum(np.searchsorted(self.nodes, nodes), len(self.nodes) - 1)
+            here = self.nodes[where] == nodes
+            found[here] = blocks[where[here]]
+        return found
 
 
 def find_supports(scene: Scene, boundary: Boundary) -> Supports:
@@ -128,9 +144,8 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     )
 
 
-def _principal_directions(
-    gram: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+def _principal_directions(gram: Array) -> tuple[Array, Flags]:
+    """Frames along the normals of nodes, and what is held in them."""
     size, direction = np.linalg.eigh(gram)  # ascending; columns are directions
     # Two normals at an angle give the sizes 1 -+ cos(angle).
     both = size[:, 0] > np.tan(0.5 * SMOOTH_ANGLE) ** 2 * size[:, 1]

@@ -20,13 +20,11 @@ def displacement_function(structure: Structure, vector: PETSc.Vec, name: str) ->
         vector: Displacements or mode.
         name: Name of the field.
     """
-    cartesian = vector.copy()
-    structure.supports.to_cartesian(cartesian)
+    first = vector.getOwnershipRange()[0] // 2
+    cartesian = structure.supports.to_cartesian(vector.array_r, first)
     function = fem.Function(structure.elasticity.space, name=name)
-    owned = cartesian.getLocalSize()
-    function.x.array[:owned] = cartesian.array_r
+    function.x.array[: len(cartesian)] = cartesian
     function.x.scatter_forward()
-    cartesian.destroy()
     return function
 
 

@@ -120,11 +120,8 @@ def _at_boundary(structure: Structure, vector: PETSc.Vec) -> dict[str, Array]:
     Returns:
         "facets" of shape (facets, 2, 2) and "joints" of shape (points, 2, 2); zero on the ground.
     """
-    cartesian = vector.copy()
-    structure.supports.to_cartesian(cartesian)
-    start, end = (bound // 2 for bound in cartesian.getOwnershipRange())
-    values = cartesian.array_r.reshape(-1, 2).copy()
-    cartesian.destroy()
+    start, end = (bound // 2 for bound in vector.getOwnershipRange())
+    values = structure.supports.to_cartesian(vector.array_r, start).reshape(-1, 2)
     motion = {}
     for name, nodes in (
         ("facets", structure.boundary.nodes[:, :2]),

@@ -19,15 +19,48 @@ at a time.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.discretization.joints import JointOperators, sparse_rows
+from fenics_contact.discretization.joints import GROUND, JointOperators, sparse_rows
 from fenics_contact.solvers.problem import ContactProblem
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Slots:
+    """The joint points of every body, in a row; the same on all ranks.
+
+    Attributes:
+        body: Bodies of both sides of every joint point, -1 for ground, shape (points, 2).
+        slot: Places of the joint point among those of either body, shape (points, 2).
+        table: Joint point in every place of every body, -1: none, shape (bodies, places).
+    """
+
+    body: npt.NDArray[np.int64]
+    slot: npt.NDArray[np.int64]
+    table: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, body: npt.NDArray[np.int32]) -> Slots:
+        """Slots from the bodies of both sides of all joint points."""
+        flat = np.asarray(body, dtype=np.int64).ravel()
+        order = np.argsort(flat, kind="stable")
+        owner = flat[order]
+        place = np.arange(len(flat)) - np.searchsorted(owner, owner)
+        slot = np.empty_like(flat)
+        slot[order] = place
+        held = owner != GROUND
+        count = int(owner.max(initial=-1)) + 1, int(place[held].max(initial=-1)) + 1
+        table = np.full(count, -1)
+        table[owner[held], place[held]] = order[held] // 2
+        slot[flat == GROUND] = -1
+        return cls(flat.reshape(-1, 2), slot.reshape(-1, 2), table)
 
 
 class JointOperator:
@@ -146,19 +179,23 @@ class JointOperator:
         size = 2 * points + self.has_factor
         start = sum(comm.allgather(size)[: comm.rank])
         # Row of r_N of every joint point; that of r_T is `shift` further.
-        row, shift = np.empty((2, len(joints.slots.body)), dtype=np.int64)
-        for rank_points, first in comm.allgather((joints.points, start)):
+        parts = comm.allgather((joints.points, joints.sides, start))
+        row, shift = np.empty((2, sum(len(part[0]) for part in parts)), dtype=np.int64)
+        bodies = np.empty((len(row), 2), dtype=np.int32)
+        for rank_points, sides_of_points, first in parts:
+            bodies[rank_points] = sides_of_points
             row[rank_points] = first + np.arange(len(rank_points))
             shift[rank_points] = len(rank_points)
+        slots = Slots.of(bodies)
         sides = [_side(joints, side, self.problem.stiffness) for side in (0, 1)]
         response = self.problem.dead.duplicate()
         rows, columns, values = [], [], []
-        body = joints.slots.body[joints.points]
+        body = slots.body[joints.points]
         unit = [side.createVecLeft() for side in sides]
-        for slot in range(joints.slots.table.shape[1]):
-            mine = joints.slots.slot[joints.points] == slot
+        for slot in range(slots.table.shape[1]):
+            mine = slots.slot[joints.points] == slot
             # The joint point in this slot of the body on either side of every row.
-            other = np.where(body >= 0, joints.slots.table[body, slot], -1)
+            other = np.where(body >= 0, slots.table[body, slot], -1)
             for direction in (0, 1):
                 self._work.zeroEntries()
                 for side, matrix in enumerate(sides):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.delassus import JointOperator
-from fenics_contact.discretization.joints import GROUND, Slots
+from fenics_contact.solvers.delassus import JointOperator, Slots
+from fenics_contact.discretization.joints import GROUND
 from fenics_contact.meshing import running_bond
 from tests.helpers import Loaded, coulomb, dense, on_ground, vector_like, whole
 

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError
-from fenics_contact.mesh import BODY_IMBALANCE, _bodies, _ranks_of_bodies, extract, gmsh_session
+from fenics_contact.mesh import BODY_IMBALANCE, bodies_of_cells, extract, gmsh_session, ranks_of_bodies
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import Drawing, mesh_of, rectangle
 
@@ -262,8 +262,8 @@ def test_blocks_that_share_a_single_node():
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_bodies_stay_whole_on_ranks_and_balance(ranks):
     drawn = extract(wall([[1] * 6] * 6, elements=1), "wall")
-    body = _bodies(drawn, "wall")
-    rank = _ranks_of_bodies(drawn, body, ranks)
+    body = bodies_of_cells(drawn)
+    rank = ranks_of_bodies(drawn, body, ranks)
     assert rank is not None
     assert len(np.unique(np.column_stack([body, rank]), axis=0)) == 36
     load = np.bincount(rank, minlength=ranks)
@@ -272,4 +272,4 @@ def test_bodies_stay_whole_on_ranks_and_balance(ranks):
 
 def test_one_large_body_is_not_kept_whole():
     drawn = extract(wall([[8], [1]], elements=1), "wall")
-    assert _ranks_of_bodies(drawn, _bodies(drawn, "wall"), 2) is None
+    assert ranks_of_bodies(drawn, bodies_of_cells(drawn), 2) is None

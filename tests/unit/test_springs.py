@@ -7,7 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import SolverError
-from fenics_contact.discretization.joints import JointOperators, Slots
+from fenics_contact.discretization.joints import JointOperators
 from fenics_contact.solvers.joint_stiffness import (
     MINIMUM_FILL,
     SINGULAR,
@@ -156,7 +156,7 @@ def loose_node() -> tuple[SpringStiffness, PETSc.Vec]:
         dofs=np.array([[0, 1, 2, 3]], dtype=PETSc.IntType),
         normal_rows=np.array([[0.0, -1.0, 0.0, 1.0]]),
         tangential_rows=np.array([[-1.0, 0.0, 1.0, 0.0]]),
-        slots=Slots.of(np.array([[0, 1]])),
+        sides=np.array([[0, 1]]),
     )
     load = stiffness.createVecLeft()
     load.array[:] = [0.0, 0.0, 0.0, 6.0]
