@@ -6,15 +6,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
-
-if TYPE_CHECKING:
-    from fenics_contact.analysis.plan import Plan
 
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
@@ -233,12 +229,6 @@ class Scene:
         from fenics_contact.toml_tables import read_scene
 
         return read_scene(path, comm)
-
-    def plan(self) -> Plan:
-        """What this scene does not need."""
-        from fenics_contact.analysis.plan import make_plan
-
-        return make_plan(self)
 
     def _check_names(self) -> None:
         source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.discretization.discretization import Structure
-from fenics_contact.solvers.problem import State
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.solvers.problem import SparseMap, State
 
 Array = npt.NDArray[np.float64]
 
@@ -68,6 +69,10 @@ class JointValues:
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 
+    def force(self, joints: Joints) -> Array:
+        """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
+        return self.normal_force[:, None] * joints.normal + self.shear_force[:, None] * joints.tangent
+
     @property
     def _moving_rate(self) -> float:
         rates = np.abs([self.opening_rate, self.slip_rate])
@@ -83,6 +88,7 @@ def joint_values(discretization: Structure, state: State, mode: Array) -> JointV
         mode: Collapse mode v in the supports' coordinates, this rank's part.
     """
     problem, length = discretization.problem, discretization.joints.length
+    normal, tangential = SparseMap(problem.normal), SparseMap(problem.tangential)
     of_all = discretization.all_points
     normal_force, shear_force = of_all(state.pressure), of_all(state.shear)
     return JointValues(
@@ -90,8 +96,8 @@ def joint_values(discretization: Structure, state: State, mode: Array) -> JointV
         shear_force,
         pressure=normal_force / length,
         shear=shear_force / length,
-        gap=of_all(problem.normal @ state.displacement),
-        slip=of_all(problem.tangential @ state.displacement),
-        opening_rate=of_all(problem.normal @ mode),
-        slip_rate=of_all(problem.tangential @ mode),
+        gap=of_all(normal @ state.displacement),
+        slip=of_all(tangential @ state.displacement),
+        opening_rate=of_all(normal @ mode),
+        slip_rate=of_all(tangential @ mode),
     )
