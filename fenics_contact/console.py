@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -31,19 +30,6 @@ class Progress:
         self._name = ""
         self._count = 0
 
-    def __enter__(self) -> Progress:
-        """Start; the bar appears with the first step."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Leave the terminal clean."""
-        self._close()
-
     def step(self, direction: str, step: Step) -> None:
         """Show one fixed-point iteration."""
         self._count = self._count + 1 if direction == self._name else 1
@@ -64,7 +50,7 @@ class Progress:
         if not self._enabled:
             return
         if name != self._name:
-            self._close()
+            self.close()
             self._name = name
         if not self._as_bar:
             sys.stdout.write(f"{name}: {text}\n")
@@ -78,7 +64,8 @@ class Progress:
         self._bar.n = max(self._bar.n, round(gained, 2))
         self._bar.set_postfix_str(text)
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Leave the terminal clean."""
         if self._bar is not None:
             self._bar.close()
             self._bar = None

@@ -71,7 +71,9 @@ class JointValues:
 
     def force(self, joints: Joints) -> Array:
         """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
-        return self.normal_force[:, None] * joints.normal + self.shear_force[:, None] * joints.tangent
+        return (
+            self.normal_force[:, None] * joints.normal + self.shear_force[:, None] * joints.tangent
+        )
 
     @property
     def _moving_rate(self) -> float:

@@ -251,7 +251,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """"limit", "unbounded", "unstable" (no equilibrium at rest) or "not_converged"."""
+        """Status of all ends; "unstable" without equilibrium under the dead load alone."""
         found = {end.status for end in self.ends.values()}
         if not found:
             return "unstable"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, indent
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,9 @@ from fenics_contact.discretization.elasticity import stress
 from fenics_contact.discretization.joints import Joints
 
 Array = npt.NDArray[np.float64]
+
+#: VTK's number of a cell that is a line.
+VTK_LINE = 3
 
 
 def cartesian(discretization: Structure, values: Array) -> Array:
@@ -109,42 +114,32 @@ def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
     """
     names = ("pressure", "shear", "gap", "slip", "opening_rate", "slip_rate")
     columns = {name: getattr(values, name) for name in names}
-    columns["state"] = values.contact
-    columns["normal"] = _in_3d(joints.normal)
-    columns["force"] = _in_3d(values.force(joints))
-    cells = len(joints.segments)
+    columns |= {"state": values.contact, "normal": joints.normal, "force": values.force(joints)}
+    count = len(joints.segments)
+    cells = {
+        "connectivity": joints.segments.ravel(),
+        "offsets": 2 * np.arange(1, count + 1),
+        "types": np.full(count, VTK_LINE, dtype=np.uint8),
+    }
+    file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
     states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-    lines = [
-        '<?xml version="1.0"?>',
-        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">',
-        f"<!-- state: {states} -->",
-        "<UnstructuredGrid>",
-        f'<Piece NumberOfPoints="{len(joints.length)}" NumberOfCells="{cells}">',
-        "<Points>",
-        _vtk_array("points", _in_3d(joints.position)),
-        "</Points>",
-        "<Cells>",
-        _vtk_array("connectivity", joints.segments.ravel()),
-        _vtk_array("offsets", 2 * np.arange(1, cells + 1)),
-        _vtk_array("types", np.full(cells, 3, dtype=np.uint8)),
-        "</Cells>",
-        "<PointData>",
-        *(_vtk_array(name, column) for name, column in columns.items()),
-        "</PointData>",
-        "</Piece>",
-        "</UnstructuredGrid>",
-        "</VTKFile>",
-    ]
-    path.write_text("\n".join(lines) + "\n")
+    file.append(Comment(f" state: {states} "))
+    sizes = {"NumberOfPoints": str(len(joints.length)), "NumberOfCells": str(count)}
+    piece = SubElement(SubElement(file, "UnstructuredGrid"), "Piece", sizes)
+    _add_arrays(SubElement(piece, "Points"), {"points": joints.position})
+    _add_arrays(SubElement(piece, "Cells"), cells)
+    _add_arrays(SubElement(piece, "PointData"), columns)
+    indent(file)
+    ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
 
 
-def _in_3d(values: Array) -> Array:
-    return np.column_stack([values, np.zeros(len(values))])
-
-
-def _vtk_array(name: str, values: npt.NDArray[Any]) -> str:
-    kind = {"i": "Int64", "u": "UInt8", "f": "Float64"}[values.dtype.kind]
-    width = 1 if values.ndim == 1 else values.shape[1]
-    text = " ".join(f"{value:.12g}" for value in values.ravel())
-    head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
-    return f"{head}{text}</DataArray>"
+def _add_arrays(parent: Element, columns: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Add arrays of numbers; those with two columns are vectors in the plane."""
+    for name, values in columns.items():
+        if values.ndim == 2:
+            values = np.column_stack([values, np.zeros(len(values))])
+        kind = {"i": "Int64", "u": "UInt8", "f": "Float64"}[values.dtype.kind]
+        width = "1" if values.ndim == 1 else "3"
+        form = {"type": kind, "Name": name, "NumberOfComponents": width, "format": "ascii"}
+        array = SubElement(parent, "DataArray", form)
+        array.text = " ".join(f"{value:.12g}" for value in values.ravel())

@@ -57,20 +57,20 @@ def write_result(result: Result, folder: Path) -> None:
     result.seconds["write"] = time.perf_counter() - start
     if comm.rank == 0:
         partial = record.with_suffix(".part")
-        partial.write_text(json.dumps(result_record(result), indent=2) + "\n")
+        partial.write_text(json.dumps(strict(result_record(result)), indent=2) + "\n")
         partial.replace(record)
     comm.barrier()
 
 
 def result_record(result: Result) -> Record:
-    """Content of result.json; numbers that are not finite are None."""
+    """Content of result.json."""
     discretization, collapse = result.discretization, result.collapse
     mesh, nodes = result.scene.mesh, discretization.elasticity.space.dofmap.index_map
     record: Record = {
         "status": result.status,
         "title": result.scene.title,
-        "load_factor": _number(result.load_factor),
-        "load_factor_negative": _number(result.load_factor_negative),
+        "load_factor": result.load_factor,
+        "load_factor_negative": result.load_factor_negative,
         "bounds": _bounds_record(result.bounds),
         "method": None,
         "error_estimate": None,
@@ -118,18 +118,12 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     record: Record = {"method": method, "error_estimate": None, "residuals": None, "failures": []}
     if collapse.path is not None:
         record["continuation"] = {
-            "equilibrium_up_to": _number(collapse.path.lower),
-            "none_found_at": _number(collapse.path.upper),
-            "steps": [
-                {"load_factor": _number(s.load_factor), "displacement": _number(s.displacement)}
-                for s in collapse.path.steps
-            ],
+            "equilibrium_up_to": collapse.path.lower,
+            "none_found_at": collapse.path.upper,
+            "steps": _columns(collapse.path.steps, "load_factor", "displacement"),
         }
     if collapse.states:
-        record["states"] = [
-            {"start": s.start, "status": s.status, "load_factor": _number(s.load_factor)}
-            for s in collapse.states
-        ]
+        record["states"] = _columns(collapse.states, "start", "status", "load_factor")
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
     return record | {"iterations": _iteration_record(collapse)}
@@ -139,11 +133,11 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
     """Residuals, static and kinematic load factor, and the worst joint."""
     worst = certificate.worst_joint
     record: Record = {
-        "error_estimate": _number(certificate.error_estimate),
-        "residuals": {name: _number(value) for name, value in certificate.residuals.items()},
+        "error_estimate": certificate.error_estimate,
+        "residuals": dict(certificate.residuals),
         "failures": sorted(certificate.failures),
-        "static_factor": _number(certificate.static_factor),
-        "kinematic_factor": _number(certificate.kinematic_factor),
+        "static_factor": certificate.static_factor,
+        "kinematic_factor": certificate.kinematic_factor,
         "worst_joint": None,
     }
     if worst is not None:
@@ -152,7 +146,7 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
             "position": [float(x) for x in joints.position[worst.point]],
             "group": joints.names[joints.law[worst.point]],
             "law": worst.law,
-            "residual": _number(worst.residual),
+            "residual": worst.residual,
         }
     return record
 
@@ -162,7 +156,7 @@ def _iteration_record(collapse: Collapse) -> Record:
     steps = [step for history in collapse.history for step in history.steps]
     record: Record = {
         "fixed_point": len(steps),
-        "contraction": _number(collapse.history[0].contraction),
+        "contraction": collapse.history[0].contraction,
         "cycles": sum(history.cycles for history in collapse.history),
         "work_ratio": collapse.work_ratio,
     }
@@ -171,27 +165,32 @@ def _iteration_record(collapse: Collapse) -> Record:
             "proximal_steps": collapse.splitting.steps,
             "sweeps": collapse.splitting.sweeps,
             "joint_steps": collapse.splitting.joint_steps,
-            "contraction": _number(collapse.splitting.contraction),
+            "contraction": collapse.splitting.contraction,
         }
-    record["history"] = [
-        {
-            "load_factor": _number(step.load_factor),
-            "bound_change": _number(step.bound_change),
-            "relaxation": _number(step.relaxation),
-            "factorizations": step.factorizations,
-        }
-        for step in steps
-    ]
+    names = ("load_factor", "bound_change", "relaxation", "factorizations")
+    record["history"] = _columns(steps, *names)
     return record
+
+
+def _columns(items: Sequence[Any], *names: str) -> list[Record]:
+    """Some attributes of every item."""
+    return [{name: getattr(item, name) for name in names} for item in items]
 
 
 def _bounds_record(bounds: LimitBounds | None) -> Record:
     lower, upper = (None, None) if bounds is None else (bounds.lower, bounds.upper)
-    return {"lower": _number(lower), "upper": _number(upper)}
+    return {"lower": lower, "upper": upper}
 
 
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value) + 0.0
+def strict(value: Any) -> Any:
+    """A record as strict JSON has it: numbers that are not finite are None."""
+    if isinstance(value, dict):
+        return {key: strict(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [strict(item) for item in value]
+    if isinstance(value, float):
+        return value + 0.0 if math.isfinite(value) else None
+    return value
 
 
 def _write_capacity(points: Sequence[CapacityPoint], path: Path) -> None:

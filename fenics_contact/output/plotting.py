@@ -59,7 +59,7 @@ def draw_collapse(result: Result, direction: str, path: Path) -> None:
     right.set_title("joint forces at collapse (length by size)", fontsize=10)
     title = f"{result.scene.title}: " if result.scene.title else ""
     value = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    value += f"load factor {end.load_factor:.5g}"
+    value += f"load factor {end.load_factor:.6g}"
     value += " (live load reversed)" if direction == "negative" else ""
     figure.suptitle(f"{title}{value}   ({end.bounds})", fontsize=13)
     figure.savefig(path, dpi=150)
@@ -114,9 +114,7 @@ def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
     return figure, both
 
 
-def _at_nodes(
-    discretization: Structure, velocity: Array, nodes: npt.NDArray[np.int64]
-) -> Array:
+def _at_nodes(discretization: Structure, velocity: Array, nodes: npt.NDArray[np.int64]) -> Array:
     """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
     first, end = discretization.elasticity.space.dofmap.index_map.local_range
     mine = (nodes >= first) & (nodes < end)
@@ -126,8 +124,9 @@ def _at_nodes(
     return found
 
 
-def _outlines(boundary: Boundary, ends: Array) -> list[Any]:
+def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> None:
     """Closed paths around all bodies, for given ends of the facets, shape (facets, 2, 2)."""
+    from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
     # Run along every facet with the block on the left: tangent = normal turned anticlockwise.
@@ -143,22 +142,21 @@ def _outlines(boundary: Boundary, ends: Array) -> list[Any]:
         corners: list[Array] = []
         codes: list[int] = []
         while leaving:  # a loop of facets; a body with a hole has more than one
-            start, row = next(iter(leaving.items()))
-            loop = [points[row, 0]]
-            while start in leaving:
-                row = leaving.pop(start)
-                loop.append(points[row, 1])
-                start = int(nodes[row, 1])
-            corners += loop
-            codes += [Outline.MOVETO, *[Outline.LINETO] * (len(loop) - 1)]
+            node, row = next(iter(leaving.items()))
+            corners.append(points[row, 0])
+            codes.append(Outline.MOVETO)
+            while node in leaving:
+                row = leaving.pop(node)
+                node = int(nodes[row, 1])
+                corners.append(points[row, 1])
+                codes.append(Outline.LINETO)
         outlines.append(Outline(np.array(corners), codes))
-    return outlines
+    axes.add_collection(PathCollection(outlines, **style))
 
 
 def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
     """Outlines at rest, and the blocks displaced, shaded by how far they move."""
     from matplotlib import colormaps
-    from matplotlib.collections import PathCollection
 
     rest = boundary.points[:, :2]
     size = np.linalg.norm(motion, axis=2).max(axis=1)
@@ -167,11 +165,9 @@ def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
     relative = of_body / (of_body.max() or 1.0)
     shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
     shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
-    for paths, style in (
-        (_outlines(boundary, rest), {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.6}),
-        (_outlines(boundary, rest + motion), {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}),
-    ):
-        axes.add_collection(PathCollection(paths, **style))
+    _draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.75", linewidth=0.6)
+    moved = rest + motion
+    _draw_outlines(axes, boundary, moved, facecolor=shade, edgecolor="0.35", linewidth=0.5)
 
 
 def _draw_joints(axes: Any, joints: Joints, values: JointValues, motion: Array) -> None:
@@ -220,23 +216,19 @@ def _draw_live_load(axes: Any, force: Array) -> None:
 
 def _draw_forces(axes: Any, discretization: Structure, values: JointValues) -> None:
     """Resultant of every face, drawn through its centre of pressure, length by size."""
-    from matplotlib.collections import LineCollection, PathCollection
+    from matplotlib.collections import LineCollection
 
     boundary, joints = discretization.boundary, discretization.joints
-    outlines = _outlines(boundary, boundary.points[:, :2])
-    style = {"facecolor": "0.95", "edgecolor": "0.6", "linewidth": 0.5}
-    axes.add_collection(PathCollection(outlines, **style))
+    rest = boundary.points[:, :2]
+    _draw_outlines(axes, boundary, rest, facecolor="0.95", edgecolor="0.6", linewidth=0.5)
     face = straight_faces(joints, joints.length).of_point
-    force, moment = values.force(joints), values.normal_force[:, None] * joints.position
-    weight = np.bincount(face, values.normal_force)
-    total, moment = (
-        np.column_stack([np.bincount(face, column) for column in columns.T])
-        for columns in (force, moment)
-    )
-    loaded = weight > 1e-6 * weight.max(initial=0.0)
-    if not np.any(loaded):
+    normal = values.normal_force[:, None]
+    faces = np.zeros((int(face.max(initial=-1)) + 1, 5))
+    np.add.at(faces, face, np.hstack([values.force(joints), normal, normal * joints.position]))
+    faces = faces[faces[:, 2] > 1e-6 * faces[:, 2].max(initial=0.0)]
+    if len(faces) == 0:
         return
-    centre, total = moment[loaded] / weight[loaded, None], total[loaded]
+    total, centre = faces[:, :2], faces[:, 3:] / faces[:, 2:3]
     size = np.linalg.norm(total, axis=1)
     block = np.sqrt(discretization.bodies_area() / discretization.scene.mesh.body_count)
     reach = 0.9 * block * total / size.max()
