@@ -4,8 +4,7 @@ from fenics_contact.errors import ContactError, InputError, SolverError
 from fenics_contact.limit_load import LimitLoad, limit_load
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Load, Material, OutputOptions, Scene, SolveOptions
-
-__version__ = "0.1.0"
+from fenics_contact.version import __version__
 
 __all__ = [
     "BlockMesh",
@@ -19,5 +18,6 @@ __all__ = [
     "Scene",
     "SolveOptions",
     "SolverError",
+    "__version__",
     "limit_load",
 ]

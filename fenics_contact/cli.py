@@ -7,29 +7,31 @@ import contextlib
 import logging
 import os
 import sys
+import time
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from mpi4py import MPI
 
-    from fenics_contact.limit_load import LimitLoad
+from fenics_contact.console import Progress, counted, description, summary
+from fenics_contact.discretization.discretization import Structure
+from fenics_contact.errors import InputError, raised_together
+from fenics_contact.limit_load import limit_load
+from fenics_contact.toml_tables import read_scene
 
-SOLVED, BAD_INPUT, UNSTABLE, NOT_CONVERGED = 0, 2, 3, 4
+BAD_INPUT, INTERRUPTED = 2, 130
+
+#: Exit codes by status of the result.
+EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "not_converged": 4}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
-    from mpi4py import MPI
-
     comm = MPI.COMM_WORLD
     with _only_on_root(comm):
         options = _parser().parse_args(arguments)
     _set_up_logging(options, comm)
-    from fenics_contact.errors import InputError
-
     try:
         return _solve(options, comm) if options.command == "solve" else _check(options, comm)
     except InputError as error:
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"fenics-contact: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except Exception:
         if comm.size == 1:
             raise
@@ -94,36 +96,30 @@ def _set_up_logging(options: argparse.Namespace, comm: MPI.Comm) -> None:
 
 
 def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    import time
-
+    """Read a scene, find its limit load, print it and write its files."""
     start = time.perf_counter()
     loud = comm.rank == 0 and not options.quiet
     if loud:
         print(f"reading {options.scene}", flush=True)
-    from fenics_contact.limit_load import limit_load
-    from fenics_contact.progress import Progress
-    from fenics_contact.scene import read_scene
-
     folder = _output_folder(options, comm)
     scene = read_scene(options.scene, comm, options.overrides)
     read = time.perf_counter() - start
     if loud:
-        print(
-            f"{_count(scene.mesh.body_count, 'block')} on {_count(comm.size, 'rank')}", flush=True
-        )
+        blocks = counted(scene.mesh.body_count, "block")
+        print(f"{blocks} on {counted(comm.size, 'rank')}", flush=True)
     # mpirun passes a terminal on even where its own output goes to a file.
     bar = comm.size == 1 and sys.stdout.isatty()
-    with Progress(loud, bar, scene.solve.tolerance) as progress:
+    with contextlib.closing(Progress(loud, bar, scene.solve.tolerance)) as progress:
         result = limit_load(scene, progress)
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()
     if loud:
-        print(_summary(result), flush=True)
+        print(summary(result), flush=True)
     result.write(folder)
     if loud:
         print(f"written to {folder}", flush=True)
-    return {"unstable": UNSTABLE, "not_converged": NOT_CONVERGED}.get(result.status, SOLVED)
+    return EXIT_CODES[result.status]
 
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
@@ -132,8 +128,6 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
     Raises:
         InputError: On all ranks, if a file is in the way or the folder cannot be made.
     """
-    from fenics_contact.errors import InputError, raised_together
-
     folder: Path = options.output or options.scene.with_suffix("")
     with raised_together(comm):
         if comm.rank == 0:
@@ -145,56 +139,9 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
     return folder
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
-
-
-def _summary(result: LimitLoad) -> str:
-    """The answer in a few lines."""
-    if result.status == "unstable":
-        return "unstable: there is no equilibrium under the dead load alone"
-    lines = []
-    for name, end in (("", result.positive), (" (live load reversed)", result.negative)):
-        if end is None:
-            continue
-        if end.status == "unbounded":
-            lines.append(f"load factor{name}: unbounded, nothing limits the live load")
-            continue
-        if end.state is None:
-            lines.append(f"load factor{name}: NOT CONVERGED, no state was found")
-            continue
-        lines.append(
-            f"load factor{name} = {end.load_factor:.8g}   {end.bounds} (rigid blocks without"
-            " friction, and with associative friction)"
-        )
-        if end.status != "limit":
-            failures = {} if end.certificate is None else end.certificate.failures
-            names = ", ".join(f"{k} {v:.1e}" for k, v in failures.items()) or "no convergence"
-            lines.append(f"NOT CONVERGED: this is not a limit load ({names})")
-        elif end.certificate is not None:
-            lines.append(
-                f"verified: equilibrium {end.certificate.residuals['equilibrium']:.0e}, friction"
-                f" {end.certificate.residuals['friction']:.0e}, error of the load factor at most"
-                f" {end.certificate.error_estimate:.0e}"
-            )
-    bonded = result.seconds.get("bonded", 0.0)
-    if bonded:
-        ratio = result.seconds["solve"] / bonded
-        lines.append(
-            f"{result.factorizations} factorisations, {result.seconds['total']:.2f} s; solving took"
-            f" {ratio:.1f} bonded solves"
-        )
-    return "\n".join(lines)
-
-
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from fenics_contact.report import describe
-    from fenics_contact.scene import read_scene
-    from fenics_contact.discretization.discretization import Structure
-
-    scene = read_scene(options.scene, comm, options.overrides)
-    structure = Structure.build(scene)
-    text = describe(structure)
+    """Read a scene and say what is in it."""
+    text = description(Structure.build(read_scene(options.scene, comm, options.overrides)))
     if comm.rank == 0 and not options.quiet:
         print(text)
-    return SOLVED
+    return 0

@@ -5,34 +5,37 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 from petsc4py import PETSc
 
 from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
-from fenics_contact.analysis.capacity import CapacityPoint, capacity_curve
+from fenics_contact.analysis.capacity import capacity_curve
+from fenics_contact.analysis.result import CapacityPoint, Collapse, CollapseState, Result
+from fenics_contact.analysis.result import LoadPath as LoadPathRecord
 from fenics_contact.analysis.load_control import LoadPath, follow_load
 from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointStep
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import WorkControl
 from fenics_contact.solvers.kkt import Scales, State
-from fenics_contact.analysis.plan import Plan, make_plan
+from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.solvers.problem import ContactProblem
 from fenics_contact.scene import Scene
 from fenics_contact.analysis.work_control import (
     MONOLITHIC,
-    Collapse,
-    CollapseState,
     Search,
     first_work,
     new_solver,
 )
 from fenics_contact.discretization.discretization import Bonded, Structure
+from fenics_contact.output.fields import displacement_function
+from fenics_contact.output.files import write_result
 
 Array = npt.NDArray[np.float64]
 
@@ -42,72 +45,28 @@ _log = logging.getLogger("fenics_contact")
 BRACKET_WIDTH = 1e-4
 
 
-@dataclass
-class LimitLoad:
-    """Result of `limit_load`.
-
-    Attributes:
-        scene: What was solved.
-        structure: Its discretisation.
-        status: "limit", "unbounded", "unstable" or "not_converged".
-        positive: Collapse with the live load as given; None if not asked for.
-        negative: Collapse with the live load reversed; None if not asked for.
-        plan: What the scene did not need.
-        seconds: Time by phase, s.
-        factorizations: Numeric factorisations in all.
-        mode_factorizations: Those of them that were of the blocks' modes only.
-        capacity: Points of the capacity curve.
-    """
-
-    scene: Scene
-    structure: Structure
-    status: str
-    positive: Collapse | None
-    negative: Collapse | None
-    plan: Plan
-    seconds: dict[str, float]
-    factorizations: int
-    mode_factorizations: int = 0
-    capacity: list[CapacityPoint] = field(default_factory=list)
+class LimitLoad(Result):
+    """Result of `limit_load`, with its fields and files."""
 
     @property
-    def collapse(self) -> Collapse | None:
-        """The collapse that pictures and fields show: the positive one if there is one."""
-        return self.positive if self.positive is not None else self.negative
+    def structure(self) -> Structure:
+        """Discretisation of the scene."""
+        return self.discretization
 
     @property
-    def load_factor(self) -> float:
-        """Limit load factor; infinite if unbounded, nan if there is none."""
-        return float("nan") if self.positive is None else self.positive.load_factor
-
-    @property
-    def load_factor_negative(self) -> float:
-        """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
-        return float("nan") if self.negative is None else self.negative.load_factor
-
-    @property
-    def bounds(self) -> LimitBounds | None:
-        """Bracket of the rigid-block programs for the collapse shown, in the sign of its factor."""
-        return None if self.collapse is None else self.collapse.bounds
-
-    @property
-    def mode(self):  # type: ignore[no-untyped-def]
+    def mode(self) -> fem.Function | None:
         """Displacement field of the collapse, a dolfinx function; None without a limit."""
-        from fenics_contact.output.fields import displacement_function
-
         if self.collapse is None or self.collapse.mode is None:
             return None
-        return displacement_function(self.structure, self.collapse.mode, "collapse_mode")
+        return displacement_function(self.discretization, self.collapse.mode, "collapse_mode")
 
     @property
-    def displacement(self):  # type: ignore[no-untyped-def]
+    def displacement(self) -> fem.Function | None:
         """Displacements at the state reached, m, a dolfinx function; None if there is none."""
-        from fenics_contact.output.fields import displacement_function
-
         if self.collapse is None or self.collapse.state is None:
             return None
-        state = self.collapse.state
-        return displacement_function(self.structure, state.displacement, "displacement")
+        values = self.collapse.state.displacement
+        return displacement_function(self.discretization, values, "displacement")
 
     def hold_against_brackets(self) -> None:
         """Solve the rigid-block programs for the brackets, and see that load factors are inside.
@@ -116,19 +75,11 @@ class LimitLoad:
         of a large wall, and the forces of a verified state imply what they say.
         """
         start = time.perf_counter()
-        ends = [end for end in (self.positive, self.negative) if end is not None]
-        held = [end.held_against_bracket() for end in ends]
-        if any(end.status == "not_converged" for end in held):
-            self.status = "not_converged"
-        rest = iter(held)
-        self.positive = None if self.positive is None else next(rest)
-        self.negative = None if self.negative is None else next(rest)
+        self.ends = {name: end.held_against_bracket() for name, end in self.ends.items()}
         self.seconds["bounds"] += time.perf_counter() - start
 
     def write(self, folder: str | Path) -> None:
         """Write result.json, and files and pictures as the scene's output options say."""
-        from fenics_contact.output.files import write_result
-
         self.hold_against_brackets()
         write_result(self, Path(folder))
 
@@ -158,10 +109,9 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
     """
     start = time.perf_counter()
     structure = Structure.build(scene)
-    plan = make_plan(scene)
-    for item in plan.skipped:
+    for item in skipped(scene):
         _log.info("skipped: %s", item)
-    driver = _Driver(structure, plan, monitor)
+    driver = _Driver(structure, monitor)
     result = driver.run()
     result.seconds["total"] = time.perf_counter() - start
     return result
@@ -170,10 +120,9 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
 class _Driver:
     """One run of `limit_load`."""
 
-    def __init__(self, structure: Structure, plan: Plan, monitor: Monitor | None) -> None:
+    def __init__(self, structure: Structure, monitor: Monitor | None) -> None:
         self.structure = structure
         self.scene = structure.scene
-        self.plan = plan
         self.monitor = monitor
         self.seconds = {"assemble": structure.seconds}
 
@@ -185,8 +134,8 @@ class _Driver:
         stands = stands_frictionless or blocks.stands()
         self.seconds["bounds"] = time.perf_counter() - start
         if not stands:
-            return self._result("unstable", None, None)
-        bonded = structure.bonded(coupled=self.plan.coulomb and options.method in MONOLITHIC)
+            return self._result({})
+        bonded = structure.bonded(coupled=bool(np.any(structure.joints.friction)) and options.method in MONOLITHIC)
         self.seconds["bonded"] = bonded.seconds
         start = time.perf_counter()
         scales = typical_sizes(structure.problem, bonded)
@@ -203,24 +152,16 @@ class _Driver:
             bodies = replace(structure.bodies, live=-structure.bodies.live)
             blocks = RigidBlocks(structure.joints, bodies, self.scene.comm)
             mirrored = self._collapse("negative", structure.reversed(), blocks, bonded, scales)
-            found["negative"] = replace(
-                mirrored,
-                load_factor=-mirrored.load_factor,
-                program=lambda: mirrored.bounds.reversed(),
-            )
+            found["negative"] = mirrored.reversed()
         self.seconds["solve"] = time.perf_counter() - start
         if _excludes_zero(found, options.tolerance * scales.load_factor):
-            return self._result("unstable", None, None)
-        ends = [found[direction] for direction in asked]
-        status = ends[0].status if len({end.status for end in ends}) == 1 else "limit"
-        if any(end.status == "not_converged" for end in ends):
-            status = "not_converged"
-        reported = {direction: found[direction] for direction in asked}
-        result = self._result(status, reported.get("positive"), reported.get("negative"))
-        if self.scene.output.capacity and status == "limit":
+            return self._result({})
+        result = self._result({direction: found[direction] for direction in asked})
+        if self.scene.output.capacity and result.status == "limit":
             start = time.perf_counter()
             reverse = asked[0] == "negative"
-            result.capacity = self._capacity(ends[0], reverse, bonded, scales)
+            capacity = self._capacity(found[asked[0]], reverse, bonded, scales)
+            result.capacity = tuple(capacity)
             self.seconds["capacity"] = time.perf_counter() - start
             result.factorizations = self.structure.factorizations
         return result
@@ -230,8 +171,9 @@ class _Driver:
     ) -> list[CapacityPoint]:
         """Points of the capacity curve towards one collapse."""
         if end.path is not None:  # the continuation has gone along it already
+            sign = -1.0 if reverse else 1.0
             return [
-                CapacityPoint(step.displacement, step.load_factor, step.work, converged=True)
+                CapacityPoint(step.displacement, sign * step.load_factor, step.work, converged=True)
                 for step in end.path.steps
             ]
         if end.state is None:
@@ -245,26 +187,20 @@ class _Driver:
             self.structure.springs,
             scales,
             _scaled_state(bonded.live, pressure, factor, work),
-            end.state.work,
+            abs(end.state.work),
             self.scene.output.capacity,
             self.scene.solve.tolerance,
             None if self.monitor is None else self.monitor.point,
         )
 
-    def _result(
-        self, status: str, positive: Collapse | None, negative: Collapse | None
-    ) -> LimitLoad:
-        ends = [end for end in (positive, negative) if end is not None]
-        plan = self.plan.after([history for end in ends for history in end.history])
-        for item in plan.skipped[len(self.plan.skipped) :]:
+    def _result(self, ends: dict[str, Collapse]) -> LimitLoad:
+        spared = skipped_iterations([one for end in ends.values() for one in end.history])
+        for item in spared:
             _log.info("skipped: %s", item)
         return LimitLoad(
-            self.scene,
             self.structure,
-            status,
-            positive,
-            negative,
-            plan,
+            ends,
+            (*skipped(self.scene), *spared),
             self.seconds,
             self.structure.factorizations,
             self.structure.mode_factorizations,
@@ -390,7 +326,7 @@ class _Driver:
                 path.lower,
                 path.upper,
             )
-        return replace(found, path=path)
+        return replace(found, path=LoadPathRecord(path.steps, path.lower, path.upper))
 
     def _lowest(
         self,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from petsc4py import PETSc
 
 from fenics_contact.analysis.coulomb import CoulombFriction
+from fenics_contact.analysis.result import CapacityPoint
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import WorkControl
 from fenics_contact.solvers.kkt import Scales, State
@@ -19,23 +20,6 @@ _log = logging.getLogger("fenics_contact")
 
 #: The curve ends at this multiple of the work at which the collapse begins.
 BEYOND_ONSET = 1.4
-
-
-@dataclass(frozen=True)
-class CapacityPoint:
-    """One state on the load path.
-
-    Attributes:
-        displacement: f_L.u / sum |f_L|, m: the mean displacement along the live load.
-        load_factor: lambda.
-        work: T = f_L.u, N m per metre of thickness.
-        converged: Whether load factor and friction stand still there.
-    """
-
-    displacement: float
-    load_factor: float
-    work: float
-    converged: bool
 
 
 def capacity_curve(

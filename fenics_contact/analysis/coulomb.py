@@ -22,6 +22,8 @@ from typing import Protocol, cast
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.analysis.result import History
+from fenics_contact.analysis.result import Step as FixedPointStep
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import ACCEPTABLE, PathPoint, WorkControl
 from fenics_contact.solvers.kkt import Scales, State
@@ -112,26 +114,6 @@ class GivenFriction(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class FixedPointStep:
-    """One iteration of the fixed point.
-
-    Attributes:
-        load_factor: Of the state with the given bound.
-        change: |F r_N - g| / |F r_N|, Euclidean.
-        relaxation: omega.
-        steps: Factorisations spent.
-        secant: Estimate of 1 - c, c the contraction without relaxation: the change of F r_N - g
-            over that of g.
-    """
-
-    load_factor: float
-    change: float
-    relaxation: float
-    steps: int
-    secant: float = 1.0
-
-
 @dataclass
 class FixedPointHistory:
     """What the iteration did.
@@ -148,6 +130,10 @@ class FixedPointHistory:
     method: str = "fixed-point"
     converged: bool = False
 
+    def finished(self) -> History:
+        """The history as it is reported."""
+        return History(tuple(self.steps), self.cycles, self.method, self.converged)
+
     @property
     def at_once(self) -> bool:
         """Whether one monolithic step was all."""
@@ -156,7 +142,7 @@ class FixedPointHistory:
     @property
     def contraction(self) -> float | None:
         """Factor by which the change of the bound fell per iteration, mean of the last half."""
-        changes = [step.change for step in self.steps]
+        changes = [step.bound_change for step in self.steps]
         changes = changes[len(changes) // 2 :]
         if len(changes) < 2 or min(changes) <= 0.0:
             return None
@@ -176,7 +162,7 @@ class FixedPointHistory:
     @property
     def remaining(self) -> float:
         """Estimate of what the bound is still to change by, relative."""
-        return self.steps[-1].change * max(1.0, self.series)
+        return self.steps[-1].bound_change * max(1.0, self.series)
 
     @property
     def error(self) -> float:
@@ -423,7 +409,7 @@ class CoulombFriction:
         self, point: PathPoint, work: float, history: FixedPointHistory
     ) -> PathPoint | None:
         """The monolithic state next to the fixed point's, if there is one."""
-        centring = float(np.clip(FINISH_CENTRING * history.steps[-1].change, *FINISH_RANGE))
+        centring = float(np.clip(FINISH_CENTRING * history.steps[-1].bound_change, *FINISH_RANGE))
         floor = self.tolerance * abs(point.state.load_factor)
         allowed = FINISH_NEAR * max(history.error, floor)
         finished = self._monolithic(point.state, work, centring, (10.0 * allowed, allowed), history)

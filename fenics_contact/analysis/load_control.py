@@ -17,6 +17,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory
+from fenics_contact.analysis.result import LoadStep
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.kkt import Scales, State
 from fenics_contact.solvers.problem import ContactProblem
@@ -38,21 +39,6 @@ LARGEST = 1e3
 FAR = 1e6
 
 MAX_STEPS = 200
-
-
-@dataclass(frozen=True)
-class LoadStep:
-    """A state of equilibrium on the path.
-
-    Attributes:
-        load_factor: Prescribed.
-        displacement: f_L.u / sum |f_L|, m: the mean displacement along the live load.
-        work: f_L.u, N m per metre of thickness.
-    """
-
-    load_factor: float
-    displacement: float
-    work: float
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from fenics_contact.analysis.certificate import (
     Certificate,
     certify,
     kinematic_factor,
-    outside_bracket,
 )
-from fenics_contact.analysis.load_control import LoadPath
 from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.analysis.joint_values import joint_values
+from fenics_contact.analysis.result import Collapse, CollapseState
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import (
     COARSE,
@@ -30,7 +30,8 @@ from fenics_contact.solvers.interior_point import (
 )
 from fenics_contact.solvers.kkt import Scales, State
 from fenics_contact.solvers.problem import ContactProblem
-from fenics_contact.solvers.splitting import JointForces, SplittingHistory
+from fenics_contact.solvers.problem import State as ReportedState
+from fenics_contact.solvers.splitting import JointForces
 from fenics_contact.discretization.discretization import Structure
 
 Array = npt.NDArray[np.float64]
@@ -84,70 +85,6 @@ CLOSED = 1e-4
 
 #: A load factor that grows at least like this power of the work, this often, is not limited.
 GROWING, GROWN = 0.9, 2
-
-
-@dataclass(frozen=True)
-class CollapseState:
-    """One of several collapse states.
-
-    Attributes:
-        start: Where the search for it began.
-        status: As that of `Collapse`.
-        load_factor: nan if no state was found.
-    """
-
-    start: str
-    status: str
-    load_factor: float
-
-
-@dataclass(frozen=True)
-class Collapse:
-    """One end of the range of load factors.
-
-    Attributes:
-        status: "limit", "unbounded" or "not_converged".
-        load_factor: Signed; nan if no state was found.
-        program: Solves the rigid-block programs for this direction.
-        state: The state reached, None if there is none.
-        mode: Collapse mode v in the supports' coordinates, f_L.v = 1.
-        certificate: Verification of the state.
-        history: Of the fixed point, over all T.
-        work_ratio: T in units of the live load's work on the bonded structure.
-        splitting: What a method on joint forces did.
-        path: Load factors with equilibrium, where they were followed.
-        states: Collapse states found from different first bounds, where they were looked for.
-    """
-
-    status: str
-    load_factor: float
-    program: Callable[[], LimitBounds]
-    state: State | None = None
-    mode: PETSc.Vec | None = None
-    certificate: Certificate | None = None
-    history: tuple[FixedPointHistory, ...] = ()
-    work_ratio: float = 0.0
-    splitting: SplittingHistory | None = None
-    path: LoadPath | None = None
-    states: tuple[CollapseState, ...] = ()
-
-    @property
-    def bounds(self) -> LimitBounds:
-        """Bounds from the rigid-block programs, solved when they are first asked for."""
-        return self.program()
-
-    def held_against_bracket(self) -> Collapse:
-        """With the load factor's distance from its bracket in the certificate, and what follows."""
-        if self.status != "limit" or self.certificate is None:
-            return self
-        certificate = self.certificate
-        outside = outside_bracket(
-            self.load_factor, self.bounds, certificate.error_estimate, certificate.size
-        )
-        residuals = {**certificate.residuals, "bracket": outside}
-        certificate = replace(certificate, residuals=residuals)
-        status = "limit" if certificate.passed else "not_converged"
-        return replace(self, status=status, certificate=certificate)
 
 
 @dataclass(frozen=True)
@@ -589,7 +526,7 @@ class Search:
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""
-        found, history = self.best, tuple(self.history)
+        found, history = self.best, tuple(history.finished() for history in self.history)
         if found is None:
             return Collapse(
                 status,
@@ -601,17 +538,33 @@ class Search:
             _log.warning("not verified: %s", found.certificate.failures or "not converged")
         elif status == "limit" and found.gap > self.options.tolerance:
             _log.warning("the load factor is known to %.1e, not to the tolerance asked", found.gap)
+        state = reported_state(self.problem, self._onset(found) if status == "limit" else found.state)
+        mode = found.mode.array_r.copy()
         return Collapse(
             status,
             np.inf if status == "unbounded" else found.state.load_factor,
             self.blocks.bounds,
-            self._onset(found) if status == "limit" else found.state,
-            found.mode,
+            state,
+            mode,
+            joint_values(self.structure, state, mode),
             found.certificate,
             history,
             found.ratio,
             self.solver.history if isinstance(self.solver, JointForces) else None,
         )
+
+
+def reported_state(problem: ContactProblem, state: State) -> ReportedState:
+    """A state as arrays."""
+    elastic = problem.strained(state.displacement) if state.strained is None else state.strained
+    return ReportedState(
+        state.displacement.array_r.copy(),
+        elastic.array_r.copy(),
+        state.load_factor,
+        state.pressure,
+        state.shear,
+        state.work,
+    )
 
 
 def new_solver(

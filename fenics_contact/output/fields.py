@@ -1,73 +1,145 @@
-"""Finite element fields of a result: displacements, stresses, bodies."""
+"""Finite element fields of a result, and the ParaView files that hold them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, indent
+
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.discretization.elasticity import stress
+from fenics_contact.analysis.joint_values import Contact, JointValues
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.elasticity import stress
+from fenics_contact.discretization.joints import Joints
+
+Array = npt.NDArray[np.float64]
+
+#: VTK's number of a cell that is a line.
+VTK_LINE = 3
 
 
-def displacement_function(structure: Structure, vector: PETSc.Vec, name: str) -> fem.Function:
-    """A vector in the supports' coordinates as a displacement field in x and y.
+def cartesian(discretization: Structure, values: Array) -> Array:
+    """Displacements in x and y of this rank's nodes, shape (nodes, 2).
 
     Args:
-        structure: Where the vector comes from.
-        vector: Displacements or mode.
+        discretization: Supports and displacement space.
+        values: Displacements or mode in the supports' coordinates, this rank's part.
+    """
+    supports = discretization.supports
+    first, end = discretization.elasticity.space.dofmap.index_map.local_range
+    mine = (supports.nodes >= first) & (supports.nodes < end)
+    rows = supports.nodes[mine] - first
+    turned = values.reshape(-1, 2).copy()
+    turned[rows] = np.einsum("nij,nj->ni", supports.frame[mine], turned[rows])
+    return turned
+
+
+def displacement_function(discretization: Structure, values: Array, name: str) -> fem.Function:
+    """Displacement field in x and y.
+
+    Args:
+        discretization: Supports and displacement space.
+        values: Displacements or mode in the supports' coordinates, this rank's part.
         name: Name of the field.
     """
-    first = vector.getOwnershipRange()[0] // 2
-    cartesian = structure.supports.to_cartesian(vector.array_r, first)
-    function = fem.Function(structure.elasticity.space, name=name)
-    function.x.array[: len(cartesian)] = cartesian
+    function = fem.Function(discretization.elasticity.space, name=name)
+    function.x.array[: len(values)] = cartesian(discretization, values).ravel()
     function.x.scatter_forward()
     return function
 
 
-def stress_fields(structure: Structure, displacement: fem.Function) -> list[fem.Function]:
+def stress_fields(discretization: Structure, displacement: fem.Function) -> list[fem.Function]:
     """Stress components, von Mises stress and body number by cell, as scalars.
 
     The stresses are those at the centre of a cell, Pa; von Mises with the stress out of the plane,
     nu (sigma_x + sigma_y) in plane strain and zero in plane stress.
     """
-    domain = structure.scene.mesh.domain
-    lame_lambda, lame_mu = structure.elasticity.lame
+    scene, (lame_lambda, lame_mu) = discretization.scene, discretization.elasticity.lame
     sigma = stress(displacement, lame_lambda, lame_mu)
-    if structure.scene.plane == "strain":
-        poisson = lame_lambda / (2.0 * (lame_lambda + lame_mu))
-        out_of_plane = poisson * ufl.tr(sigma)
-    else:
-        out_of_plane = ufl.as_ufl(0.0)
-    in_3d = ufl.as_matrix(
-        [
-            [sigma[0, 0], sigma[0, 1], 0.0],
-            [sigma[1, 0], sigma[1, 1], 0.0],
-            [0.0, 0.0, out_of_plane],
-        ]
-    )
-    deviator = ufl.dev(in_3d)
-    vector = compat.function_space(domain, "DG", 0, (4,))
-    scalar = compat.function_space(domain, "DG", 0)
-    cells = compat.cell_dofs(scalar)[:, 0]
+    out_of_plane = ufl.as_ufl(0.0)
+    if scene.plane == "strain":
+        out_of_plane = lame_lambda / (2.0 * (lame_lambda + lame_mu)) * ufl.tr(sigma)
+    in_3d = [[sigma[0, 0], sigma[0, 1], 0.0], [sigma[1, 0], sigma[1, 1], 0.0], [0, 0, out_of_plane]]
+    deviator = ufl.dev(ufl.as_matrix(in_3d))
     von_mises = ufl.sqrt(1.5 * ufl.inner(deviator, deviator))
-    all_values = ufl.as_vector([sigma[0, 0], sigma[1, 1], sigma[0, 1], von_mises])
+    components = ufl.as_vector([sigma[0, 0], sigma[1, 1], sigma[0, 1], von_mises])
+    vector = compat.function_space(scene.mesh.domain, "DG", 0, (4,))
     together = fem.Function(vector)
-    together.interpolate(fem.Expression(all_values, compat.interpolation_points(vector)))
-    columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]]
-    values = {
-        "stress_xx": columns[:, 0],
-        "stress_yy": columns[:, 1],
-        "stress_xy": columns[:, 2],
-        "von_mises": columns[:, 3],
-        "body": structure.scene.mesh.body.astype(np.float64),
-    }
+    together.interpolate(fem.Expression(components, compat.interpolation_points(vector)))
+    columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]].T
+    names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
+    scalar = compat.function_space(scene.mesh.domain, "DG", 0)
+    cells = compat.cell_dofs(scalar)[:, 0]
     fields = []
-    for name, column in values.items():
+    for name, column in zip(names, [*columns, scene.mesh.body], strict=True):
         field = fem.Function(scalar, name=name)
         field.x.array[cells] = column
         fields.append(field)
     return fields
+
+
+def write_paraview(discretization: Structure, end: Collapse, folder: Path, suffix: str) -> None:
+    """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
+
+    Args:
+        discretization: What was solved.
+        end: A collapse with a state and a mode; else nothing is written.
+        folder: An existing folder.
+        suffix: Added to the names of the files.
+    """
+    if end.state is None or end.mode is None or end.joints is None:
+        return
+    displacement = displacement_function(discretization, end.state.displacement, "displacement")
+    # Beside a large motion the displacement has too few digits for stresses.
+    elastic = displacement_function(discretization, end.state.elastic, "elastic")
+    mode = displacement_function(discretization, end.mode, "collapse_mode")
+    fields = [displacement, mode, *stress_fields(discretization, elastic)]
+    compat.write_vtk(folder / f"blocks{suffix}.pvd", fields)
+    if discretization.scene.comm.rank == 0:
+        write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
+
+
+def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
+    """Write the joints as lines with values at their points, an XML file of VTK.
+
+    Every joint point is a point of the file: "pressure" and "shear" in Pa, "gap" and "slip" in m,
+    "state" 0 open, 1 slip, 2 stick, and the normal from the first side to the second.
+    """
+    names = ("pressure", "shear", "gap", "slip", "opening_rate", "slip_rate")
+    columns = {name: getattr(values, name) for name in names}
+    columns |= {"state": values.contact, "normal": joints.normal, "force": values.force(joints)}
+    count = len(joints.segments)
+    cells = {
+        "connectivity": joints.segments.ravel(),
+        "offsets": 2 * np.arange(1, count + 1),
+        "types": np.full(count, VTK_LINE, dtype=np.uint8),
+    }
+    file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
+    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+    file.append(Comment(f" state: {states} "))
+    sizes = {"NumberOfPoints": str(len(joints.length)), "NumberOfCells": str(count)}
+    piece = SubElement(SubElement(file, "UnstructuredGrid"), "Piece", sizes)
+    _add_arrays(SubElement(piece, "Points"), {"points": joints.position})
+    _add_arrays(SubElement(piece, "Cells"), cells)
+    _add_arrays(SubElement(piece, "PointData"), columns)
+    indent(file)
+    ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
+
+
+def _add_arrays(parent: Element, columns: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Add arrays of numbers; those with two columns are vectors in the plane."""
+    for name, values in columns.items():
+        if values.ndim == 2:
+            values = np.column_stack([values, np.zeros(len(values))])
+        kind = {"i": "Int64", "u": "UInt8", "f": "Float64"}[values.dtype.kind]
+        width = "1" if values.ndim == 1 else "3"
+        form = {"type": kind, "Name": name, "NumberOfComponents": width, "format": "ascii"}
+        array = SubElement(parent, "DataArray", form)
+        array.text = " ".join(f"{value:.12g}" for value in values.ravel())

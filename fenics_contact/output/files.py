@@ -1,4 +1,4 @@
-"""Files of a result: result.json, ParaView files, the capacity curve as a table."""
+"""Files of a result: result.json, ParaView files, pictures, the capacity curve as a table."""
 
 from __future__ import annotations
 
@@ -6,24 +6,25 @@ import csv
 import json
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.output.fields import displacement_function, stress_fields
-from fenics_contact.output.joint_fields import STATES, JointFields, joint_fields
+from fenics_contact.analysis.result import CapacityPoint, Collapse, Result
+from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.limit_load import Collapse, LimitLoad
+from fenics_contact.output.fields import write_paraview
+from fenics_contact.output.plotting import draw_capacity, draw_collapse
+from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
+Record = dict[str, Any]
 
-def write_result(result: LimitLoad, folder: Path) -> None:
+
+def write_result(result: Result, folder: Path) -> None:
     """Write everything the scene's output options ask for.
 
     Collective. result.json is written last, so that its presence says that all is there.
@@ -34,82 +35,69 @@ def write_result(result: LimitLoad, folder: Path) -> None:
     """
     start = time.perf_counter()
     comm, options = result.scene.comm, result.scene.output
+    record = folder / "result.json"
     if comm.rank == 0:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "result.json").unlink(missing_ok=True)
+        record.unlink(missing_ok=True)
     comm.barrier()
-    both = result.positive is not None and result.negative is not None
-    for end, reverse in ((result.positive, False), (result.negative, True)):
+    for direction, end in result.ends.items():
         # An unlimited load has a last state, but no collapse to be shown.
-        if end is None or end.state is None or end.mode is None or end.status == "unbounded":
+        if end.mode is None or end.status == "unbounded":
             continue
-        fields = joint_fields(result.structure, end.state, end.mode)
-        suffix = "_negative" if reverse and both else ""
+        suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
         if options.paraview:
-            write_paraview(result, end, fields, folder, suffix)
+            write_paraview(result.discretization, end, folder, suffix)
         if options.pictures:
-            from fenics_contact.output.plotting import draw_collapse
-
-            draw_collapse(result, end, fields, folder / f"collapse{suffix}.png", reverse)
+            draw_collapse(result, direction, folder / f"collapse{suffix}.png")
     if result.capacity and comm.rank == 0:
-        _write_capacity(result, folder)
+        _write_capacity(result.capacity, folder / "capacity.csv")
         if options.pictures:
-            from fenics_contact.output.plotting import draw_capacity
-
             draw_capacity(result, folder / "capacity.png")
     comm.barrier()
     result.seconds["write"] = time.perf_counter() - start
-    record = result_record(result)
     if comm.rank == 0:
-        (folder / "result.json").write_text(json.dumps(record, indent=2) + "\n")
+        partial = record.with_suffix(".part")
+        partial.write_text(json.dumps(strict(result_record(result)), indent=2) + "\n")
+        partial.replace(record)
     comm.barrier()
 
 
-def result_record(result: LimitLoad) -> dict[str, Any]:
-    """The content of result.json; numbers that are not finite are None.
-
-    Collective, because some counts are sums over ranks.
-    """
-    from fenics_contact import __version__
-
-    structure, collapse = result.structure, result.collapse
-    bounds = None if collapse is None else collapse.bounds
-    record: dict[str, Any] = {
+def result_record(result: Result) -> Record:
+    """Content of result.json."""
+    discretization, collapse = result.discretization, result.collapse
+    mesh, nodes = result.scene.mesh, discretization.elasticity.space.dofmap.index_map
+    record: Record = {
         "status": result.status,
         "title": result.scene.title,
-        "load_factor": _number(result.load_factor),
-        "load_factor_negative": _number(result.load_factor_negative),
-        "bounds": {
-            "lower": None if bounds is None else _number(bounds.lower),
-            "upper": None if bounds is None else _number(bounds.upper),
-        },
+        "load_factor": result.load_factor,
+        "load_factor_negative": result.load_factor_negative,
+        "bounds": _bounds_record(result.bounds),
         "method": None,
         "error_estimate": None,
         "residuals": None,
-        "iterations": {"fixed_point": 0, **_counts(result)},
+        "iterations": {"fixed_point": 0},
     }
-    if collapse is not None and collapse.history:
-        record |= _iteration_record(result, collapse)
-        record["iterations"] |= _counts(result)
-    if result.positive is not None and result.negative is not None:
-        negative = result.negative
+    if collapse is not None:
+        record |= _collapse_record(result, collapse)
+    record["iterations"] |= {
+        "factorizations": result.factorizations,
+        "mode_factorizations": result.mode_factorizations,
+    }
+    if result.negative is not None and result.negative is not collapse:
         record["negative"] = {
-            "status": negative.status,
-            "bounds": {
-                "lower": _number(negative.bounds.lower),
-                "upper": _number(negative.bounds.upper),
-            },
-            **(_iteration_record(result, negative) if negative.history else {}),
+            "status": result.negative.status,
+            "bounds": _bounds_record(result.negative.bounds),
+            **_collapse_record(result, result.negative),
         }
     return record | {
         "mesh": {
-            "bodies": structure.scene.mesh.body_count,
-            "floating_bodies": int(structure.bodies.floating.sum()),
-            "cells": int(structure.scene.mesh.domain.topology.index_map(2).size_global),
-            "dofs": int(structure.problem.dead.getSize()),
-            "joint_points": len(structure.joints.length),
+            "bodies": mesh.body_count,
+            "floating_bodies": int(discretization.bodies.floating.sum()),
+            "cells": int(mesh.domain.topology.index_map(2).size_global),
+            "dofs": 2 * int(nodes.size_global),
+            "joint_points": len(discretization.joints.length),
         },
-        "skipped": list(result.plan.skipped),
+        "skipped": list(result.skipped),
         "control": result.scene.solve.control,
         "slip_reference": SLIP_REFERENCES[result.scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
@@ -118,12 +106,38 @@ def result_record(result: LimitLoad) -> dict[str, Any]:
     }
 
 
-def _certificate_record(result: LimitLoad, certificate: Certificate, sign: float) -> dict[str, Any]:
-    """Static and kinematic load factor of the state found, and its worst joint."""
-    joints, worst = result.structure.joints, certificate.worst_joint
-    record: dict[str, Any] = {
-        "static_factor": _number(sign * certificate.static_factor),
-        "kinematic_factor": _number(sign * certificate.kinematic_factor),
+def _collapse_record(result: Result, collapse: Collapse) -> Record:
+    """How one end of the range was found, and its verification."""
+    if not collapse.history:
+        return {}
+    # Nothing is proved by the last state of a load that is not limited.
+    certificate = None if collapse.status == "unbounded" else collapse.certificate
+    method = collapse.history[-1].method
+    if method == "fixed-point" and collapse.splitting is not None:
+        method = result.scene.solve.method
+    record: Record = {"method": method, "error_estimate": None, "residuals": None, "failures": []}
+    if collapse.path is not None:
+        record["continuation"] = {
+            "equilibrium_up_to": collapse.path.lower,
+            "none_found_at": collapse.path.upper,
+            "steps": _columns(collapse.path.steps, "load_factor", "displacement"),
+        }
+    if collapse.states:
+        record["states"] = _columns(collapse.states, "start", "status", "load_factor")
+    if certificate is not None:
+        record |= _certificate_record(certificate, result.discretization.joints)
+    return record | {"iterations": _iteration_record(collapse)}
+
+
+def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
+    """Residuals, static and kinematic load factor, and the worst joint."""
+    worst = certificate.worst_joint
+    record: Record = {
+        "error_estimate": certificate.error_estimate,
+        "residuals": dict(certificate.residuals),
+        "failures": sorted(certificate.failures),
+        "static_factor": certificate.static_factor,
+        "kinematic_factor": certificate.kinematic_factor,
         "worst_joint": None,
     }
     if worst is not None:
@@ -132,193 +146,57 @@ def _certificate_record(result: LimitLoad, certificate: Certificate, sign: float
             "position": [float(x) for x in joints.position[worst.point]],
             "group": joints.names[joints.law[worst.point]],
             "law": worst.law,
-            "residual": _number(worst.residual),
+            "residual": worst.residual,
         }
     return record
 
 
-def _method(result: LimitLoad, collapse: Collapse) -> str:
-    """What made the last step: "monolithic", or how states with given friction were found."""
-    made = collapse.history[-1].method
-    return result.scene.solve.method if made == "fixed-point" and collapse.splitting else made
-
-
-def _splitting_record(collapse: Collapse) -> dict[str, Any]:
-    """What a method on joint forces did."""
-    history = collapse.splitting
-    if history is None:
-        return {}
-    return {
-        "splitting": {
-            "proximal_steps": history.steps,
-            "sweeps": history.sweeps,
-            "joint_steps": history.joint_steps,
-            "contraction": _number(history.contraction),
-        }
-    }
-
-
-def _path_record(collapse: Collapse, sign: float) -> dict[str, Any]:
-    """What was found on the way, where it was asked for."""
-    record: dict[str, Any] = {}
-    if collapse.path is not None:
-        path = collapse.path
-        record["continuation"] = {
-            "equilibrium_up_to": _number(sign * path.lower),
-            "none_found_at": _number(sign * path.upper),
-            "steps": [
-                {
-                    "load_factor": _number(sign * step.load_factor),
-                    "displacement": _number(step.displacement),
-                }
-                for step in path.steps
-            ],
-        }
-    if collapse.states:
-        record["states"] = [
-            {"start": s.start, "status": s.status, "load_factor": _number(sign * s.load_factor)}
-            for s in collapse.states
-        ]
-    return record
-
-
-def _iteration_record(result: LimitLoad, collapse: Collapse) -> dict[str, Any]:
-    # Inside, the live load is reversed for the negative direction, not the load factor.
-    sign = -1.0 if collapse is result.negative else 1.0
+def _iteration_record(collapse: Collapse) -> Record:
+    """Iterations of all states of one end."""
     steps = [step for history in collapse.history for step in history.steps]
-    # Nothing is proved by the last state of a load that is not limited.
-    certificate = None if collapse.status == "unbounded" else collapse.certificate
-    return {
-        **_path_record(collapse, sign),
-        "method": _method(result, collapse),
-        "error_estimate": _number(certificate.error_estimate) if certificate else None,
-        "residuals": {name: _number(value) for name, value in certificate.residuals.items()}
-        if certificate
-        else None,
-        "failures": sorted(certificate.failures) if certificate else [],
-        **(_certificate_record(result, certificate, sign) if certificate else {}),
-        "iterations": {
-            "fixed_point": len(steps),
-            "contraction": _number(collapse.history[0].contraction),
-            "cycles": sum(history.cycles for history in collapse.history),
-            "work_ratio": collapse.work_ratio,
-            **_splitting_record(collapse),
-            "history": [
-                {
-                    "load_factor": _number(step.load_factor),
-                    "bound_change": _number(step.change),
-                    "relaxation": _number(step.relaxation),
-                    "factorizations": step.steps,
-                }
-                for step in steps
-            ],
-        },
+    record: Record = {
+        "fixed_point": len(steps),
+        "contraction": collapse.history[0].contraction,
+        "cycles": sum(history.cycles for history in collapse.history),
+        "work_ratio": collapse.work_ratio,
     }
+    if collapse.splitting is not None:
+        record["splitting"] = {
+            "proximal_steps": collapse.splitting.steps,
+            "sweeps": collapse.splitting.sweeps,
+            "joint_steps": collapse.splitting.joint_steps,
+            "contraction": collapse.splitting.contraction,
+        }
+    names = ("load_factor", "bound_change", "relaxation", "factorizations")
+    record["history"] = _columns(steps, *names)
+    return record
 
 
-def _counts(result: LimitLoad) -> dict[str, int]:
-    return {
-        "factorizations": result.factorizations,
-        "mode_factorizations": result.mode_factorizations,
-    }
+def _columns(items: Sequence[Any], *names: str) -> list[Record]:
+    """Some attributes of every item."""
+    return [{name: getattr(item, name) for name in names} for item in items]
 
 
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value) + 0.0
+def _bounds_record(bounds: LimitBounds | None) -> Record:
+    lower, upper = (None, None) if bounds is None else (bounds.lower, bounds.upper)
+    return {"lower": lower, "upper": upper}
 
 
-def write_paraview(
-    result: LimitLoad, end: Collapse, fields: JointFields, folder: Path, suffix: str = ""
-) -> None:
-    """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
-
-    Args:
-        result: Whose structure it is.
-        end: A collapse with a state and a mode.
-        fields: Its joints.
-        folder: An existing folder.
-        suffix: Added to the names of the files.
-    """
-    structure = result.structure
-    if end.state is None or end.mode is None:
-        return
-    displacement = displacement_function(structure, end.state.displacement, "displacement")
-    strained = displacement_function(
-        structure, end.state.strained or end.state.displacement, "strained"
-    )
-    mode = displacement_function(structure, end.mode, "collapse_mode")
-    compat.write_vtk(
-        folder / f"blocks{suffix}.pvd",
-        [displacement, mode, *stress_fields(structure, strained)],
-    )
-    if result.scene.comm.rank == 0:
-        write_joints(folder / f"joints{suffix}.vtu", structure.joints, fields)
+def strict(value: Any) -> Any:
+    """A record as strict JSON has it: numbers that are not finite are None."""
+    if isinstance(value, dict):
+        return {key: strict(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [strict(item) for item in value]
+    if isinstance(value, float):
+        return value + 0.0 if math.isfinite(value) else None
+    return value
 
 
-def write_joints(path: Path, joints: Joints, fields: JointFields) -> None:
-    """Write the joints as lines with values at their points, an XML file of VTK.
-
-    Every joint point is a point of the file: "pressure" and "shear" in Pa, "gap" and "slip" in m,
-    "state" 0 open, 1 slip, 2 stick, and the normal from the first side to the second.
-    """
-    columns = {
-        "pressure": fields.pressure,
-        "shear": fields.shear,
-        "gap": fields.gap,
-        "slip": fields.slip,
-        "opening_rate": fields.opening_rate,
-        "slip_rate": fields.slip_rate,
-        "state": fields.state,
-        "normal": _in_3d(joints.normal),
-        "force": _in_3d(
-            fields.normal_force[:, None] * joints.normal
-            + fields.shear_force[:, None] * joints.tangent
-        ),
-    }
-    cells = len(joints.segments)
-    data = "\n".join(_vtk_array(name, values) for name, values in columns.items())
-    path.write_text(
-        f"""<?xml version="1.0"?>
-<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">
-<!-- state: {", ".join(f"{number} {name}" for number, name in enumerate(STATES))} -->
-<UnstructuredGrid><Piece NumberOfPoints="{len(joints.length)}" NumberOfCells="{cells}">
-<Points>
-{_vtk_array("points", _in_3d(joints.position))}
-</Points>
-<Cells>
-{_vtk_array("connectivity", joints.segments)}
-{_vtk_array("offsets", 2 * np.arange(1, cells + 1))}
-{_vtk_array("types", np.full(cells, 3), kind="UInt8")}
-</Cells>
-<PointData>
-{data}
-</PointData>
-</Piece></UnstructuredGrid>
-</VTKFile>
-"""
-    )
-
-
-def _in_3d(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    return np.column_stack([values, np.zeros(len(values))])
-
-
-def _vtk_array(name: str, values: npt.NDArray[Any], kind: str | None = None) -> str:
-    if kind is None:
-        kind = "Int64" if values.dtype.kind == "i" else "Float64"
-    width = values.shape[1] if values.ndim > 1 and name != "connectivity" else 1
-    text = " ".join(f"{value:.12g}" for value in values.ravel())
-    return (
-        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
-        f"{text}</DataArray>"
-    )
-
-
-def _write_capacity(result: LimitLoad, folder: Path) -> None:
-    with (folder / "capacity.csv").open("w", newline="") as file:
+def _write_capacity(points: Sequence[CapacityPoint], path: Path) -> None:
+    with path.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(["displacement_m", "load_factor", "work", "converged"])
-        for point in result.capacity:
-            table.writerow(
-                [point.displacement, point.load_factor, point.work, int(point.converged)]
-            )
+        for point in points:
+            row = [point.displacement, point.load_factor, point.work, int(point.converged)]
+            table.writerow(row)

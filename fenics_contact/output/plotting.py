@@ -3,143 +3,132 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from fenics_contact.analysis.joint_values import Contact, JointValues
+from fenics_contact.analysis.result import Result
 from fenics_contact.analysis.rigid_blocks import straight_faces
-from fenics_contact.output.joint_fields import OPEN, SLIP, SLIPPING, STICK, JointFields
 from fenics_contact.discretization.discretization import Structure
-
-if TYPE_CHECKING:
-    from fenics_contact.limit_load import Collapse, LimitLoad
+from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.output.fields import cartesian
 
 Array = npt.NDArray[np.float64]
 
 #: Largest displacement in the picture, as a fraction of the structure's size.
 AMPLITUDE = 0.08
 
-COLOURS = {OPEN: "#d62728", SLIP: "#ff7f0e", STICK: "#1f77b4"}
+#: Width of the axes of a structure, and limits of their height, inches.
+WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
+
+RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
-def draw_collapse(
-    result: LimitLoad, collapse: Collapse, fields: JointFields, path: Path, reverse: bool
-) -> None:
+def draw_collapse(result: Result, direction: str, path: Path) -> None:
     """Draw the collapse mode, and the joint forces at collapse.
 
     Collective; drawn on rank 0.
 
     Args:
-        result: Whose structure it is.
-        collapse: A collapse with a mode.
-        fields: Its joints.
+        result: Result with a collapse in this direction.
+        direction: "positive" or "negative"; nothing is drawn where its collapse has no mode.
         path: A file name ending in .png.
-        reverse: Whether it is that of the live load reversed.
     """
-    if collapse.mode is None:
+    discretization, end = result.discretization, result.ends[direction]
+    if end.mode is None or end.joints is None:
         return
-    structure = result.structure
-    motion = _at_boundary(structure, collapse.mode)
-    if structure.scene.comm.rank != 0:
+    boundary, joints = discretization.boundary, discretization.joints
+    velocity = cartesian(discretization, end.mode)
+    at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
+    at_joints = _at_nodes(discretization, velocity, joints.nodes)
+    if result.scene.comm.rank != 0:
         return
-    figure, (left, right) = _axes(structure, 2)
-    _draw_mode(left, structure, fields, motion, reverse)
-    _draw_forces(right, structure, fields)
-    sign = " (live load reversed)" if reverse else ""
-    head = f"{result.scene.title}: " if result.scene.title else ""
-    value = f"load factor {collapse.load_factor:.5g}{sign}"
-    if collapse.status != "limit":
-        value = f"{collapse.status.replace('_', ' ')}, {value}"
-    figure.suptitle(f"{head}{value}   ({collapse.bounds})", fontsize=13)
+    figure, (left, right) = _figure_of(boundary)
+    fastest = float(np.linalg.norm(at_facets, axis=2).max()) or 1.0
+    scale = AMPLITUDE * float(_size(boundary).max()) / fastest
+    _draw_blocks(left, boundary, scale * at_facets)
+    _draw_joints(left, joints, end.joints, scale * at_joints)
+    sign = -1.0 if direction == "negative" else 1.0
+    _draw_live_load(left, sign * discretization.bodies.live[:, :2])
+    left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
+    _draw_forces(right, discretization, end.joints)
+    right.set_title("joint forces at collapse (length by size)", fontsize=10)
+    title = f"{result.scene.title}: " if result.scene.title else ""
+    value = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
+    value += f"load factor {end.load_factor:.6g}"
+    value += " (live load reversed)" if direction == "negative" else ""
+    figure.suptitle(f"{title}{value}   ({end.bounds})", fontsize=13)
     figure.savefig(path, dpi=150)
-    _close(figure)
 
 
-def draw_capacity(result: LimitLoad, path: Path) -> None:
+def draw_capacity(result: Result, path: Path) -> None:
     """Draw load factor against displacement, on the rank that calls.
 
     Args:
         result: A result with a capacity curve.
         path: A file name ending in .png.
     """
-    plt = _pyplot()
-    figure, axes = plt.subplots(figsize=(7.0, 4.5), layout="constrained")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    axes = figure.subplots()
     displacement = [1e3 * point.displacement for point in result.capacity]
     factor = [point.load_factor for point in result.capacity]
-    axes.plot(displacement, factor, "o-", color="#1f77b4", markersize=4, label="equilibrium states")
+    axes.plot(displacement, factor, "o-", color=BLUE, markersize=4, label="equilibrium states")
     collapse = result.collapse
     if collapse is not None and np.isfinite(collapse.load_factor):
         limit = abs(collapse.load_factor)
-        axes.axhline(limit, color="#d62728", linestyle="--", label=f"limit load {limit:.5g}")
+        axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
     axes.set_xlabel("mean displacement along the live load (mm)")
     axes.set_ylabel("load factor")
     axes.set_title(result.scene.title or "Capacity curve")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")
     figure.savefig(path, dpi=150)
-    _close(figure)
 
 
-def _pyplot() -> Any:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
+def _size(boundary: Boundary) -> Array:
+    """Width and height of the structure, m."""
+    return np.ptp(boundary.points.reshape(-1, 2), axis=0)
 
 
-def _close(figure: Any) -> None:
-    _pyplot().close(figure)
+def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
+    """A figure with two axes of the structure's shape side by side."""
+    from matplotlib.figure import Figure
 
-
-def _axes(structure: Structure, count: int) -> tuple[Any, Any]:
-    """Axes of the structure's shape side by side."""
-    points = structure.boundary.points.reshape(-1, 2)
-    width, height = np.ptp(points, axis=0)
-    each = 6.0
-    tall = float(np.clip(each * height / width, 2.5, 9.0))
-    figure, axes = _pyplot().subplots(
-        1, count, figsize=(each * count, tall + 1.4), layout="constrained"
-    )
+    width, height = _size(boundary)
+    tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
+    figure = Figure(figsize=(2.0 * WIDTH, tall + 1.4), layout="constrained")
+    both = figure.subplots(1, 2)
     margin = 1.3 * AMPLITUDE * max(width, height)
-    for one in axes:
-        one.set_aspect("equal")
-        one.axis("off")
-        one.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
-        one.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
-    return figure, axes
+    low, high = (f(boundary.points.reshape(-1, 2), axis=0) for f in (np.min, np.max))
+    for axes in both:
+        axes.set_aspect("equal")
+        axes.axis("off")
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+    return figure, both
 
 
-def _at_boundary(structure: Structure, vector: PETSc.Vec) -> dict[str, Array]:
-    """Displacement at the ends of boundary facets and at both sides of joint points.
-
-    Returns:
-        "facets" of shape (facets, 2, 2) and "joints" of shape (points, 2, 2); zero on the ground.
-    """
-    start, end = (bound // 2 for bound in vector.getOwnershipRange())
-    values = structure.supports.to_cartesian(vector.array_r, start).reshape(-1, 2)
-    motion = {}
-    for name, nodes in (
-        ("facets", structure.boundary.nodes[:, :2]),
-        ("joints", structure.joints.nodes),
-    ):
-        mine = (nodes >= start) & (nodes < end)
-        moved = np.zeros((*nodes.shape, 2))
-        moved[mine] = values[nodes[mine] - start]
-        structure.scene.comm.Allreduce(MPI.IN_PLACE, moved, MPI.SUM)
-        motion[name] = moved
-    return motion
+def _at_nodes(discretization: Structure, velocity: Array, nodes: npt.NDArray[np.int64]) -> Array:
+    """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
+    first, end = discretization.elasticity.space.dofmap.index_map.local_range
+    mine = (nodes >= first) & (nodes < end)
+    found = np.zeros((*nodes.shape, 2))
+    found[mine] = velocity[nodes[mine] - first]
+    discretization.scene.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    return found
 
 
-def _outlines(structure: Structure, ends: Array) -> list[tuple[int, Any]]:
-    """Closed paths around every body, (body, matplotlib path), for given facet ends."""
+def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> None:
+    """Closed paths around all bodies, for given ends of the facets, shape (facets, 2, 2)."""
+    from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
-    boundary = structure.boundary
     # Run along every facet with the block on the left: tangent = normal turned anticlockwise.
     along = boundary.points[:, 1] - boundary.points[:, 0]
     turned = np.column_stack([-boundary.normal[:, 1], boundary.normal[:, 0]])
@@ -148,91 +137,70 @@ def _outlines(structure: Structure, ends: Array) -> list[tuple[int, Any]]:
     nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
     points = np.take_along_axis(ends, order[:, :, None], axis=1)
     outlines = []
-    for body in np.unique(boundary.body):
-        rows = np.flatnonzero(boundary.body == body)
-        leaving = {int(nodes[row, 0]): int(row) for row in rows}
+    for body in range(int(boundary.body.max()) + 1):
+        leaving = {int(nodes[row, 0]): row for row in np.flatnonzero(boundary.body == body)}
         corners: list[Array] = []
         codes: list[int] = []
-        while leaving:
-            _, row = leaving.popitem()
-            first = len(corners)
+        while leaving:  # a loop of facets; a body with a hole has more than one
+            node, row = next(iter(leaving.items()))
             corners.append(points[row, 0])
-            while True:
+            codes.append(Outline.MOVETO)
+            while node in leaving:
+                row = leaving.pop(node)
+                node = int(nodes[row, 1])
                 corners.append(points[row, 1])
-                following = leaving.pop(int(nodes[row, 1]), None)
-                if following is None:
-                    break
-                row = following
-            codes += [int(Outline.MOVETO)] + [int(Outline.LINETO)] * (len(corners) - first - 1)
-        outlines.append((int(body), Outline(np.array(corners), codes)))
-    return outlines
+                codes.append(Outline.LINETO)
+        outlines.append(Outline(np.array(corners), codes))
+    axes.add_collection(PathCollection(outlines, **style))
 
 
-def _draw_mode(
-    axes: Any,
-    structure: Structure,
-    fields: JointFields,
-    motion: dict[str, Array],
-    reverse: bool,
-) -> None:
-    from matplotlib.collections import LineCollection, PathCollection
+def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
+    """Outlines at rest, and the blocks displaced, shaded by how far they move."""
+    from matplotlib import colormaps
+
+    rest = boundary.points[:, :2]
+    size = np.linalg.norm(motion, axis=2).max(axis=1)
+    of_body = np.zeros(int(boundary.body.max()) + 1)
+    np.maximum.at(of_body, boundary.body, size)
+    relative = of_body / (of_body.max() or 1.0)
+    shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
+    shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
+    _draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.75", linewidth=0.6)
+    moved = rest + motion
+    _draw_outlines(axes, boundary, moved, facecolor=shade, edgecolor="0.35", linewidth=0.5)
+
+
+def _draw_joints(axes: Any, joints: Joints, values: JointValues, motion: Array) -> None:
+    """Joint facets by what they do, drawn between their displaced sides."""
+    from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
 
-    boundary, joints = structure.boundary, structure.joints
-    size = np.ptp(boundary.points.reshape(-1, 2), axis=0).max()
-    largest = np.linalg.norm(motion["facets"], axis=2).max() or 1.0
-    scale = AMPLITUDE * size / largest
-    at_rest = _outlines(structure, boundary.points[:, :2])
-    axes.add_collection(
-        PathCollection([p for _, p in at_rest], facecolor="none", edgecolor="0.75", linewidth=0.6)
-    )
-    moved = _outlines(structure, boundary.points[:, :2] + scale * motion["facets"])
-    speed = np.zeros(int(boundary.body.max()) + 1)
-    np.maximum.at(speed, boundary.body, np.linalg.norm(motion["facets"], axis=2).max(axis=1))
-    shade = _pyplot().get_cmap("YlGnBu")(0.05 + 0.4 * speed / largest)
-    shade[speed < 1e-3 * largest] = (0.88, 0.88, 0.88, 1.0)
-    axes.add_collection(
-        PathCollection(
-            [path for _, path in moved],
-            facecolor=[shade[body] for body, _ in moved],
-            edgecolor="0.35",
-            linewidth=0.5,
-        )
-    )
-    # A joint is drawn between its two sides.
-    on_ground = joints.nodes[:, 0] < 0
-    middle = motion["joints"].sum(axis=1) / 2.0
-    middle[on_ground] = 0.0
-    position = joints.position + scale * middle
-    state = fields.state[joints.segments]
-    kind = np.where(
-        np.any(state == OPEN, axis=1), OPEN, np.where(np.any(state == SLIP, axis=1), SLIP, STICK)
-    )
-    fastest = max(np.abs(fields.opening_rate).max(), np.abs(fields.slip_rate).max())
-    opening = np.any(fields.opening_rate[joints.segments] > SLIPPING * fastest, axis=1)
+    middle = motion.mean(axis=1)
+    middle[joints.nodes[:, 0] == GROUND] = 0.0
+    position = joints.position + middle
+    contact, opens = values.contact[joints.segments], values.opens[joints.segments]
+    is_open = np.any(contact == Contact.OPEN, axis=1)
+    slips = np.any(contact == Contact.SLIP, axis=1) & ~is_open
+    opens = np.any(opens, axis=1) & is_open
     handles = []
     for label, colour, width, chosen in (
-        ("closed", COLOURS[STICK], 0.8, kind == STICK),
-        ("open, at rest", COLOURS[OPEN], 0.8, (kind == OPEN) & ~opening),
-        ("slips", COLOURS[SLIP], 2.2, kind == SLIP),
-        ("opens", COLOURS[OPEN], 2.2, (kind == OPEN) & opening),
+        ("closed", BLUE, 0.8, ~is_open & ~slips),
+        ("open, at rest", RED, 0.8, is_open & ~opens),
+        ("slips", ORANGE, 2.2, slips),
+        ("opens", RED, 2.2, opens),
     ):
         segments = position[joints.segments[chosen]]
         axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
         handles.append(Line2D([], [], color=colour, lw=width, label=label))
-    axes.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, fontsize=9,
-        frameon=False,
-    )  # fmt: skip
-    _draw_live_load(axes, structure, reverse)
-    axes.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": 4}
+    axes.legend(handles=handles, **place, fontsize=9, frameon=False)
 
 
-def _draw_live_load(axes: Any, structure: Structure, reverse: bool) -> None:
-    """An arrow along the resultant of the live load, through the corner it comes from."""
-    resultant = structure.bodies.live[:, :2].sum(axis=0) * (-1.0 if reverse else 1.0)
+def _draw_live_load(axes: Any, force: Array) -> None:
+    """An arrow along the resultant of forces on the bodies, at the corner it comes from."""
+    resultant = force.sum(axis=0)
     size = np.linalg.norm(resultant)
-    if size <= 1e-9 * np.abs(structure.bodies.live).max():
+    if size <= 1e-9 * np.abs(force).max():
         return
     along = resultant / size
     start = np.where(along > 0.3, 0.02, np.where(along < -0.3, 0.98, 0.06))
@@ -241,50 +209,30 @@ def _draw_live_load(axes: Any, structure: Structure, reverse: bool) -> None:
     end = start + 0.12 * along
     style = {"arrowstyle": "-|>", "color": "0.2", "lw": 1.6}
     axes.annotate("", end, start, xycoords="axes fraction", arrowprops=style)
-    left = along[0] < -0.3
-    axes.text(
-        end[0] - 0.02 if left else end[0] + 0.02,
-        end[1] - 0.01,
-        "live load",
-        ha="right" if left else "left",
-        transform=axes.transAxes,
-        fontsize=9,
-    )
+    beside, align = (-0.02, "right") if along[0] < -0.3 else (0.02, "left")
+    place = {"ha": align, "transform": axes.transAxes, "fontsize": 9}
+    axes.text(end[0] + beside, end[1] - 0.01, "live load", **place)
 
 
-def _draw_forces(axes: Any, structure: Structure, fields: JointFields) -> None:
+def _draw_forces(axes: Any, discretization: Structure, values: JointValues) -> None:
     """Resultant of every face, drawn through its centre of pressure, length by size."""
-    from matplotlib.collections import LineCollection, PathCollection
+    from matplotlib.collections import LineCollection
 
-    joints = structure.joints
-    at_rest = _outlines(structure, structure.boundary.points[:, :2])
-    axes.add_collection(
-        PathCollection([p for _, p in at_rest], facecolor="0.95", edgecolor="0.6", linewidth=0.5)
-    )
-    force = (
-        fields.normal_force[:, None] * joints.normal + fields.shear_force[:, None] * joints.tangent
-    )
+    boundary, joints = discretization.boundary, discretization.joints
+    rest = boundary.points[:, :2]
+    _draw_outlines(axes, boundary, rest, facecolor="0.95", edgecolor="0.6", linewidth=0.5)
     face = straight_faces(joints, joints.length).of_point
-    count = int(face.max(initial=-1)) + 1
-    total = np.column_stack([np.bincount(face, force[:, d], count) for d in range(2)])
-    weight = np.bincount(face, fields.normal_force, count)
-    loaded = weight > 1e-6 * weight.max(initial=0.0)
-    centre = (
-        np.column_stack(
-            [
-                np.bincount(face, fields.normal_force * joints.position[:, d], count)
-                for d in range(2)
-            ]
-        )[loaded]
-        / weight[loaded, None]
-    )
-    size = np.linalg.norm(total, axis=1)[loaded]
-    if len(size) == 0:
+    normal = values.normal_force[:, None]
+    faces = np.zeros((int(face.max(initial=-1)) + 1, 5))
+    np.add.at(faces, face, np.hstack([values.force(joints), normal, normal * joints.position]))
+    faces = faces[faces[:, 2] > 1e-6 * faces[:, 2].max(initial=0.0)]
+    if len(faces) == 0:
         return
-    block = np.sqrt(structure.bodies_area() / structure.scene.mesh.body_count)
-    reach = total[loaded] / size.max() * 0.9 * block
-    shown = 0.25 + 0.75 * size / size.max()
+    total, centre = faces[:, :2], faces[:, 3:] / faces[:, 2:3]
+    size = np.linalg.norm(total, axis=1)
+    block = np.sqrt(discretization.bodies_area() / discretization.scene.mesh.body_count)
+    reach = 0.9 * block * total / size.max()
     lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
-    axes.add_collection(LineCollection(lines, colors="#7b2d8b", linewidths=2.6 * shown))
-    axes.plot(*centre.T, ".", color="#7b2d8b", markersize=3)
-    axes.set_title("joint forces at collapse (length by size)", fontsize=10)
+    widths = 2.6 * (0.25 + 0.75 * size / size.max())
+    axes.add_collection(LineCollection(lines, colors=PURPLE, linewidths=widths))
+    axes.plot(*centre.T, ".", color=PURPLE, markersize=3)

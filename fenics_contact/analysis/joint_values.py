@@ -1,0 +1,105 @@
+"""Forces, openings and slips at the joint points of a state and its collapse mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.solvers.problem import SparseMap, State
+
+Array = npt.NDArray[np.float64]
+
+#: A joint point with less than this fraction of the largest normal force is open.
+NO_PRESSURE = 1e-6
+
+#: A joint point that moves faster than this fraction of the fastest one opens or slips.
+MOVES = 1e-4
+
+
+class Contact(IntEnum):
+    """What a joint point does as the collapse begins."""
+
+    OPEN = 0
+    SLIP = 1
+    STICK = 2
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """Values at all joint points, in the order of `Joints`; the same on all ranks.
+
+    Arrays have the shape (points,).
+
+    Attributes:
+        normal_force: r_N >= 0, N per metre of thickness.
+        shear_force: r_T on the second side along the tangent, N per metre of thickness.
+        pressure: r_N over the length of the point, Pa.
+        shear: r_T over the length of the point, Pa.
+        gap: Opening B_N u, m.
+        slip: B_T u, m.
+        opening_rate: Opening in the collapse mode.
+        slip_rate: Slip in the collapse mode.
+    """
+
+    normal_force: Array
+    shear_force: Array
+    pressure: Array
+    shear: Array
+    gap: Array
+    slip: Array
+    opening_rate: Array
+    slip_rate: Array
+
+    @property
+    def opens(self) -> npt.NDArray[np.bool_]:
+        """Points that open in the collapse mode."""
+        return self.opening_rate > self._moving_rate
+
+    @property
+    def contact(self) -> npt.NDArray[np.int64]:
+        """`Contact` of every point."""
+        slips = np.abs(self.slip_rate) > self._moving_rate
+        contact = np.where(slips, Contact.SLIP, Contact.STICK)
+        loaded = self.normal_force > NO_PRESSURE * self.normal_force.max(initial=0.0)
+        contact[~loaded | self.opens] = Contact.OPEN
+        return contact
+
+    def force(self, joints: Joints) -> Array:
+        """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
+        return (
+            self.normal_force[:, None] * joints.normal + self.shear_force[:, None] * joints.tangent
+        )
+
+    @property
+    def _moving_rate(self) -> float:
+        rates = np.abs([self.opening_rate, self.slip_rate])
+        return MOVES * float(rates.max(initial=0.0))
+
+
+def joint_values(discretization: Structure, state: State, mode: Array) -> JointValues:
+    """Joint values of a state and its mode; collective.
+
+    Args:
+        discretization: Joints and B_N, B_T; still open.
+        state: Displacements and joint forces of this rank.
+        mode: Collapse mode v in the supports' coordinates, this rank's part.
+    """
+    problem, length = discretization.problem, discretization.joints.length
+    normal, tangential = SparseMap(problem.normal), SparseMap(problem.tangential)
+    of_all = discretization.all_points
+    normal_force, shear_force = of_all(state.pressure), of_all(state.shear)
+    return JointValues(
+        normal_force,
+        shear_force,
+        pressure=normal_force / length,
+        shear=shear_force / length,
+        gap=of_all(normal @ state.displacement),
+        slip=of_all(tangential @ state.displacement),
+        opening_rate=of_all(normal @ mode),
+        slip_rate=of_all(tangential @ mode),
+    )

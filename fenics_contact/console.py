@@ -1,0 +1,162 @@
+"""Text for people at the console: what is in a scene, how a solve goes on, what it found."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.analysis.plan import skipped
+from fenics_contact.analysis.result import CapacityPoint, Collapse, Result, Step
+from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.scene import JointLaw
+
+
+class Progress:
+    """Digits gained by the fixed point: a bar on a terminal, a line for every step elsewhere.
+
+    The bar fills as the change of the friction bound falls from 1 to the tolerance.
+    """
+
+    def __init__(self, enabled: bool, bar: bool, tolerance: float) -> None:
+        """Say whether to show anything, whether as a bar, and how far there is to go."""
+        self._enabled = enabled
+        self._as_bar = bar
+        self._digits = -math.log10(tolerance)
+        self._bar: Any = None
+        self._name = ""
+        self._count = 0
+
+    def step(self, direction: str, step: Step) -> None:
+        """Show one fixed-point iteration."""
+        self._count = self._count + 1 if direction == self._name else 1
+        gained = self._digits
+        if step.bound_change > 0.0:
+            gained = min(max(-math.log10(step.bound_change), 0.0), self._digits)
+        text = (
+            f"iteration {self._count:3d}  load factor {step.load_factor:.8g}"
+            f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
+        )
+        self._show(direction, gained, self._digits, text)
+
+    def point(self, done: int, total: int, point: CapacityPoint) -> None:
+        """Show one point of the capacity curve."""
+        self._show("capacity", done, total, f"{done} of {total}  {point.load_factor:.6g}")
+
+    def _show(self, name: str, gained: float, total: float, text: str) -> None:
+        if not self._enabled:
+            return
+        if name != self._name:
+            self.close()
+            self._name = name
+        if not self._as_bar:
+            sys.stdout.write(f"{name}: {text}\n")
+            sys.stdout.flush()
+            return
+        if self._bar is None:
+            from tqdm import tqdm
+
+            form = "{desc}: {percentage:3.0f}%|{bar:20}| {postfix}"
+            self._bar = tqdm(total=round(total, 2), desc=name, bar_format=form, file=sys.stdout)
+        self._bar.n = max(self._bar.n, round(gained, 2))
+        self._bar.set_postfix_str(text)
+
+    def close(self) -> None:
+        """Leave the terminal clean."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, in the plural where that is due."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def summary(result: Result) -> str:
+    """Load factor, bracket and verification of a result, in a few lines."""
+    if result.status == "unstable":
+        return "unstable: there is no equilibrium under the dead load alone"
+    lines = []
+    for direction, end in result.ends.items():
+        reversed_load = " (live load reversed)" if direction == "negative" else ""
+        lines += _end_lines(f"load factor{reversed_load}", end)
+    bonded = result.seconds.get("bonded", 0.0)
+    if bonded:
+        ratio = result.seconds["solve"] / bonded
+        lines.append(
+            f"{result.factorizations} factorisations, {result.seconds['total']:.2f} s; solving took"
+            f" {ratio:.1f} bonded solves"
+        )
+    return "\n".join(lines)
+
+
+def _end_lines(name: str, end: Collapse) -> list[str]:
+    """One end of the range of load factors, and its verification."""
+    if end.status == "unbounded":
+        return [f"{name}: unbounded, nothing limits the live load"]
+    if end.state is None:
+        return [f"{name}: NOT CONVERGED, no state was found"]
+    programs = "rigid blocks without friction, and with associative friction"
+    first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
+    certificate = end.certificate
+    if end.status != "limit":
+        failures = {} if certificate is None else certificate.failures
+        names = ", ".join(f"{k} {v:.1e}" for k, v in failures.items()) or "no convergence"
+        return [first, f"NOT CONVERGED: this is not a limit load ({names})"]
+    if certificate is None:
+        return [first]
+    residuals = certificate.residuals
+    return [
+        first,
+        f"verified: equilibrium {residuals['equilibrium']:.0e}, friction"
+        f" {residuals['friction']:.0e}, error of the load factor at most"
+        f" {certificate.error_estimate:.0e}",
+    ]
+
+
+def description(discretization: Structure) -> str:
+    """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
+    scene, bodies = discretization.scene, discretization.bodies
+    boundary, mesh = discretization.boundary, scene.mesh
+    cells = mesh.domain.topology.index_map(2).size_global
+    nodes = discretization.elasticity.space.dofmap.index_map.size_global
+    floating = int(bodies.floating.sum())
+    lines = [
+        scene.title or "(no title)",
+        f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
+        f" supports), {cells} cells, {2 * nodes} displacements,"
+        f" area {discretization.bodies_area():.6g} m2",
+        *_joint_lines(discretization.joints),
+    ]
+    for name, kind in scene.supports.items():
+        length = boundary.length[boundary.in_group(name)].sum()
+        lines.append(f"support {name}: {kind}, length {length:.6g} m")
+    for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
+        x, y = forces[:, :2].sum(axis=0) + 0.0
+        lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+    lines += [f"skipped: {item}" for item in skipped(scene)]
+    return "\n".join(lines)
+
+
+def _joint_lines(joints: Joints) -> list[str]:
+    lines = []
+    for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
+        mine = joints.law == number
+        kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
+        lines.append(
+            f"{kind} {name}: {_law_text(law)}, {int(mine.sum())} points,"
+            f" length {joints.length[mine].sum():.6g} m"
+        )
+    return lines
+
+
+def _law_text(law: JointLaw) -> str:
+    if law.law == "coulomb":
+        return f"Coulomb friction {law.friction:g}"
+    if law.law == "tresca":
+        return f"shear strength {law.bound:g} Pa"
+    return "frictionless"
