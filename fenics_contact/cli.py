@@ -15,7 +15,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from fenics_contact.console import Progress, counted, description, summary
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.toml_tables import read_scene
@@ -141,7 +141,7 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
-    text = description(Structure.build(read_scene(options.scene, comm, options.overrides)))
+    text = description(Discretization(read_scene(options.scene, comm, options.overrides)))
     if comm.rank == 0 and not options.quiet:
         print(text)
     return 0

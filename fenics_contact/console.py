@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import CapacityPoint, Collapse, Result, Step
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.scene import JointLaw
 
@@ -118,7 +118,7 @@ def _end_lines(name: str, end: Collapse) -> list[str]:
     ]
 
 
-def description(discretization: Structure) -> str:
+def description(discretization: Discretization) -> str:
     """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
     scene, bodies = discretization.scene, discretization.bodies
     boundary, mesh = discretization.boundary, scene.mesh

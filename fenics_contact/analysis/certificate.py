@@ -18,13 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from petsc4py import PETSc
-
 from fenics_contact.analysis.rigid_blocks import LimitBounds
-from fenics_contact.solvers.kkt import Scales, State
-from fenics_contact.solvers.problem import ContactProblem
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
 #: What a converged result may miss, relative to typical force, displacement or power.
 TOLERANCES: Mapping[str, float] = {
@@ -117,7 +112,7 @@ class Certificate:
 def certify(
     problem: ContactProblem,
     state: State,
-    mode: PETSc.Vec,
+    mode: Array,
     scales: Scales,
     bounds: LimitBounds | None,
     rigid_limit: float,
@@ -164,12 +159,12 @@ def outside_bracket(load_factor: float, bounds: LimitBounds, missed: float, size
     return max(outside - missed, 0.0) / size
 
 
-def kinematic_factor(problem: ContactProblem, state: State, mode: PETSc.Vec) -> float:
+def kinematic_factor(problem: ContactProblem, state: State, mode: Array) -> float:
     """Load factor at which a mode dissipates what the loads do on it; nan if they do nothing."""
-    _, slip = problem.joint_displacements(mode)
+    slip = problem.tangential @ mode
     bound = problem.bound(np.maximum(state.pressure, 0.0))
-    live = problem.live.dot(mode)
-    rest = problem.sum(bound * np.abs(slip)) - problem.dead.dot(mode)
+    live = problem.dot(problem.live, mode)
+    rest = problem.sum(bound * np.abs(slip)) - problem.dot(problem.dead, mode)
     return rest / live if live else float("nan")
 
 
@@ -188,22 +183,20 @@ def state_residuals(
         Residuals relative to `scales`.
     """
     d, f = scales.displacement, scales.force
-    rest = problem.dead.duplicate()
-    strained = _strained(problem, state)
-    problem.stiffness.mult(strained, rest)
-    strained.destroy()
-    rest.axpy(-1.0, problem.dead)
-    rest.axpy(-state.load_factor, problem.live)
-    problem.add_joint_forces(rest, -state.pressure, -state.shear)
-    equilibrium = problem.max(np.abs(rest.array_r)) / f
-    rest.destroy()
+    rest = (
+        problem.stiffness @ _elastic_part(problem, state)
+        - problem.dead
+        - state.load_factor * problem.live
+        - problem.joint_forces(state.pressure, state.shear)
+    )
+    equilibrium = problem.max(np.abs(rest)) / f
     joints = _joint_misses(problem, state, scales, bound)
-    live = problem.live.dot(state.displacement)
+    work = problem.dot(problem.live, state.displacement)
     return {
         "equilibrium": equilibrium,
         **{name: problem.max(values) for name, values in joints.items()},
-        "work": abs(live - state.work)
-        / max(abs(state.work), d * problem.live.norm(PETSc.NormType.N1)),
+        "work": abs(work - state.work)
+        / max(abs(state.work), d * problem.sum(np.abs(problem.live))),
     }
 
 
@@ -212,8 +205,8 @@ def _joint_misses(
 ) -> dict[str, Array]:
     """What this rank's points miss of the joint laws, relative to `scales`."""
     d, f = scales.displacement, scales.force
-    opening, slip = problem.joint_displacements(state.displacement)
-    slip = slip - problem.slip_origin
+    opening = problem.normal @ state.displacement
+    slip = problem.tangential @ state.displacement - problem.slip_origin
     if bound is None:
         bound = problem.bound(np.maximum(state.pressure, 0.0))
     return {
@@ -249,35 +242,29 @@ def worst_joint(
     return max(everywhere, key=lambda item: item[0])[1] if everywhere else None
 
 
-def _strained(problem: ContactProblem, state: State) -> PETSc.Vec:
+def _elastic_part(problem: ContactProblem, state: State) -> Array:
     """Displacements that strain the blocks: those that the state brings, if they are those of u."""
-    strained = problem.strained(state.displacement)
-    if state.strained is not None:
-        change = state.strained.copy()
-        change.axpy(-1.0, strained)
-        largest = state.displacement.norm(PETSc.NormType.INFINITY)
-        if change.norm(PETSc.NormType.INFINITY) <= ROUNDING * largest:
-            state.strained.copy(strained)
-        change.destroy()
-    return strained
+    elastic = problem.elastic_part(state.displacement)
+    largest = problem.max(np.abs(state.displacement))
+    if problem.max(np.abs(state.elastic - elastic)) <= ROUNDING * largest:
+        return state.elastic
+    return elastic
 
 
 def _mode_residuals(
-    problem: ContactProblem, state: State, mode: PETSc.Vec, scales: Scales
+    problem: ContactProblem, state: State, mode: Array, scales: Scales
 ) -> dict[str, float]:
     unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
-    opening, slip = problem.joint_displacements(mode)
+    opening, slip = problem.normal @ mode, problem.tangential @ mode
     bound = problem.bound(np.maximum(state.pressure, 0.0))
     dissipation = problem.sum(bound * np.abs(slip))
-    power = state.load_factor * problem.live.dot(mode) + problem.dead.dot(mode)
-    stress, strained = problem.stiffness.createVecLeft(), problem.strained(mode)
-    problem.stiffness.mult(strained, stress)
-    elastic = stress.dot(strained)
-    stress.destroy()
-    strained.destroy()
+    live_work = problem.dot(problem.live, mode)
+    power = state.load_factor * live_work + problem.dot(problem.dead, mode)
+    straining = problem.elastic_part(mode)
+    elastic = problem.dot(straining, problem.stiffness @ straining)
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
     return {
-        "mode_work": abs(problem.live.dot(mode) - 1.0),
+        "mode_work": abs(live_work - 1.0),
         "mode_penetration": problem.max(-opening) / unit,
         # Change of the load factor, were the motion to go on as far again.
         "mode_elastic": elastic * abs(state.work) / factor,

@@ -8,9 +8,9 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.solvers.problem import SparseMap, State
+from fenics_contact.solvers.problem import State
 
 Array = npt.NDArray[np.float64]
 
@@ -81,7 +81,7 @@ class JointValues:
         return MOVES * float(rates.max(initial=0.0))
 
 
-def joint_values(discretization: Structure, state: State, mode: Array) -> JointValues:
+def joint_values(discretization: Discretization, state: State, mode: Array) -> JointValues:
     """Joint values of a state and its mode; collective.
 
     Args:
@@ -90,7 +90,7 @@ def joint_values(discretization: Structure, state: State, mode: Array) -> JointV
         mode: Collapse mode v in the supports' coordinates, this rank's part.
     """
     problem, length = discretization.problem, discretization.joints.length
-    normal, tangential = SparseMap(problem.normal), SparseMap(problem.tangential)
+    normal, tangential = problem.normal, problem.tangential
     of_all = discretization.all_points
     normal_force, shear_force = of_all(state.pressure), of_all(state.shear)
     return JointValues(

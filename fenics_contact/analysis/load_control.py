@@ -1,9 +1,10 @@
-"""Equilibrium at load factors that rise from the dead load: the limit load between two of them.
+"""Equilibrium states on the way to the collapse: load control, and the capacity curve.
 
-The load factor is prescribed and raised in steps, each starting from the state before. Where no
-equilibrium is found the step is shortened, until the last load factor with a state of equilibrium
-and the first without are close. Slip is measured from the stress-free state, or from the step
-before, the dead load first (L.A. Mihai, M. Ainsworth, Comput. Struct. 88 (2010) 859).
+Load control prescribes the load factor and raises it in steps from the dead load, each starting
+from the state before. Where no equilibrium is found the step is shortened, until the last load
+factor with a state of equilibrium and the first without are close. Slip is measured from the
+stress-free state, or from the step before, the dead load first (L.A. Mihai, M. Ainsworth, Comput.
+Struct. 88 (2010) 859). The capacity curve prescribes the work of the live load instead.
 """
 
 from __future__ import annotations
@@ -13,132 +14,190 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
-from petsc4py import PETSc
 
-from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory
-from fenics_contact.analysis.result import LoadStep
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.result import CapacityPoint, Collapse, LoadPath, LoadStep
+from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
+from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import Scales, State
-from fenics_contact.solvers.problem import ContactProblem
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.scene import SolveOptions
+from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
 
-#: First step as a fraction of the upper bound, or of the typical load factor if that is less.
-FIRST_STEP = 0.25
-
-#: Factor by which steps grow where the last one was found.
-STEP_GROWTH = 1.5
-
-#: Load factors beyond this multiple of the typical one are not looked at.
-LARGEST = 1e3
-
-#: States that moved this many typical displacements are a mechanism in motion.
-FAR = 1e6
-
-MAX_STEPS = 200
-
 
 @dataclass(frozen=True)
-class LoadPath:
-    """What the continuation found.
+class LoadOptions:
+    """How the load factor rises.
 
     Attributes:
-        steps: States of equilibrium at rising load factors, that of the dead load first.
-        lower: Largest load factor with a state of equilibrium.
-        upper: Least load factor at which none was found; infinite if none failed below the bound.
-        state: State at `lower`.
-        direction: Direction in which the displacements moved last, f_L.v = 1; None if there is no
-            state besides that of the dead load.
+        first_step: In units of the upper bound, or of the typical load factor if that is less.
+        growth: Factor by which steps grow where the last one was found.
+        width: The limit load is bracketed to this relative width, or the tolerance if larger.
+        largest: Load factors beyond this multiple of the typical one are not looked at.
+        far: States that moved this many typical displacements are a mechanism in motion.
+        max_steps: Steps at most.
+        beyond_onset: The capacity curve ends at this multiple of the work at which the collapse
+            begins.
     """
 
-    steps: tuple[LoadStep, ...]
-    lower: float
-    upper: float
-    state: State
-    direction: PETSc.Vec | None
+    first_step: float = 0.25
+    growth: float = 1.5
+    width: float = 1e-4
+    largest: float = 1e3
+    far: float = 1e6
+    max_steps: int = 200
+    beyond_onset: float = 1.4
 
 
-def follow_load(
-    problem: ContactProblem,
-    friction: Callable[[Scales, float], CoulombFriction],
-    start: State,
-    scales: Scales,
-    upper: float,
-    width: float,
-    by_steps: bool,
-    monitor: Callable[[LoadStep], None] | None = None,
-) -> LoadPath:
-    """Raise the load factor from zero until the limit load lies between two close load factors.
+OPTIONS = LoadOptions()
+
+
+def raise_load(case: LoadCase, strategy: Strategy, options: SolveOptions) -> Collapse:
+    """The collapse at the end of the states under rising load factors.
 
     Args:
-        problem: The structure; its origin of slip is moved if slip is measured by steps.
-        friction: Makes a solver for typical sizes and a prescribed load factor.
-        start: Bonded state under the dead load.
-        scales: Typical sizes.
-        upper: Bound above which there is no equilibrium; infinite if there is none.
-        width: Distance of the two load factors relative to the lower one.
-        by_steps: Measure slip from the step before, not from the stress-free state.
-        monitor: Called after every state found.
+        case: The load case.
+        strategy: How states are found.
+        options: Tolerance, and where slip is measured from.
+    """
+    bounds = case.problem.comm.bcast(case.blocks.bounds())
+    if bounds.lower == np.inf:
+        return Collapse("unbounded", float(np.inf), case.blocks.bounds)
+    upper = np.inf if bounds.upper is None else bounds.upper
+    climb = _Climb(case, strategy, options.tolerance, upper, options.slip == "load-steps")
+    try:
+        climb.run()
+    except SolverError as error:
+        _log.warning("load control: %s", error)
+        return Collapse("not_converged", float("nan"), case.blocks.bounds)
+    attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
+    found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
+    # States are as exact as the tolerance; so close to the limit their load factors are less.
+    margin = 10.0 * options.tolerance * max(abs(climb.lower), case.scales.load_factor)
+    if not climb.lower - margin <= found.load_factor <= climb.failed + margin:
+        _log.warning(
+            "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
+            " without equilibrium on the path: another state",
+            *(found.load_factor, climb.lower, climb.failed),
+        )
+    return replace(found, path=LoadPath(tuple(climb.steps), climb.lower, climb.failed))
+
+
+class _Climb:
+    """States at rising load factors.
+
+    Attributes:
+        case: The load case, with the origin of slip.
+        state: The last state of equilibrium.
+        direction: Displacements of the last step, f_L.v = 1; None with less than two states.
+        steps: States of equilibrium.
+        lower: Largest load factor with a state of equilibrium.
+        failed: Least load factor at which none was found; infinite if none failed.
+    """
+
+    def __init__(
+        self, case: LoadCase, strategy: Strategy, tolerance: float, upper: float, by_steps: bool
+    ) -> None:
+        self.case, self._strategy, self._tolerance = case, strategy, tolerance
+        self._upper, self._by_steps = upper, by_steps
+        self._unit = case.problem.sum(np.abs(case.problem.live))
+        dead = case.bonded.dead
+        none = np.zeros_like(case.first_pressure)
+        self.state = case.problem.state(dead, 0.0, case.first_pressure, none)
+        self.direction: Array | None = None
+        self.steps: list[LoadStep] = []
+        self.lower, self.failed = 0.0, np.inf
+
+    def run(self) -> None:
+        """Raise the load factor until the limit load lies between two close ones.
+
+        Raises:
+            SolverError: If no equilibrium is found under the dead load.
+        """
+        typical = self.case.scales.load_factor
+        step = OPTIONS.first_step * min(self._upper, typical)
+        target, again = 0.0, False
+        for _ in range(OPTIONS.max_steps):
+            if self._reached(target):
+                # The step that failed before may have been too long for the solver alone.
+                step = 2.0 * (target - self.lower) if again else step
+                self.failed = np.inf if again else self.failed
+                self.lower, again = target, False
+                step *= OPTIONS.growth if len(self.steps) > 2 else 1.0
+            elif not self.steps:
+                raise SolverError("no equilibrium was found under the dead load")
+            else:
+                self.failed = target
+                if again:
+                    return
+            end = min(self.failed, self._upper)
+            width = max(OPTIONS.width, self._tolerance)
+            narrow = width * max(self.lower, 1e-3 * typical)
+            if self.lower > OPTIONS.largest * typical or self._upper - self.lower <= narrow:
+                return
+            again = end - self.lower <= narrow
+            target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
+
+    def _reached(self, target: float) -> bool:
+        """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
+        case, before = self.case, self.state
+        displacement = max(case.scales.displacement, abs(before.work) / self._unit)
+        scales = replace(case.scales, displacement=displacement)
+        task = Task(case, before.work, scales, self._tolerance)
+        try:
+            state = self._strategy.equilibrium(task, before, target)
+        except SolverError as error:
+            _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
+            return False
+        if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
+            return False
+        self.steps.append(LoadStep(target, state.work / self._unit, state.work))
+        _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
+        moved = state.work - before.work
+        if len(self.steps) > 1 and moved > 0.0:
+            self.direction = (state.displacement - before.displacement) / moved
+        self.state = state
+        if self._by_steps:
+            origin = case.problem.tangential @ state.displacement
+            self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
+        return True
+
+
+def capacity_curve(
+    case: LoadCase,
+    end: Collapse,
+    points: int,
+    monitor: Callable[[int, int, CapacityPoint], None],
+) -> list[CapacityPoint]:
+    """Load factors at rising work up to a collapse and a little beyond.
+
+    Slip is measured from the stress-free state at every point.
+
+    Args:
+        case: The load case.
+        end: Its collapse.
+        points: Number of points; with load control its steps are the points.
+        monitor: Called after every point with its number, the number of points, and the point.
 
     Returns:
-        The path.
-
-    Raises:
-        SolverError: If no equilibrium is found under the dead load.
+        The points found; one that is not found is left out.
     """
-    unit = problem.live.norm(PETSc.NormType.N1)
-    state, direction = start, start.displacement.copy()
-    bound = problem.bound(start.pressure)
-    steps: list[LoadStep] = []
-    step = FIRST_STEP * min(upper, scales.load_factor)
-    lower, failed, target = 0.0, np.inf, 0.0
-    again = False
-    sizes = scales
-    for _ in range(MAX_STEPS):
-        solver = friction(sizes, target)
-        try:
-            point, history = solver.solve(state, bound, state.work, warm=bool(steps))
-        except SolverError as error:
-            _log.debug("  %s", error)
-            point, history = None, FixedPointHistory()
-        far = FAR * scales.displacement * unit
-        moving = point is not None and abs(problem.live.dot(point.state.displacement)) > far
-        if point is None or moving or not history.converged:
-            if not steps:
-                raise SolverError("no equilibrium was found under the dead load")
-            _log.info("  load factor %.8g: no equilibrium found", target)
-            failed = target
-            if again:
-                break
-        else:
-            if again:
-                failed, step = np.inf, 2.0 * (target - lower)
-            again = False
-            lower = target
-            work = problem.live.dot(point.state.displacement)
-            steps.append(LoadStep(target, work / unit, work))
-            _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, work)
-            if monitor is not None:
-                monitor(steps[-1])
-            direction = point.state.displacement.copy()
-            direction.axpy(-1.0, state.displacement)
-            state, bound = point.state, problem.bound(point.state.pressure)
-            if by_steps:
-                problem.measure_slip_from(state.displacement)
-            sizes = replace(scales, displacement=max(scales.displacement, abs(work) / unit))
-            step = STEP_GROWTH * step if len(steps) > 2 else step
-        end = min(failed, upper)
-        narrow = max(width * lower, 1e-3 * width * scales.load_factor)
-        if lower > LARGEST * scales.load_factor or upper - lower <= narrow:
-            break
-        # A step that was too long for the solver is tried once more from close by.
-        again = end - lower <= narrow
-        target = failed if again else lower + min(step, 0.5 * (end - lower))
-    moved = problem.live.dot(direction)
-    if len(steps) < 2 or not moved > 0.0:
-        return LoadPath(tuple(steps), lower, failed, state, None)
-    direction.scale(1.0 / moved)
-    return LoadPath(tuple(steps), lower, failed, state, direction)
+    unit = case.problem.sum(np.abs(case.problem.live))
+    if end.path is not None:
+        return [
+            CapacityPoint(step.displacement, step.load_factor, step.work, converged=True)
+            for step in end.path.steps
+        ]
+    if end.state is None:
+        return []
+    # Denser at first, where the path bends.
+    fractions = (np.arange(1, points + 1) / points) ** 1.5
+    works = [float(OPTIONS.beyond_onset * end.state.work * part) for part in fractions]
+    tolerance = case.discretization.scene.solve.tolerance
+    task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
+    curve: list[CapacityPoint] = []
+    for number, state in states_along_rising_work(task, works):
+        curve.append(CapacityPoint(state.work / unit, state.load_factor, state.work, True))
+        monitor(number, points, curve[-1])
+    return curve

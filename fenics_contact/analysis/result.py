@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +16,10 @@ import numpy.typing as npt
 from fenics_contact.analysis.certificate import Certificate, outside_bracket
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.problem import State
-from fenics_contact.solvers.splitting import SplittingHistory
+SplittingHistory = Any
 
 Array = npt.NDArray[np.float64]
 
@@ -236,7 +236,7 @@ class Result:
         capacity: Points of the capacity curve.
     """
 
-    discretization: Structure
+    discretization: Discretization
     ends: dict[str, Collapse]
     skipped: tuple[str, ...]
     seconds: dict[str, float]

@@ -1,593 +1,269 @@
-"""The search for a collapse in one direction of the live load: states at growing work, verified."""
+"""The collapse of one load case: states at growing work of the live load until one is verified.
+
+As the work T grows the load factor lambda(T) rises to the limit load and stays. A state is that of
+the collapse if its certificate passes; the gap of the certificate, between the load factor and the
+rigid-block program with the state's friction forces, tells how far the plateau is.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
-from fenics_contact.analysis.certificate import (
-    Certificate,
-    certify,
-    kinematic_factor,
-)
-from fenics_contact.analysis.coulomb import CoulombFriction, FixedPointHistory, FixedPointStep
+from fenics_contact.analysis.collapse_mode import Verified, verify
 from fenics_contact.analysis.joint_values import joint_values
-from fenics_contact.analysis.result import Collapse, CollapseState
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.result import Collapse, CollapseState, History
+from fenics_contact.analysis.strategy import COULOMB, Attempt, Strategy, Task, fixed_point
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.interior_point import (
-    COARSE,
-    FEW_BLOCKS,
-    ZERO_FACTOR,
-    PathPoint,
-    WorkControl,
-)
-from fenics_contact.solvers.kkt import Scales, State
-from fenics_contact.solvers.problem import ContactProblem
-from fenics_contact.solvers.problem import State as ReportedState
-from fenics_contact.solvers.splitting import JointForces
-from fenics_contact.discretization.discretization import Structure
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
-#: Methods that take Coulomb friction into the equations.
-MONOLITHIC = ("auto", "monolithic")
 
-#: First work of the live load in units of its work on the bonded structure, and largest.
-FIRST_WORK, LAST_WORK = 300.0, 1e12
+@dataclass(frozen=True)
+class WorkOptions:
+    """How the work grows.
 
-#: The load factor of structures of more than a few blocks still rises there: their first work is
-#: the first of these times the cube of their number, at most the second times its square.
-WORK_OF_MANY = 5e-4, 2.0
+    Attributes:
+        first: First work, in units of that on the bonded structure.
+        first_of_many: The same per square of the number of blocks, if that is more: large walls
+            are still far from their plateau.
+        growth: Factor from one work to the next.
+        largest: Largest work, in units of the first.
+        missing: Works in a row without a state after which none is looked for.
+        gap: Of a collapse state, in units of the tolerance. It is that of the state's own friction
+            bound; as the bound follows, the load factor still changes by 10 to 40 times as much.
+        gap_falls: Factor by which the gap must fall for a verified state to be improved on.
+        unlimited: A load factor that grows like this power of the work is not limited.
+    """
 
-#: Elastic modes that penetrate by more than this part of their size are one of many, of which
-#: others do no better.
-NOT_UNIQUE = 0.1
-
-#: Growth of the work, and by how much more at once where the load factor rises slowly.
-WORK_GROWTH, LARGEST_STRIDE = 10.0, 1e3
-
-#: The same for methods on joint forces, in units of the work at the upper bound.
-FIRST_JOINT_WORK = 30.0
-
-#: Where there is no state so far ahead the stride is halved, as a power, down to this; it is
-#: doubled again when it did twice in a row.
-SHORTEST_STRIDE = 0.125
-
-#: A state is taken for that of the collapse at a gap of this part of the tolerance: the gap is
-#: that of its own friction bound, and as this follows the load factor still changes by 10 to 40
-#: times as much.
-COLLAPSED = 2.5e-2
-
-#: Below a gap of this part of the tolerance, which rounding may cause, more work is tried only
-#: once, and at no great cost.
-NEARLY = 0.1
-
-#: Strides that may be taken along a state without a smaller gap.
-STRIDES_ALONG = 3
-
-#: Where more work does not help, because digits are lost, less is tried: factor, and how often.
-WORK_DECREASE, DECREASES = 0.1, 3
-
-#: The gap between load factor and rigid-block program must fall by this factor to go on.
-GAP_FALLS = 0.7
-
-#: At a gap of this part of the tolerance more work is not asked what the load factor changes by.
-CLOSED = 1e-4
-
-#: A load factor that grows at least like this power of the work, this often, is not limited.
-GROWING, GROWN = 0.9, 2
+    first: float = 300.0
+    first_of_many: float = 0.2
+    growth: float = 10.0
+    largest: float = 1e5
+    missing: int = 2
+    gap: float = 2.5e-2
+    gap_falls: float = 0.7
+    unlimited: float = 0.9
 
 
 @dataclass(frozen=True)
 class _Found:
-    """A state at one T, its mode and its verification."""
-
+    verified: Verified
+    history: History
     ratio: float
-    point: PathPoint
-    mode: PETSc.Vec
-    certificate: Certificate
-    history: FixedPointHistory
-    bound: Array
-    slope: float = 0.0  # d lambda/dT
-    rest: float = 0.0  # what lambda is still to change by, relative
 
     @property
-    def state(self) -> State:
-        return self.point.state
+    def load_factor(self) -> float:
+        return self.verified.state.load_factor
+
+    @property
+    def passed(self) -> bool:
+        return self.history.converged and self.verified.certificate.passed
 
     @property
     def gap(self) -> float:
-        """Gap of the certificate; infinite where the fixed point did not converge."""
-        gap = self.certificate.gap if self.history.converged else np.inf
+        gap = self.verified.certificate.gap if self.history.converged else np.inf
         return gap if np.isfinite(gap) else np.inf
 
-    @property
-    def verified(self) -> bool:
-        return self.history.converged and self.certificate.passed
 
-    def rises_from(self, last: _Found) -> bool:
-        """Whether its load factor is larger than that of another state."""
-        return self.state.load_factor > last.state.load_factor
+def find_collapse(
+    case: LoadCase,
+    strategy: Strategy,
+    tolerance: float,
+    options: WorkOptions | None = None,
+) -> Collapse:
+    """The collapse of a load case.
+
+    Args:
+        case: The load case.
+        strategy: How states are found.
+        tolerance: On the load factor, relative.
+        options: How the work grows.
+    """
+    options = options or WorkOptions()
+    search = _Search(case, strategy, tolerance, options)
+    ratio = first = max(options.first, options.first_of_many * case.block_count**2)
+    missing = 0
+    while ratio <= options.largest * first and missing < options.missing:
+        found = search.at(ratio)
+        missing = missing + 1 if found is None else 0
+        if search.settled or (found is not None and search.no_better_than_before):
+            break
+        if search.unlimited:
+            return search.result("unbounded")
+        ratio *= options.growth
+    best = search.best
+    return search.result("limit" if best is not None and best.passed else "not_converged")
 
 
-class Search:
-    """States of one direction at different T, and the best of them."""
+def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
+    """The lowest verified collapse of those that several starts lead to.
+
+    Args:
+        case: The load case, with Coulomb friction.
+        tolerance: On the load factor, relative.
+    """
+    found = {"auto": find_collapse(case, COULOMB["auto"], tolerance)}
+    problem, points = case.problem, case.discretization.operators.points
+    bounds = {
+        "dead load": problem.bound(case.first_pressure),
+        "half of that": 0.5 * problem.bound(case.first_pressure),
+        "no friction": problem.strength,
+    }
+    associative = case.blocks.associative_pressure()
+    if associative is not None:
+        bounds["associative program"] = problem.bound(associative[points])
+    for name, bound in bounds.items():
+        attempt = partial(fixed_point, first=bound)
+        strategy = replace(COULOMB["fixed-point"], attempts=(attempt,))
+        found[name] = find_collapse(case, strategy, tolerance)
+    found["monolithic"] = find_collapse(case, COULOMB["monolithic"], tolerance)
+    states = tuple(CollapseState(name, end.status, end.load_factor) for name, end in found.items())
+    limits = [end for end in found.values() if end.status == "limit"]
+    lowest = min(limits, key=lambda end: end.load_factor, default=found["auto"])
+    return replace(lowest, states=states)
+
+
+class _Search:
+    """States of a load case at different works, and the best of them."""
 
     def __init__(
-        self,
-        structure: Structure,
-        problem: ContactProblem,
-        blocks: RigidBlocks,
-        scales: Scales,
-        per_ratio: float,
-        method: str,
-        monitor: Callable[[FixedPointStep], None] | None,
-        at_once: bool = True,
-        past_folds: bool = True,
+        self, case: LoadCase, strategy: Strategy, tolerance: float, options: WorkOptions
     ) -> None:
-        """Prepare to solve.
+        self.case, self.strategy, self.options = case, strategy, options
+        self.tolerance = tolerance
+        self.found: list[_Found] = []
 
-        Args:
-            structure: What is loaded.
-            problem: With the live load in the direction looked at.
-            blocks: Rigid-block programs of that direction.
-            scales: Typical sizes on the elastic part of the path.
-            per_ratio: Work of the live load on the bonded structure, the unit of T.
-            method: As in the scene's options.
-            monitor: Called after every fixed-point iteration.
-            at_once: Whether to try the monolithic step before the fixed point.
-            past_folds: Whether to follow its path past folds, to a state that may be far from the
-                first one.
-        """
-        self.structure = structure
-        self.problem = problem
-        self.blocks = blocks
-        self.scales = scales
-        self.per_ratio = per_ratio
-        self.live_size = problem.live.norm(PETSc.NormType.N1)
-        self.options = structure.scene.solve
-        self.monitor = monitor
-        self.control = WorkControl(problem, structure.springs, lambda: structure.block_modes)
-        self.method = method
-        self.monolithic = method in MONOLITHIC
-        self.patience = STRIDES_ALONG if self.monolithic else 0
-        self.gap_asked = self.options.tolerance * (COLLAPSED if self.monolithic else 1.0)
-        self.at_once = at_once and self.monolithic
-        self.past_folds = past_folds
-        self.part, self.kept = 1.0, True  # of a stride, as a power; whether the last one was
-        self.solver = new_solver(structure, problem, self.control, method)
-        self.best: _Found | None = None
-        self.history: list[FixedPointHistory] = []
-        self.path: list[tuple[float, float]] = []
-        self.slope = 0.0
-
-    def run(self, start: State, bound: Array) -> Collapse:
-        """Look for a verified collapse state at more work, then at less."""
-        self.start = start  # where a path that is followed afresh begins
-        first_ratio, first = start.work / self.per_ratio, None
-        if self.at_once and len(self.structure.bodies.centre) > FEW_BLOCKS:
-            # With more than a few blocks the fixed point takes very long: sooner less work.
-            for ratio in (first_ratio, WORK_DECREASE * first_ratio):
-                if first is None:
-                    beginning = self._beginning(ratio * self.per_ratio)
-                    first = self.at(ratio, beginning, bound, iterate=False)
-            self.at_once = first is not None
-        if first is None:
-            first = self.at(first_ratio, start, bound)
-        if not self.settled and self._unlimited:
-            return self.result("unbounded")
-        if first is None:
-            return self.result("not_converged")
-        last, ratio, worse = first, first.ratio, 0
-        while not self.settled and ratio < LAST_WORK:
-            found = self._further(last)
-            if self.growing and self._no_upper:
-                return self.result("unbounded")
-            # Soft structures rise slowly. Gaps are infinite, and no reason to stop, until a state
-            # converges.
-            if found is None:
-                break
-            rises = found.rises_from(last) and not self.verified
-            worse = 0 if found.gap <= GAP_FALLS * last.gap or rises else worse + 1
-            if worse > (0 if self.nearly_settled else self.patience):
-                break
-            last, ratio = found, found.ratio
-        last, ratio = first, first.ratio
-        for _ in range(DECREASES if self.best is first else 0):
-            if self.nearly_settled:
-                break
-            ratio *= WORK_DECREASE
-            found = self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound)
-            if found is None or found.gap > GAP_FALLS * last.gap:
-                break
-            last = found
-        return self.result("limit" if self.verified else "not_converged")
-
-    def destroy(self) -> None:
-        """Free the solvers."""
-        self.control.destroy()
-        self.solver.destroy()
-
-    def _further(self, last: _Found) -> _Found | None:
-        """A state at more work: followed from the last one, if need be in shorter strides.
-
-        Only where no state is verified yet, and none can be followed, is it iterated for afresh.
-        """
-        stride = self._stride(last)
-
-        def ahead(part: float, **how: bool) -> _Found | None:
-            ratio = min(last.ratio * stride**part, LAST_WORK)
-            return self.at(ratio, self._moved(last, ratio * self.per_ratio), last.bound, **how)
-
-        follow, first = last.history.converged and self.monolithic, self.part
-        while follow and self.part >= SHORTEST_STRIDE:
-            afresh = self.past_folds and self.part == 1.0 and not self.nearly_settled
-            found = ahead(self.part, iterate=False, afresh=afresh)
-            if found is not None:
-                kept = self.part == first
-                if kept and self.kept:
-                    self.part = min(2.0 * self.part, 1.0)
-                self.kept = kept
-                return found
-            if self.nearly_settled:
-                break
-            self.part *= 0.5
-        return None if self.verified else ahead(1.0, follow=not follow)
-
-    def at(
-        self,
-        ratio: float,
-        start: State,
-        bound: Array,
-        follow: bool = True,
-        iterate: bool = True,
-        afresh: bool = False,
-    ) -> _Found | None:
-        """Find and verify the state at one T; None if there is none.
+    def at(self, ratio: float) -> _Found | None:
+        """Find and verify the state at one work; None if there is none.
 
         Args:
             ratio: T in units of the live load's work on the bonded structure.
-            start: State to start from.
-            bound: First g, where it is iterated for.
-            follow: Whether to look for a state next to `start`, unless that is the first.
-            iterate: Whether to iterate for one if there is none.
-            afresh: Whether else to follow the central path from where the search began.
         """
-        work = ratio * self.per_ratio
-        # Forces are judged by what the joints carry, which a locked structure lets grow.
-        larger = max(1.0, self.largest_factor / self.scales.load_factor)
-        scales = replace(
-            self.scales,
-            displacement=work / self.live_size,
-            force=larger * self.scales.force,
-            elastic=self.scales.displacement,
-        )
-        friction = CoulombFriction(
-            self.solver,
-            scales,
-            self.options.tolerance,
-            self.monolithic,
-            self.monitor,
-            at_once=self.at_once,
-            attracting=self.method == "auto",
-            past_folds=self.past_folds,
-            small=self._small,
-        )
-        try:
-            growth, warm = self._growth(work), bool(self.history)
-            if iterate or not warm:
-                point, history = friction.solve(start, bound, work, warm, growth, follow, iterate)
-            else:
-                beginning = self._beginning(work) if afresh else None
-                point, history = friction.go_on(start, work, growth, beginning)
-        except SolverError as error:
-            _log.info("no state with T = %.3g: %s", work, error)
-            return None
-        work = point.state.work  # more, where there is no path to a state at what was asked for
-        mode, slope, certificate = self._verify(point, scales)
-        new_bound = self.problem.bound(point.state.pressure)
-        rest = self._rest(work, point.state.load_factor)
-        found = _Found(
-            work / self.per_ratio, point, mode, certificate, history, new_bound, slope, rest
-        )
-        self.slope = slope
-        self.history.append(history)
-        self.path.append((work, point.state.load_factor))
-        _log.info(
-            "  T = %.3g: load factor %.8g, gap %.1e",
-            work,
-            point.state.load_factor,
-            certificate.gap,
-        )
-        if self.best is None or self._better(found, self.best):
-            self.best = found
-        return found
-
-    def _better(self, found: _Found, best: _Found) -> bool:
-        """Whether a state is to be reported rather than one found before."""
-        if not best.history.converged:
-            return True
-        if best.verified and not found.verified:  # more work costs digits
-            return False
-        return found.gap < max(best.gap, self.gap_asked)
-
-    def _verify(self, point: PathPoint, scales: Scales) -> tuple[PETSc.Vec, float, Certificate]:
-        """The collapse mode of a state, d lambda/dT along it, and the state's certificate.
-
-        The mode is that of the elastic structure if it passes; else, with slow elastic motions
-        mixed in, or singular in its sliding joints, that of rigid blocks with the same friction.
-        """
-
-        def certified(mode: PETSc.Vec, limit: float) -> Certificate:
-            points, tolerance = self.structure.operators.points, self.options.tolerance
-            return certify(self.problem, point.state, mode, scales, None, limit, points, tolerance)
-
-        mode, slope, certificate = self._elastic_mode(point, scales, certified)
-        confirmed = replace(certificate, static_factor=point.state.load_factor)
-        if mode is not None and certificate.mode_passed and certificate.gap <= self.gap_asked:
-            return mode, slope, confirmed
-        strength = self.structure.all_points(self.problem.bound(point.state.pressure))
-        rigid_limit, motion = np.nan, None
-        try:
-            limit, motion = self.blocks.collapse(strength)
-            rigid_limit = np.nan if limit is None else limit
-        except SolverError as error:
-            _log.info("  no rigid mode: %s", error)
-            if mode is not None and certificate.mode_passed:
-                return mode, slope, confirmed
-        if mode is not None:
-            certificate = certified(mode, rigid_limit)
-            if certificate.mode_passed or motion is None:
-                return mode, slope, certificate
-            mode.destroy()
-        if motion is None:
-            motion = np.zeros((len(self.structure.bodies.centre), 3))  # certifies nothing
-        mode = self.structure.rigid_motion(motion)
-        return mode, slope, certified(mode, rigid_limit)
-
-    def _elastic_mode(
-        self,
-        point: PathPoint,
-        scales: Scales,
-        certified: Callable[[PETSc.Vec, float], Certificate],
-    ) -> tuple[PETSc.Vec | None, float, Certificate]:
-        """The better of the modes of a state with a bound that follows and with one that stays.
-
-        A mode that dissipates at the state's load factor what the loads do bounds the
-        given-friction limit from above, and the state's forces bound it from below.
-        """
-
-        def worth(of: Certificate) -> tuple[bool, float]:
-            return not of.mode_passed, of.gap if np.isfinite(of.gap) else np.inf
-
-        best: tuple[PETSc.Vec | None, float, Certificate] = None, 0.0, Certificate({}, np.nan)
-        for bound in self._bounds(point):
-            try:
-                mode, slope = self.control.rate(point.state, bound, scales)
-            except SolverError as error:
-                _log.info("  no elastic mode: %s", error)
+        case = self.case
+        work = ratio * case.bonded_work
+        largest = max((abs(one.load_factor) for one in self.found), default=0.0)
+        scales = case.scales_at(work, largest)
+        task = Task(case, work, scales, self.tolerance)
+        for attempt in self.strategy.attempts:
+            answer = _tried(attempt, task)
+            if answer is None:
                 continue
-            certificate = certified(mode, kinematic_factor(self.problem, point.state, mode))
-            if best[0] is not None:
-                if worth(certificate) >= worth(best[2]):
-                    mode.destroy()
-                    break
-                best[0].destroy()
-            best = mode, slope, certificate
-            enough = certificate.mode_passed and certificate.gap <= self.gap_asked
-            if enough or not certificate.residuals["mode_penetration"] <= NOT_UNIQUE:
-                break
-        return best
-
-    def _bounds(self, point: PathPoint) -> list[Array | None]:
-        """Bounds on friction for modes of a state: Coulomb's, which follows, and its own.
-
-        The first mode is nearer to that of the collapse, unless the other's equations are factored
-        already.
-        """
-        given = point.bound
-        if not (self.monolithic and self.problem.max(self.problem.friction) > 0.0):
-            return [given]
-        return [given, None] if self.control.linearised(point.state, given) else [None, given]
+            solution, history = answer
+            gap = self.options.gap * self.tolerance
+            verified = verify(case, solution.state, scales, self.tolerance, gap)
+            self.found.append(_Found(verified, history, ratio))
+            _log.info(
+                "  T = %.3g: load factor %.8g, gap %.1e",
+                work,
+                solution.state.load_factor,
+                verified.certificate.gap,
+            )
+            return self.found[-1]
+        return None
 
     @property
-    def _small(self) -> bool:
-        """Whether blocks are few, and coarsely meshed."""
-        blocks = len(self.structure.bodies.centre)
-        return blocks <= FEW_BLOCKS and self.problem.live.getSize() <= COARSE * blocks
-
-    @property
-    def _no_upper(self) -> bool:
-        """Whether associative friction does not limit the load."""
-        return self.blocks.limit() == np.inf
-
-    @property
-    def _unlimited(self) -> bool:
-        """Whether the programs say that nothing limits the load.
-
-        Without Coulomb friction the upper bound is exact; the lower one is a bound in any case.
-        """
-        if not np.any(self.structure.joints.friction):
-            return self._no_upper
-        return self.blocks.limit(friction=False) == np.inf
-
-    @property
-    def verified(self) -> bool:
-        """Whether the best state is a collapse state."""
-        return self.best is not None and self.best.verified
-
-    @property
-    def nearly_settled(self) -> bool:
-        """Whether it is one but for what may be rounding."""
-        best, asked = self.best, NEARLY * self.options.tolerance
-        return best is not None and best.verified and best.gap <= max(asked, self.gap_asked)
+    def best(self) -> _Found | None:
+        """The state to be reported: verified rather than not, then the one with the least gap."""
+        return min(self.found, key=lambda one: (not one.passed, one.gap), default=None)
 
     @property
     def settled(self) -> bool:
-        """Whether it is one to the tolerance asked for."""
-        return (
-            self.best is not None
-            and self.best.verified
-            and self.best.gap <= self.gap_asked
-            and (
-                self.best.rest <= self.options.tolerance
-                or self.best.gap <= CLOSED * self.options.tolerance
-            )
-        )
+        """Whether the best state is that of the collapse, to the tolerance asked for."""
+        best = self.best
+        return best is not None and best.passed and best.gap <= self.options.gap * self.tolerance
 
     @property
-    def largest_factor(self) -> float:
-        """Largest load factor so far."""
-        return max((abs(factor) for _, factor in self.path), default=0.0)
-
-    def _stride(self, last: _Found) -> float:
-        """Factor to the next work, well beyond where the secant meets the program's load factor."""
-        growth = self._growth(2.0 * last.state.work)
-        missing = last.certificate.error_estimate
-        if growth > 0.0 and np.isfinite(missing):
-            return WORK_GROWTH * min(1.0 + missing / growth, LARGEST_STRIDE)
-        return WORK_GROWTH
-
-    def _growth(self, work: float) -> float:
-        """How much further the load factor would rise along the last secant, or tangent."""
-        if not self.path or not self.path[-1][0] < work:
-            return 0.0
-        last, high = self.path[-1]
-        slope = self.slope
-        if len(self.path) > 1 and self.path[-2][0] < last:
-            first, low = self.path[-2]
-            slope = (high - low) / (last - first)
-        return max(slope * (work - last), 0.0)
-
-    def _rest(self, work: float, factor: float) -> float:
-        """What a load factor is still to change by if that falls like 1/T, relative.
-
-        Zero where there is none at less work to tell.
-        """
-        if not self.path or not self.path[-1][0] < work:
-            return 0.0
-        last, before = self.path[-1]
-        size = abs(factor) + ZERO_FACTOR * self.scales.load_factor
-        return abs(factor - before) / (work / last - 1.0) / size
-
-    @property
-    def growing(self) -> bool:
-        """Whether the load factor grew like the work so often that it is called unlimited."""
-        if len(self.path) <= GROWN or min(factor for _, factor in self.path) <= 0.0:
+    def no_better_than_before(self) -> bool:
+        """Whether a state is verified and the last one does not improve on those before."""
+        if self.best is None or not self.best.passed or len(self.found) < 2:
             return False
-        work, factor = np.log(self.path[-GROWN - 1 :]).T
-        return bool(np.all(np.diff(factor) >= GROWING * np.diff(work)))
+        before = min(one.gap for one in self.found[:-1])
+        return self.found[-1].gap > self.options.gap_falls * before
 
-    def _moved(self, found: _Found, work: float) -> State:
-        """A state moved along its mode to another T."""
-        displacement = found.state.displacement.copy()
-        displacement.axpy(work - found.state.work, found.mode)
-        strained = None
-        if found.state.strained is not None:
-            strained = self.problem.strained(found.mode)
-            strained.aypx(work - found.state.work, found.state.strained)
-        return replace(found.state, displacement=displacement, work=work, strained=strained)
+    @property
+    def unlimited(self) -> bool:
+        """Whether nothing limits the load, by the load factors found and the rigid-block programs.
 
-    def _beginning(self, work: float) -> State:
-        """Where the search began, scaled to another T."""
-        displacement = self.start.displacement.copy()
-        displacement.scale(work / self.start.work)
-        return replace(self.start, displacement=displacement, work=work, strained=None)
-
-    def _onset(self, found: _Found) -> State:
-        """A state moved back along its mode to where the collapse began.
-
-        Every state further along the mode has the same stresses and joint forces; at the first,
-        some joint is about to close, or to stick.
+        Without Coulomb friction the upper bound is exact; the lower one is a bound in any case.
         """
-        opening, slip = self.problem.joint_displacements(found.state.displacement)
-        opening_rate, slip_rate = self.problem.joint_displacements(found.mode)
-        slip = slip - self.problem.slip_origin
-        # The work by which a joint that moves in the mode has moved so far.
-        rates = np.maximum(np.abs(opening_rate), np.abs(slip_rate))
-        tiny = 1e-6 * self.problem.max(rates)
-        opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
-        slips &= found.state.pressure > 0.0
-        moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
-        least = min(float(np.min(m, initial=np.inf)) for m in moved)
-        least = self.problem.comm.allreduce(least, MPI.MIN)
-        if not 0.0 < least < np.inf:
-            return found.state
-        return self._moved(found, found.state.work - least)
+        blocks = self.case.blocks
+        if not self.case.problem.coulomb:
+            return blocks.limit() == np.inf
+        if blocks.limit(friction=False) == np.inf:
+            return True
+        factors = np.array([one.load_factor for one in self.found[-3:]])
+        if len(factors) < 3 or not np.all(factors > 0.0):
+            return False
+        works = np.array([one.ratio for one in self.found[-3:]])
+        grows = np.diff(np.log(factors)) >= self.options.unlimited * np.diff(np.log(works))
+        return bool(np.all(grows)) and blocks.limit() == np.inf
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""
-        found, history = self.best, tuple(history.finished() for history in self.history)
-        if found is None:
-            return Collapse(
-                status,
-                np.inf if status == "unbounded" else float("nan"),
-                self.blocks.bounds,
-                history=history,
-            )
+        case, best = self.case, self.best
+        histories = tuple(one.history for one in self.found)
+        if best is None:
+            factor = np.inf if status == "unbounded" else np.nan
+            return Collapse(status, float(factor), case.blocks.bounds, history=histories)
+        state, certificate = best.verified.state, best.verified.certificate
         if status == "not_converged":
-            _log.warning("not verified: %s", found.certificate.failures or "not converged")
-        elif status == "limit" and found.gap > self.options.tolerance:
-            _log.warning("the load factor is known to %.1e, not to the tolerance asked", found.gap)
-        state = reported_state(self.problem, self._onset(found) if status == "limit" else found.state)
-        mode = found.mode.array_r.copy()
+            _log.warning("not verified: %s", certificate.failures or "not converged")
+        elif status == "limit":
+            if best.gap > self.tolerance:
+                _log.warning("the load factor is known to %.1e, not to the tolerance asked", best.gap)
+            state = _onset(case, best.verified)
         return Collapse(
             status,
-            np.inf if status == "unbounded" else found.state.load_factor,
-            self.blocks.bounds,
+            np.inf if status == "unbounded" else state.load_factor,
+            case.blocks.bounds,
             state,
-            mode,
-            joint_values(self.structure, state, mode),
-            found.certificate,
-            history,
-            found.ratio,
-            self.solver.history if isinstance(self.solver, JointForces) else None,
+            best.verified.mode,
+            joint_values(case.discretization, state, best.verified.mode),
+            certificate,
+            histories,
+            best.ratio,
         )
 
 
-def reported_state(problem: ContactProblem, state: State) -> ReportedState:
-    """A state as arrays."""
-    elastic = problem.strained(state.displacement) if state.strained is None else state.strained
-    return ReportedState(
-        state.displacement.array_r.copy(),
-        elastic.array_r.copy(),
-        state.load_factor,
-        state.pressure,
-        state.shear,
-        state.work,
-    )
+def _tried(attempt: Attempt, task: Task):  # type: ignore[no-untyped-def]
+    """What an attempt finds; None where it finds nothing."""
+    try:
+        return attempt(task)
+    except SolverError as error:
+        _log.info("  no state with T = %.3g: %s", task.work, error)
+        return None
 
 
-def new_solver(
-    structure: Structure, problem: ContactProblem, control: WorkControl, method: str
-) -> WorkControl | JointForces:
-    """What solves for states with given friction."""
-    if method not in ("splitting", "active-set"):
-        return control
-    return JointForces(problem, structure.operators, structure.springs, method == "splitting")
+def _onset(case: LoadCase, verified: Verified) -> State:
+    """The state moved back along its mode to where the collapse began.
 
-
-def first_work(
-    method: str, program: Callable[[], LimitBounds], scales: Scales, blocks: int = 1
-) -> float:
-    """First T in units of the live load's work on the bonded structure, by number of blocks.
-
-    Joint forces, unlike interior points, take many steps to a state far along the mode: they start
-    at `FIRST_JOINT_WORK` times the work that belongs to the bound on the load factor.
+    Every state further along the mode has the same stresses and joint forces; at the first, some
+    joint is about to close, or to stick.
     """
-    if method not in ("splitting", "active-set"):
-        many = blocks > FEW_BLOCKS and method in MONOLITHIC
-        cube, square = WORK_OF_MANY
-        return min(cube * blocks, square) * blocks**2 if many else FIRST_WORK
-    upper = program().upper
-    upper = np.inf if upper is None else upper
-    return FIRST_JOINT_WORK * float(np.clip(upper / scales.load_factor, 1e-3, 1.0))
+    problem, state, mode = case.problem, verified.state, verified.mode
+    opening = problem.normal @ state.displacement
+    slip = problem.tangential @ state.displacement - problem.slip_origin
+    opening_rate, slip_rate = problem.normal @ mode, problem.tangential @ mode
+    # The work by which a joint that moves in the mode has moved so far.
+    tiny = 1e-6 * problem.max(np.maximum(np.abs(opening_rate), np.abs(slip_rate)))
+    opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
+    slips &= state.pressure > 0.0
+    moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
+    least = min(float(np.min(m, initial=np.inf)) for m in moved)
+    least = problem.comm.allreduce(least, MPI.MIN)
+    if not 0.0 < least < np.inf:
+        return state
+    elastic = state.elastic - least * problem.elastic_part(mode)
+    return replace(
+        state,
+        displacement=state.displacement - least * mode,
+        elastic=elastic,
+        work=state.work - least,
+    )

@@ -48,11 +48,6 @@ class Bonded:
     live_pressure: Array
     seconds: float
 
-    @property
-    def first_pressure(self) -> Array:
-        """Normal forces for the first bound on friction."""
-        return self.dead_pressure if np.any(self.dead_pressure) else self.live_pressure
-
 
 class Discretization:
     """Elasticity, joints and supports of a scene, and the operators made of them.
@@ -126,6 +121,10 @@ class Discretization:
         for item in (*self._stiffnesses.values(), *self._maps):
             item.close()
 
+    def factorizations(self) -> int:
+        """Numeric factorisations so far, those of block modes among them."""
+        return self.tally.count + self.mode_tally.count
+
     def stiffness(self, kind: str) -> JointStiffness:
         """K with joint springs; made when first asked for.
 
@@ -189,7 +188,7 @@ class Discretization:
         arm = position - self.bodies.centre[body]
         spin = motion[body, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
         u = (motion[body, :2] + spin).ravel()
-        return self.supports.to_supports(u, self.problem.stiffness.first_row)
+        return self.supports.to_supports(u, self.problem.stiffness.first_row // 2)
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

@@ -15,7 +15,7 @@ from dolfinx import fem
 from fenics_contact import compat
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import stress
 from fenics_contact.discretization.joints import Joints
 
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 VTK_LINE = 3
 
 
-def cartesian(discretization: Structure, values: Array) -> Array:
+def cartesian(discretization: Discretization, values: Array) -> Array:
     """Displacements in x and y of this rank's nodes, shape (nodes, 2).
 
     Args:
@@ -41,7 +41,7 @@ def cartesian(discretization: Structure, values: Array) -> Array:
     return turned
 
 
-def displacement_function(discretization: Structure, values: Array, name: str) -> fem.Function:
+def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
     """Displacement field in x and y.
 
     Args:
@@ -55,7 +55,7 @@ def displacement_function(discretization: Structure, values: Array, name: str) -
     return function
 
 
-def stress_fields(discretization: Structure, displacement: fem.Function) -> list[fem.Function]:
+def stress_fields(discretization: Discretization, displacement: fem.Function) -> list[fem.Function]:
     """Stress components, von Mises stress and body number by cell, as scalars.
 
     The stresses are those at the centre of a cell, Pa; von Mises with the stress out of the plane,
@@ -85,7 +85,7 @@ def stress_fields(discretization: Structure, displacement: fem.Function) -> list
     return fields
 
 
-def write_paraview(discretization: Structure, end: Collapse, folder: Path, suffix: str) -> None:
+def write_paraview(discretization: Discretization, end: Collapse, folder: Path, suffix: str) -> None:
     """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
 
     Args:

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.result import Result
 from fenics_contact.analysis.rigid_blocks import straight_faces
-from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.output.fields import cartesian
@@ -114,7 +114,7 @@ def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
     return figure, both
 
 
-def _at_nodes(discretization: Structure, velocity: Array, nodes: npt.NDArray[np.int64]) -> Array:
+def _at_nodes(discretization: Discretization, velocity: Array, nodes: npt.NDArray[np.int64]) -> Array:
     """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
     first, end = discretization.elasticity.space.dofmap.index_map.local_range
     mine = (nodes >= first) & (nodes < end)
@@ -214,7 +214,7 @@ def _draw_live_load(axes: Any, force: Array) -> None:
     axes.text(end[0] + beside, end[1] - 0.01, "live load", **place)
 
 
-def _draw_forces(axes: Any, discretization: Structure, values: JointValues) -> None:
+def _draw_forces(axes: Any, discretization: Discretization, values: JointValues) -> None:
     """Resultant of every face, drawn through its centre of pressure, length by size."""
     from matplotlib.collections import LineCollection
 

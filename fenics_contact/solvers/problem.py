@@ -9,7 +9,7 @@ joint values where it owns the joint point. PETSc objects stay inside `SparseMap
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -128,91 +128,6 @@ class State:
     work: float
 
 
-Array = npt.NDArray[np.float64]
-
-
-class SparseMap:
-    """A distributed sparse matrix that maps arrays: `A @ x` and `A.T @ y`.
-
-    Attributes:
-        matrix: The PETSc matrix, owned by this object.
-    """
-
-    def __init__(self, matrix: PETSc.Mat) -> None:
-        """Take over a matrix.
-
-        Args:
-            matrix: Assembled; freed by `close`.
-        """
-        self.matrix = matrix
-        self._right, self._left = matrix.createVecs()
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Communicator of the matrix."""
-        return self.matrix.comm.tompi4py()
-
-    def __matmul__(self, x: Array) -> Array:
-        """A x, this rank's rows."""
-        self._right.array[:] = x
-        self.matrix.mult(self._right, self._left)
-        return self._left.array_r.copy()
-
-    @property
-    def T(self) -> _Transposed:  # noqa: N802
-        """The transposed map."""
-        return _Transposed(self)
-
-    def transposed_product(self, y: Array) -> Array:
-        """A^T y, this rank's part."""
-        self._left.array[:] = y
-        self.matrix.multTranspose(self._left, self._right)
-        return self._right.array_r.copy()
-
-    def diagonal(self) -> Array:
-        """Diagonal of a square map, this rank's part."""
-        self.matrix.getDiagonal(self._left)
-        return self._left.array_r.copy()
-
-    def close(self) -> None:
-        """Free the matrix, on all ranks together."""
-        for item in (self._right, self._left, self.matrix):
-            item.destroy()
-
-
-@dataclass(frozen=True)
-class _Transposed:
-    """A^T of a map A."""
-
-    of: SparseMap
-
-    def __matmul__(self, y: Array) -> Array:
-        """A^T y."""
-        return self.of.transposed_product(y)
-
-
-@dataclass(frozen=True)
-class State:
-    """Displacements and joint forces.
-
-    Attributes:
-        displacement: u in the supports' coordinates, m, shape (this rank's displacements,).
-        elastic: Its part that strains the blocks, summed up for itself: beside a large motion u
-            has too few digits of it.
-        load_factor: lambda.
-        pressure: r_N at this rank's points, N per metre of thickness.
-        shear: r_T, likewise.
-        work: T = f_L.u, N m per metre of thickness.
-    """
-
-    displacement: Array
-    elastic: Array
-    load_factor: float
-    pressure: Array
-    shear: Array
-    work: float
-
-
 @dataclass(frozen=True)
 class ContactProblem:
     """Stiffness, loads and joint operators on one parallel layout.
@@ -293,13 +208,7 @@ class ContactProblem:
         once = u - self.rigid @ (self.rigid.T @ u)
         return once - self.rigid @ (self.rigid.T @ once)
 
-    def state(
-        self, u: Array, load_factor: float, pressure: Array, shear: Array
-    ) -> State:
+    def state(self, u: Array, load_factor: float, pressure: Array, shear: Array) -> State:
         """A state from its displacements and forces."""
         work = self.dot(self.live, u)
         return State(u, self.elastic_part(u), load_factor, pressure, shear, work)
-
-    def with_live_load(self, live: Array) -> ContactProblem:
-        """The same structure under another live load."""
-        return replace(self, live=live)

@@ -1,0 +1,148 @@
+"""The motion that follows a state, its collapse mode, and the certificate of both.
+
+As the work T of the live load grows, du/dT = A^-1 f_L / (f_L . A^-1 f_L) with A as in `kkt`. At the
+limit load it is the collapse mode. Where it is not, with slow elastic motions mixed in, or singular
+in its sliding joints, the rigid-block program with the friction forces of the state has one.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.analysis.certificate import Certificate, certify, kinematic_factor
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.errors import SolverError
+from fenics_contact.solvers.kkt import COLD, Linearization, PerturbedKKT
+from fenics_contact.solvers.problem import Array, Scales, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class ModeOptions:
+    """Numbers of the elastic mode.
+
+    Attributes:
+        mu: Products of open and sliding joints, in units of force times displacement.
+        stiffest: Cap on the springs of closed joints, in units of the mean diagonal of K. No
+            forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
+        not_unique: A mode that penetrates by more than this part of its size is one of many, of
+            which others do no better.
+    """
+
+    mu: float = 1e-12
+    stiffest: float = 1e3
+    not_unique: float = 0.1
+
+
+OPTIONS = ModeOptions()
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A state with its mode and certificate.
+
+    Attributes:
+        state: The state.
+        mode: v in the supports' coordinates with f_L.v = 1, this rank's part.
+        certificate: Their residuals.
+    """
+
+    state: State
+    mode: Array
+    certificate: Certificate
+
+
+def verify(
+    case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float
+) -> Verified:
+    """The collapse mode of a state, and their certificate.
+
+    Args:
+        case: The load case.
+        state: The state.
+        scales: Typical sizes.
+        tolerance: On the load factor, relative.
+        gap: Gap between load factor and rigid-block program up to which an elastic mode is enough.
+    """
+
+    def certified(mode: Array, rigid_limit: float) -> Certificate:
+        points = case.discretization.operators.points
+        return certify(case.problem, state, mode, scales, None, rigid_limit, points, tolerance)
+
+    best = _best_elastic_mode(case, state, scales, certified, gap)
+    if best is not None and best.certificate.mode_passed and best.certificate.gap <= gap:
+        confirmed = replace(best.certificate, static_factor=state.load_factor)
+        return replace(best, certificate=confirmed)
+    strength = case.discretization.all_points(case.problem.bound(state.pressure))
+    rigid_limit, motion = np.nan, None
+    try:
+        limit, motion = case.blocks.collapse(strength)
+        rigid_limit = np.nan if limit is None else limit
+    except SolverError as error:
+        _log.info("  no rigid mode: %s", error)
+        if best is not None and best.certificate.mode_passed:
+            return best
+    if best is not None:
+        certificate = certified(best.mode, rigid_limit)
+        if certificate.mode_passed or motion is None:
+            return replace(best, certificate=certificate)
+    if motion is None:
+        motion = np.zeros((case.block_count, 3))  # certifies nothing
+    mode = case.discretization.rigid_motion(motion)
+    return Verified(state, mode, certified(mode, rigid_limit))
+
+
+def elastic_mode(kkt: PerturbedKKT, state: State, options: ModeOptions = OPTIONS) -> Array:
+    """du/dT at a state, with f_L . du/dT = 1.
+
+    Args:
+        kkt: Its conditions: with Coulomb friction the bound follows, with a given one it stays.
+        state: The state.
+        options: Numbers of the mode.
+
+    Raises:
+        SolverError: If A is singular.
+    """
+    near = kkt.on_central_path(state, options.mu, COLD)
+    linear = Linearization(kkt, near, options.stiffest, options.mu)
+    return linear.live_response / linear.flexibility
+
+
+def _best_elastic_mode(case, state, scales, certified, gap) -> Verified | None:  # type: ignore
+    """The better of the modes of a state with a friction bound that follows and one that stays.
+
+    A mode that dissipates at the state's load factor what the loads do bounds the given-friction
+    limit from above, and the state's forces bound it from below.
+    """
+    best: Verified | None = None
+    for kkt in _conditions(case, state, scales):
+        try:
+            mode = elastic_mode(kkt, state)
+        except SolverError as error:
+            _log.info("  no elastic mode: %s", error)
+            continue
+        certificate = certified(mode, kinematic_factor(case.problem, state, mode))
+        if best is None or _worth(certificate) < _worth(best.certificate):
+            best = Verified(state, mode, certificate)
+        if _worth(certificate) <= (False, gap):
+            break
+        if not certificate.residuals["mode_penetration"] <= OPTIONS.not_unique:
+            break
+    return best
+
+
+def _conditions(case: LoadCase, state: State, scales: Scales) -> Iterator[PerturbedKKT]:
+    if case.problem.coulomb:
+        yield case.coulomb(state.work, scales)
+    yield case.given(case.problem.bound(state.pressure), state.work, scales)
+
+
+def _worth(certificate: Certificate) -> tuple[bool, float]:
+    """Order of certificates: a passed mode first, then the smaller gap."""
+    gap = certificate.gap
+    return not certificate.mode_passed, gap if np.isfinite(gap) else np.inf

@@ -1,0 +1,120 @@
+"""One direction of the live load on a structure, as all ways to its collapse see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.analysis.result import Step
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
+from fenics_contact.solvers.joint_stiffness import JointStiffness
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """A structure under its dead load and one direction of its live load.
+
+    Attributes:
+        discretization: The scene's matrices.
+        problem: The structure with the live load in this direction.
+        blocks: Rigid-block programs of this direction.
+        bonded: Response with all joints closed, to the live load in this direction.
+        scales: Typical sizes on the elastic part of the path.
+        kind: Of factorisation, see `JointStiffness`.
+        monitor: Told every iteration.
+    """
+
+    discretization: Discretization
+    problem: ContactProblem
+    blocks: RigidBlocks
+    bonded: Bonded
+    scales: Scales
+    kind: str
+    monitor: Callable[[Step], None]
+
+    @classmethod
+    def of(
+        cls,
+        discretization: Discretization,
+        bonded: Bonded,
+        sign: float,
+        kind: str,
+        monitor: Callable[[Step], None],
+    ) -> LoadCase:
+        """The live load as given (sign 1) or reversed (-1); the sign is applied here and only here.
+
+        Args:
+            discretization: The scene's matrices.
+            bonded: Response to the live load as given.
+            sign: 1 or -1.
+            kind: Of factorisation.
+            monitor: Told every iteration.
+        """
+        scales = typical_sizes(discretization.problem, bonded)
+        problem = discretization.problem
+        problem = replace(problem, live=sign * problem.live)
+        bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
+        blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
+        bonded = replace(bonded, live=sign * bonded.live)
+        return cls(discretization, problem, blocks, bonded, scales, kind, monitor)
+
+    @property
+    def stiffness(self) -> JointStiffness:
+        """K with joint springs."""
+        return self.discretization.stiffness(self.kind)
+
+    @property
+    def bonded_work(self) -> float:
+        """Work of the live load on the bonded structure, times the typical load factor: a unit."""
+        return self.scales.load_factor * self.problem.dot(self.problem.live, self.bonded.live)
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks."""
+        return len(self.discretization.bodies.centre)
+
+    @property
+    def first_pressure(self) -> Array:
+        """Normal forces for the first bound on friction: of the dead load if it causes any."""
+        if self.problem.max(self.bonded.dead_pressure) > 0.0:
+            return self.bonded.dead_pressure
+        return self.bonded.live_pressure
+
+    def scales_at(self, work: float, largest_factor: float = 0.0) -> Scales:
+        """Typical sizes at some work T of the live load.
+
+        Args:
+            work: T.
+            largest_factor: Largest load factor met so far; a structure that locks lets joint
+                forces grow with it.
+        """
+        displacement = work / self.problem.sum(np.abs(self.problem.live))
+        larger = max(1.0, largest_factor / self.scales.load_factor)
+        return replace(self.scales, displacement=displacement, force=larger * self.scales.force)
+
+    def bonded_state(self, work: float) -> State:
+        """The bonded response to the live load that does work T, with the dead load's pressure."""
+        u = work / self.bonded_work * self.scales.load_factor * self.bonded.live
+        pressure = self.bonded.dead_pressure
+        none = np.zeros_like(pressure)
+        return State(u, self.problem.elastic_part(u), 0.0, pressure, none, work)
+
+    def coulomb(self, work: float, scales: Scales, load_factor: float | None = None) -> PerturbedKKT:
+        """Conditions of a state with the friction of the scene's laws."""
+        problem = self.problem
+        if not problem.coulomb:
+            return self.given(problem.strength, work, scales, load_factor)
+        return PerturbedKKT.coulomb(problem, self.stiffness, scales, work, load_factor)
+
+    def given(
+        self, bound: Array, work: float, scales: Scales, load_factor: float | None = None
+    ) -> PerturbedKKT:
+        """Conditions of a state with a given bound on friction, N per metre of thickness."""
+        return PerturbedKKT.given_friction(
+            self.problem, self.stiffness, scales, bound, work, load_factor
+        )

@@ -1,0 +1,327 @@
+"""Which solver is tried when: the one list.
+
+An attempt looks for the state of a load case at one work T of its live load, and raises
+`SolverError` where it finds none. The methods are tuples of attempts; the next one is tried where
+the one before found nothing (`work_control`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.analysis.coulomb import GivenFriction, solve_fixed_point
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.result import History, Step
+from fenics_contact.errors import SolverError
+from fenics_contact.scene import Scene
+from fenics_contact.solvers.arclength import (
+    FALLING_PRODUCTS,
+    RISING_WORK,
+    ArclengthOptions,
+    Continuation,
+    PathPoint,
+)
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
+from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.problem import Array, Scales, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What an attempt is asked for.
+
+    Attributes:
+        case: The load case.
+        work: T, N m per metre of thickness.
+        scales: Typical sizes at that work.
+        tolerance: On the load factor, relative.
+    """
+
+    case: LoadCase
+    work: float
+    scales: Scales
+    tolerance: float
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exact the state has to be for that."""
+        residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
+        return Tolerances(residual, 5e-2 * self.tolerance)
+
+    @property
+    def kkt(self) -> PerturbedKKT:
+        """Conditions of the state."""
+        return self.case.coulomb(self.work, self.scales)
+
+
+Attempt = Callable[[Task], tuple[Solution, History]]
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """Products along the paths, in units of force times elastic displacement.
+
+    Attributes:
+        rising_work: While the work rises. Smaller ones take more steps, larger ones miss low
+            collapse states.
+        ends: Where the interior point method is tried; the first is where block modes are left.
+        next: Where it starts from a state next to the one sought.
+        finish: When it has stalled there: its error halves in every other step, or the path is
+            followed further. Digits are lost far along a mechanism; the certificate tells.
+    """
+
+    rising_work: float = 3e-2
+    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
+    next: tuple[float, ...] = (3e-2, 3e-4)
+    finish: InteriorPointOptions = InteriorPointOptions(window=4, acceptable=1e-7)
+
+
+OPTIONS = PathOptions()
+
+
+def interior_point(task: Task) -> tuple[Solution, History]:
+    """State by the interior point method from the bonded response."""
+    start = task.case.bonded_state(task.work)
+    return _once(task, lambda: solve_interior_point(task.kkt, start, 1.0, task.tolerances))
+
+
+def along_block_modes(task: Task) -> tuple[Solution, History]:
+    """State by continuation: the work rises and the products fall for the block modes first."""
+
+    def solve() -> Solution:
+        case = task.case
+        modes = case.discretization.block_modes
+        with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+            reduced = PerturbedKKT.coulomb(
+                modes.under(case.problem), stiffness, task.scales, task.work
+            )
+            point = _rising_work(task, reduced, modes.restricted)
+            point = Continuation(reduced, FALLING_PRODUCTS).follow(
+                point, OPTIONS.ends[0] * task.scales.elastic_part
+            )
+        return _to_end(task, modes.prolonged(point.state), point.mu)
+
+    return _once(task, solve)
+
+
+def along_rising_work(task: Task) -> tuple[Solution, History]:
+    """State by continuation of the structure itself, without block modes."""
+
+    def solve() -> Solution:
+        point = _rising_work(task, task.kkt, lambda state: state)
+        return _to_end(task, point.state, point.mu)
+
+    return _once(task, solve)
+
+
+def along_falling_products(task: Task) -> tuple[Solution, History]:
+    """State by continuation of the structure from products of 1 under the whole work."""
+
+    def solve() -> Solution:
+        return _to_end(task, task.case.bonded_state(task.work), 1.0)
+
+    return _once(task, solve)
+
+
+def fixed_point(task: Task, first: Array | None = None) -> tuple[Solution, History]:
+    """State by the fixed point on the friction bound, by the interior point method.
+
+    Args:
+        task: What is asked for.
+        first: First bound at this rank's points, N per metre; Coulomb's with the dead load's pressure when not given.
+    """
+    case = task.case
+
+    def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
+        kkt = case.given(bound, task.work, task.scales)
+        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
+
+    bound = case.problem.bound(case.first_pressure) if first is None else first
+    start = case.bonded_state(task.work)
+    count = case.discretization.factorizations
+    return solve_fixed_point(
+        case.problem, solve, start, bound, task.tolerance, case.monitor, count
+    )
+
+
+def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]:
+    """A solution without iterations on the bound, as a history of one step."""
+    count = task.case.discretization.factorizations
+    before = count()
+    solution = solve()
+    step = Step(solution.state.load_factor, 0.0, 1.0, count() - before)
+    task.case.monitor(step)
+    return solution, History((step,), 0, "monolithic", True)
+
+
+def _rising_work(
+    task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]
+) -> PathPoint:
+    """The point where the work has risen from that on the bonded structure to T."""
+    first = min(task.case.bonded_work, task.work)
+    start = restricted(task.case.bonded_state(first))
+    continuation = Continuation(kkt, RISING_WORK)
+    mu = OPTIONS.rising_work * task.scales.elastic_part
+    return continuation.follow(continuation.begin(start, mu), task.work)
+
+
+def _to_end(task: Task, state: State, mu: float) -> Solution:
+    """The state at the end of the central path, from a point near it.
+
+    Raises:
+        SolverError: If the path is lost before the interior point method finishes.
+    """
+    continuation = Continuation(task.kkt, FALLING_PRODUCTS)
+    point = continuation.begin(state, mu)
+    for end in OPTIONS.ends:
+        point = continuation.follow(point, end * task.scales.elastic_part)
+        try:
+            return solve_interior_point(
+                task.kkt, point.state, point.mu, task.tolerances, OPTIONS.finish
+            )
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+def next_to(state: State, direction: Array | None) -> Attempt:
+    """An attempt that starts from a state of equilibrium, moved on in a direction.
+
+    Args:
+        state: The state.
+        direction: Displacements with f_L.v = 1; None: the attempt finds nothing.
+    """
+
+    def attempt(task: Task) -> tuple[Solution, History]:
+        if direction is None:
+            raise SolverError("no direction in which to go on")
+        u = state.displacement + (task.work - state.work) * direction
+        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
+        return _once(task, lambda: _warm(task.kkt, moved, task))
+
+    return attempt
+
+
+def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
+    """State at a prescribed load factor next to another one, friction in the equations.
+
+    Raises:
+        SolverError: If there is none next to it.
+    """
+    kkt = task.case.coulomb(start.work, task.scales, load_factor)
+    return _warm(kkt, start, task).state
+
+
+def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
+    """State at a prescribed load factor next to another one, by the fixed point.
+
+    Raises:
+        SolverError: If none is found.
+    """
+    case = task.case
+
+    def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
+        kkt = case.given(bound, start.work, task.scales, load_factor)
+        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
+
+    return _iterated(task, solve, start)
+
+
+def _warm(kkt: PerturbedKKT, start: State, task: Task) -> Solution:
+    """Solution next to a state, or else from afar."""
+    part = task.scales.elastic_part
+    for mu in (*(part * mu for mu in OPTIONS.next), 1.0):
+        try:
+            return solve_interior_point(kkt, start, mu, Tolerances())
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+def _iterated(task: Task, solve: GivenFriction, start: State) -> State:
+    """State that the fixed point converges to.
+
+    Raises:
+        SolverError: If it does not.
+    """
+    case = task.case
+    solution, history = solve_fixed_point(
+        case.problem,
+        solve,
+        start,
+        case.problem.bound(np.maximum(start.pressure, 0.0)),
+        task.tolerance,
+        case.monitor,
+        case.discretization.factorizations,
+    )
+    if not history.converged:
+        raise SolverError("the fixed point on the friction bound does not converge")
+    return solution.state
+
+
+def states_along_rising_work(
+    task: Task, works: Sequence[float]
+) -> Iterator[tuple[int, State]]:
+    """States at rising work, with their numbers from 1; those not found are left out.
+
+    Args:
+        task: With the largest work.
+        works: Rising.
+    """
+    continuation = Continuation(task.kkt, RISING_WORK)
+    first = min(task.case.bonded_work, works[0])
+    mu = OPTIONS.rising_work * task.scales.elastic_part
+    point = continuation.begin(task.case.bonded_state(first), mu)
+    for number, work in enumerate(works, 1):
+        at = replace(task, work=work)
+        try:
+            point = continuation.follow(point, work)
+            yield number, _to_end(at, point.state, point.mu).state
+        except SolverError as error:
+            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How states of one kind of scene are found.
+
+    Attributes:
+        attempts: States at a prescribed work: what is tried, in order.
+        kind: Of factorisation, see `JointStiffness`.
+        equilibrium: State at a prescribed load factor, next to another one.
+    """
+
+    attempts: tuple[Attempt, ...]
+    kind: str
+    equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
+
+
+#: By method: with Coulomb friction, where the bound on friction depends on the pressure.
+COULOMB: dict[str, Strategy] = {
+    "auto": Strategy((along_block_modes, along_rising_work), GENERAL),
+    "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
+    "fixed-point": Strategy((fixed_point,), SYMMETRIC, fixed_point_equilibrium),
+}
+
+#: With given friction, or none, the problem is convex and the interior point method finds it.
+GIVEN = Strategy((interior_point,), SYMMETRIC)
+
+
+def strategy_of(scene: Scene) -> Strategy:
+    """How states of a scene are found."""
+    laws = [*scene.joints.values(), *scene.foundations.values()]
+    if any(law.friction for law in laws):
+        return COULOMB[scene.solve.method]
+    return GIVEN
