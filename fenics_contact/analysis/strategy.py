@@ -25,7 +25,9 @@ from fenics_contact.solvers.arclength import (
     Continuation,
     PathPoint,
 )
+from fenics_contact.solvers.block_modes import MODES
 from fenics_contact.solvers.interior_point import (
+    FrictionRamp,
     InteriorPointOptions,
     Solution,
     Tolerances,
@@ -47,12 +49,14 @@ class Task:
         work: T, N m per metre of thickness.
         scales: Typical sizes at that work.
         tolerance: On the load factor, relative.
+        last: A state at less work, if there is one.
     """
 
     case: LoadCase
     work: float
     scales: Scales
     tolerance: float
+    last: State | None = None
 
     @property
     def tolerances(self) -> Tolerances:
@@ -77,6 +81,9 @@ class PathOptions:
         rising_work: While the work rises. Smaller ones take more steps, larger ones miss low
             collapse states.
         ends: Where the interior point method is tried; the first is where block modes are left.
+        few: Blocks up to which the interior point method is tried alone.
+        coarse: Displacements per block mode up to which the interior point method is tried alone.
+        ramp_window: Steps over which its error has to halve then.
         next: Where it starts from a state next to the one sought.
         finish: When it has stalled there: its error halves in every other step, or the path is
             followed further. Digits are lost far along a mechanism; the certificate tells.
@@ -84,6 +91,9 @@ class PathOptions:
 
     rising_work: float = 3e-2
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
+    few: int = 100
+    coarse: float = 4.0
+    ramp_window: int = 12
     next: tuple[float, ...] = (3e-2, 3e-4)
     finish: InteriorPointOptions = InteriorPointOptions(window=4, acceptable=1e-7)
 
@@ -95,6 +105,38 @@ def interior_point(task: Task) -> tuple[Solution, History]:
     """State by the interior point method from the bonded response."""
     start = task.case.bonded_state(task.work)
     return _once(task, lambda: solve_interior_point(task.kkt, start, 1.0, task.tolerances))
+
+
+def further_along_rising_work(task: Task) -> tuple[Solution, History]:
+    """State by continuation of the structure from the last state, as the work rises."""
+    if task.last is None:
+        raise SolverError("no state at less work")
+    mu = OPTIONS.ends[0] * task.scales.elastic_part
+    continuation = Continuation(task.kkt, RISING_WORK)
+    begin = continuation.begin(task.last, mu)
+
+    def solve() -> Solution:
+        point = continuation.follow(begin, task.work)
+        return _to_end(task, point.state, point.mu)
+
+    return _once(task, solve)
+
+
+def ramped_interior_point(task: Task) -> tuple[Solution, History]:
+    """State by the interior point method with friction that grows as the products fall.
+
+    With few blocks, so coarsely meshed that block modes save little, it is the quickest.
+    """
+    case = task.case
+    displacements = OPTIONS.coarse * MODES * case.block_count
+    if case.block_count > OPTIONS.few or case.problem.size > displacements:
+        raise SolverError("interior point: not tried on many blocks or a fine mesh")
+    start = case.bonded_state(task.work)
+    ramp = FrictionRamp(case.problem.max(case.problem.friction))
+    options = InteriorPointOptions(window=OPTIONS.ramp_window)
+    return _once(
+        task, lambda: solve_interior_point(task.kkt, start, 1.0, task.tolerances, options, ramp)
+    )
 
 
 def along_block_modes(task: Task) -> tuple[Solution, History]:
@@ -310,7 +352,15 @@ class Strategy:
 
 #: By method: with Coulomb friction, where the bound on friction depends on the pressure.
 COULOMB: dict[str, Strategy] = {
-    "auto": Strategy((along_block_modes, along_rising_work), GENERAL),
+    "auto": Strategy(
+        (
+            further_along_rising_work,
+            ramped_interior_point,
+            along_block_modes,
+            along_rising_work,
+        ),
+        GENERAL,
+    ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy((fixed_point,), SYMMETRIC, fixed_point_equilibrium),
 }

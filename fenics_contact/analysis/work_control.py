@@ -150,7 +150,8 @@ class _Search:
         work = ratio * case.bonded_work
         largest = max((abs(one.load_factor) for one in self.found), default=0.0)
         scales = case.scales_at(work, largest)
-        task = Task(case, work, scales, self.tolerance)
+        last = self.found[-1].verified.state if self.found else None
+        task = Task(case, work, scales, self.tolerance, last)
         for attempt in self.strategy.attempts:
             answer = _tried(attempt, task)
             if answer is None:

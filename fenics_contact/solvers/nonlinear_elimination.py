@@ -40,7 +40,9 @@ class EliminationOptions:
     """Numbers of a step. Distances are those of points from their laws, relative to p and q.
 
     Attributes:
-        points: Points chosen at most.
+        points: Points chosen at a time.
+        rounds: How often more are chosen where others end the step.
+        enough: Change of s that is far enough for none to be added.
         chosen: Distance from which on a point is chosen.
         noticed: Distance from which on a point is watched along a curve.
         allowed: Largest distance of a point that is not chosen.
@@ -56,6 +58,8 @@ class EliminationOptions:
     """
 
     points: int = 16
+    rounds: int = 1
+    enough: float = 0.4
     chosen: float = 0.15
     noticed: float = 0.02
     allowed: float = 0.3
@@ -229,10 +233,6 @@ class ChosenPoints:
         sizes = np.append(model.laws.sizes(states).ravel(), 1.0)
         return CurvePoint(x, rest, excess[:, 0].ravel(), sizes, slopes)
 
-    def start(self, tau: float, p: Array, q: Array) -> CurvePoint:
-        """Point with given p and q."""
-        return self.at(np.concatenate([p, q, [tau]]))
-
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""
         along = _solved(here, forward, np.zeros(len(here.rest)), 1.0)
@@ -297,11 +297,13 @@ class Trace:
         last: Its last point.
         furthest: Its point with the largest tau.
         complete: Whether the last one is the end asked for.
+        stopped: The point at which other points' laws ended it; None where they did not.
     """
 
     last: CurvePoint
     furthest: CurvePoint
     complete: bool
+    stopped: CurvePoint | None
 
 
 @dataclass(frozen=True)
@@ -391,25 +393,44 @@ class NonlinearElimination:
             limit: Distance of other points from their laws at which the step ends.
         """
         with np.errstate(all="ignore"):
-            model = self._gathered()
-            corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, self.back)), self.options)
-            start = JointStates(model.start)
-            begin = corrector.start(0.0, start.p, start.q)
-            forward = np.eye(len(begin.x))[-1]
-            allowed = min(limit, self.options.allowed)
-            traced = self._trace(corrector, begin, forward, (self.options.back, 1.0), allowed)
-            if not traced.complete:
-                return self._moved(corrector, traced.furthest, reached=False)
-            if reach is None:
-                return self._moved(corrector, traced.last, reached=True)
-            # The sign of ds turns with the determinant of the chosen points' equations.
-            sign = orientation * _turned(begin, traced.last)
-            predictor = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), self.options)
-            x = np.append(traced.last.x[:-1], self.back)
-            low = min(reach[0], self.back - self.options.shortest)
-            high = max(reach[1], self.back + self.options.shortest)
-            traced = self._trace(predictor, predictor.at(x), sign * forward, (low, high), limit)
-            return self._moved(predictor, traced.last, reached=True)
+            for _ in range(self.options.rounds):
+                curve, traced, reached = self._curves(reach, orientation, limit)
+                far = reach is not None and reached and self._far(traced)
+                if traced.complete or far or traced.stopped is None:
+                    break
+                at = curve.line.at(traced.stopped.tau)
+                more = self._worst(self.model.distances(*at, traced.stopped.forces))
+                if not len(more):
+                    break
+                self._solve_for_answers(more)
+            else:
+                curve, traced, reached = self._curves(reach, orientation, limit)
+            return self._moved(curve, traced.last if reached else traced.furthest, reached)
+
+    def _curves(
+        self, reach: tuple[float, float] | None, orientation: float, limit: float
+    ) -> tuple[ChosenPoints, Trace, bool]:
+        """The last curve of a step and where it led, and whether the path was reached."""
+        model, options = self._gathered(), self.options
+        corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, self.back)), options)
+        start = JointStates(model.start)
+        begin = corrector.at(np.concatenate([start.p, start.q, [0.0]]))
+        forward = np.eye(len(begin.x))[-1]
+        allowed = min(limit, options.allowed)
+        traced = self._trace(corrector, begin, forward, (options.back, 1.0), allowed)
+        if reach is None or not traced.complete:
+            return corrector, traced, traced.complete
+        # The sign of ds turns with the determinant of the chosen points' equations.
+        sign = orientation * _turned(begin, traced.last)
+        predictor = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
+        begin = predictor.at(np.append(traced.last.x[:-1], self.back))
+        low = min(reach[0], self.back - options.shortest)
+        high = max(reach[1], self.back + options.shortest)
+        return predictor, self._trace(predictor, begin, sign * forward, (low, high), limit), True
+
+    def _far(self, traced: Trace) -> bool:
+        """Whether a curve along the path led far enough for no more points to be chosen."""
+        return abs(traced.last.tau - self.back) > self.options.enough
 
     def _shortest_way(self) -> float:
         """-t.c / t.t, by relative changes of p and q, with s counted once per point."""
@@ -468,7 +489,7 @@ class NonlinearElimination:
     def _worst(self, distances: Array) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
         comm, most = self.problem.comm, self.options.points
-        place = np.flatnonzero(distances > self.options.chosen)
+        place = np.flatnonzero((distances > self.options.chosen) & self._others)
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
         found = comm.allgather((distances[place], place))
         size = np.concatenate([sizes for sizes, _ in found])
@@ -478,15 +499,16 @@ class NonlinearElimination:
         return np.stack([rank[order], places[order]], axis=1)
 
     def _solve_for_answers(self, chosen: Integers) -> None:
-        """Openings and slips of this rank's points for unit forces at the chosen ones."""
+        """Choose points: openings and slips of this rank's points for unit forces at them."""
         width = self.options.columns // 2
         parts = [
             self._answers_to(chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
         if parts:
-            self.model = replace(self.model, answers=np.concatenate(parts, axis=1))
-        self._chosen = chosen
+            answers = np.concatenate([self.model.answers, *parts], axis=1)
+            self.model = replace(self.model, answers=answers)
+        self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
     def _answers_to(self, points: Integers) -> Array:
@@ -569,7 +591,7 @@ class NonlinearElimination:
         limit: float,
     ) -> Trace:
         watched = self.model.at(np.flatnonzero(self._watched & self._others))
-        furthest, length, near = here, 1.0, 0.0
+        furthest, length, near, stopped = here, 1.0, 0.0, None
         shortest = self.options.shortest_to_others * limit / self.options.allowed
         for _ in range(self.options.curve_steps):
             along = curve.direction(here, forward)
@@ -584,12 +606,13 @@ class NonlinearElimination:
                 leaving = self.problem.max(distances)
                 if leaving <= limit:
                     break
-                found = None
+                found, stopped = None, new
                 length *= float(np.clip((limit - near) / (leaving - near), 0.1, 0.5))
                 if length < shortest:
                     break
             if along is None or found is None:
                 break
+            stopped = None
             (here, corrections), near = found, leaving
             forward = along / here.sizes**2
             if here.tau > furthest.tau:
@@ -597,7 +620,7 @@ class NonlinearElimination:
             length = min(3.0 * length if corrections <= 3 else length, self.options.longest)
             if not reach[0] < here.tau < reach[1]:
                 break
-        return Trace(here, furthest, here.tau >= reach[1])
+        return Trace(here, furthest, here.tau >= reach[1], stopped)
 
     def _moved(self, curve: ChosenPoints, last: CurvePoint, reached: bool) -> Step:
         """Where the curve's point moves the structure."""

@@ -170,6 +170,11 @@ class ContactProblem:
         return self.stiffness.comm
 
     @property
+    def size(self) -> int:
+        """Number of displacements on all ranks."""
+        return int(self.stiffness.matrix.getSize()[0])
+
+    @property
     def frictional(self) -> npt.NDArray[np.bool_]:
         """Points that transmit shear."""
         return (self.friction > 0.0) | (self.strength > 0.0)
