@@ -18,7 +18,7 @@ from fenics_contact.console import Progress, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.limit_load import limit_load
-from fenics_contact.toml_tables import read_scene
+from fenics_contact.scene import read_scene
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -141,7 +141,8 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
-    text = description(Discretization(read_scene(options.scene, comm, options.overrides)))
+    with Discretization(read_scene(options.scene, comm, options.overrides)) as discretization:
+        text = description(discretization)
     if comm.rank == 0 and not options.quiet:
         print(text)
     return 0

@@ -19,7 +19,7 @@ from fenics_contact.analysis.result import CapacityPoint, Collapse, Result, Step
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
-from fenics_contact.discretization.discretization import Bonded, Discretization
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.scene import Scene
@@ -135,9 +135,7 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     }
     found = {name: _collapse(case) for name, case in cases.items()}
     seconds["solve"] = time.perf_counter() - start
-    ends = {
-        name: end if SIGNS[name] > 0.0 else end.reversed() for name, end in found.items()
-    }
+    ends = {name: end if SIGNS[name] > 0.0 else end.reversed() for name, end in found.items()}
     margin = scene.solve.tolerance * next(iter(cases.values())).scales.load_factor
     if _excludes_zero(ends, margin):
         return _result(discretization, {}, seconds)

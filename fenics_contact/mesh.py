@@ -131,9 +131,7 @@ class BlockMesh(TaggedMesh):
             else {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
         )
         count = comm.allreduce(int(mine[:, 0].max(initial=-1)), MPI.MAX) + 1
-        return cls(
-            domain=domain, body=mine[:, 0], body_count=count, cell_groups=mine[:, 1], **tags
-        )
+        return cls(domain=domain, body=mine[:, 0], body_count=count, cell_groups=mine[:, 1], **tags)
 
 
 @contextmanager

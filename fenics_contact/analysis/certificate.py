@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 

@@ -57,9 +57,7 @@ class Verified:
     certificate: Certificate
 
 
-def verify(
-    case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float
-) -> Verified:
+def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
     """The collapse mode of a state, and their certificate.
 
     Args:

@@ -104,7 +104,9 @@ class LoadCase:
         none = np.zeros_like(pressure)
         return State(u, self.problem.elastic_part(u), 0.0, pressure, none, work)
 
-    def coulomb(self, work: float, scales: Scales, load_factor: float | None = None) -> PerturbedKKT:
+    def coulomb(
+        self, work: float, scales: Scales, load_factor: float | None = None
+    ) -> PerturbedKKT:
         """Conditions of a state with the friction of the scene's laws."""
         problem = self.problem
         if not problem.coulomb:

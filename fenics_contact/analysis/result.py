@@ -19,6 +19,7 @@ from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.problem import State
+
 SplittingHistory = Any
 
 Array = npt.NDArray[np.float64]

@@ -24,9 +24,9 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from fenics_contact.errors import SolverError
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies
+from fenics_contact.errors import SolverError
 
 Array = npt.NDArray[np.float64]
 

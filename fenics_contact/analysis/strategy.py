@@ -21,7 +21,6 @@ from fenics_contact.scene import Scene
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
-    ArclengthOptions,
     Continuation,
     PathPoint,
 )
@@ -193,9 +192,7 @@ def fixed_point(task: Task, first: Array | None = None) -> tuple[Solution, Histo
     bound = case.problem.bound(case.first_pressure) if first is None else first
     start = case.bonded_state(task.work)
     count = case.discretization.factorizations
-    return solve_fixed_point(
-        case.problem, solve, start, bound, task.tolerance, case.monitor, count
-    )
+    return solve_fixed_point(case.problem, solve, start, bound, task.tolerance, case.monitor, count)
 
 
 def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]:
@@ -208,9 +205,7 @@ def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]
     return solution, History((step,), 0, "monolithic", True)
 
 
-def _rising_work(
-    task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]
-) -> PathPoint:
+def _rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
     """The point where the work has risen from that on the bonded structure to T."""
     first = min(task.case.bonded_work, task.work)
     start = restricted(task.case.bonded_state(first))
@@ -313,9 +308,7 @@ def _iterated(task: Task, solve: GivenFriction, start: State) -> State:
     return solution.state
 
 
-def states_along_rising_work(
-    task: Task, works: Sequence[float]
-) -> Iterator[tuple[int, State]]:
+def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
     """States at rising work, with their numbers from 1; those not found are left out.
 
     Args:

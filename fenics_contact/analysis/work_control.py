@@ -218,7 +218,9 @@ class _Search:
             _log.warning("not verified: %s", certificate.failures or "not converged")
         elif status == "limit":
             if best.gap > self.tolerance:
-                _log.warning("the load factor is known to %.1e, not to the tolerance asked", best.gap)
+                _log.warning(
+                    "the load factor is known to %.1e, not to the tolerance asked", best.gap
+                )
             state = _onset(case, best.verified)
         return Collapse(
             status,

@@ -118,8 +118,10 @@ class Discretization:
         """Free the PETSc objects, on all ranks together."""
         if "block_modes" in self.__dict__:
             self.block_modes.close()
-        for item in (*self._stiffnesses.values(), *self._maps):
-            item.close()
+        for stiffness in self._stiffnesses.values():
+            stiffness.close()
+        for operator in self._maps:
+            operator.close()
 
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""
@@ -136,9 +138,7 @@ class Discretization:
             rows = JointRows.single(
                 operators.dofs, operators.normal_rows, operators.tangential_rows
             )
-            self._stiffnesses[kind] = JointStiffness(
-                self.problem.stiffness, rows, kind, self.tally
-            )
+            self._stiffnesses[kind] = JointStiffness(self.problem.stiffness, rows, kind, self.tally)
         return self._stiffnesses[kind]
 
     def bonded(self, kind: str) -> Bonded:
@@ -152,9 +152,9 @@ class Discretization:
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
         dead, live = (factor.solve(load) for load in (problem.dead, problem.live))
-        pressures = [np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live)]
+        of_dead, of_live = (np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live))
         seconds = self.seconds + time.perf_counter() - start
-        return Bonded(dead, live, *pressures, seconds)
+        return Bonded(dead, live, of_dead, of_live, seconds)
 
     @cached_property
     def block_modes(self) -> BlockModes:
@@ -168,6 +168,12 @@ class Discretization:
         count = len(self.bodies.centre)
         blocks = Blocks.numbered_by_rank(self.scene.comm, body, sides, count)
         return BlockModes(self.problem, shapes, blocks)
+
+    def bodies_area(self) -> float:
+        """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
+        points = self.boundary.points[:, :2].mean(axis=1)
+        flux = np.sum((points - points[0]) * self.boundary.normal, axis=1)
+        return float(0.5 * np.sum(flux * self.boundary.length))
 
     def all_points(self, values: Array) -> Array:
         """Values of this rank's joint points (its rows) as those of all points, on all ranks."""

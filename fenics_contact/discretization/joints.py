@@ -119,7 +119,9 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     count = len(rows)
     sums = [np.bincount(point, weight * normal[facet, d], count) for d in range(2)]
     mean = np.column_stack(sums)
-    bodies = np.column_stack([np.where(ground, GROUND, boundary.body[first]), boundary.body[second]])
+    bodies = np.column_stack(
+        [np.where(ground, GROUND, boundary.body[first]), boundary.body[second]]
+    )
     return Joints(
         nodes=nodes.reshape(-1, 2)[rows],
         bodies=bodies[facet[rows]],

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
-from fenics_contact.errors import InputError
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.supports import Supports
+from fenics_contact.errors import InputError
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]

@@ -85,7 +85,9 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
     return fields
 
 
-def write_paraview(discretization: Discretization, end: Collapse, folder: Path, suffix: str) -> None:
+def write_paraview(
+    discretization: Discretization, end: Collapse, folder: Path, suffix: str
+) -> None:
     """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
 
     Args:

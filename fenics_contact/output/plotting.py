@@ -114,7 +114,9 @@ def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
     return figure, both
 
 
-def _at_nodes(discretization: Discretization, velocity: Array, nodes: npt.NDArray[np.int64]) -> Array:
+def _at_nodes(
+    discretization: Discretization, velocity: Array, nodes: npt.NDArray[np.int64]
+) -> Array:
     """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
     first, end = discretization.elasticity.space.dofmap.index_map.local_range
     mine = (nodes >= first) & (nodes < end)

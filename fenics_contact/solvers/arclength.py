@@ -22,7 +22,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKKT, Products, Residual
+from fenics_contact.solvers.kkt import (
+    COLD,
+    Iterate,
+    PerturbedKKT,
+    Products,
+    Residual,
+)
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
@@ -46,7 +52,7 @@ class Path:
     work_rate: float
 
     def mu(self, mu: float, s: float) -> float:
-        """mu after a change of s."""
+        """Mu after a change of s."""
         return mu * float(np.exp(self.log_mu_rate * s))
 
     def work(self, work: float, s: float) -> float:
@@ -170,12 +176,18 @@ class Continuation:
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             ending = progress >= goal - 0.5 * options.past
-            if ending and (self._distance(point) <= options.close or corrections == options.corrections):
+            if ending and (
+                self._distance(point) <= options.close or corrections == options.corrections
+            ):
                 return point
             corrections += ending
             place = _Place(self, point)
             found = place.step(None if ending else self._reach(point, goal), limit)
-            if not found.reached and trusted is not None and limit > options.least * options.elimination.allowed:
+            if (
+                not found.reached
+                and trusted is not None
+                and limit > options.least * options.elimination.allowed
+            ):
                 limit *= options.shorter
                 trusted.refactor()
                 point = self._point(trusted, trusted.step(self._reach(trusted.point, goal), limit))
@@ -186,7 +198,14 @@ class Continuation:
             point = self._point(place, found)
             progress = path.progress(point.mu, point.work)
             best, since = (progress, step) if progress >= best + np.log(2.0) else (best, since)
-            _log.debug("    %3d  %.12g  mu %.2e, T %.4e, limit %.1e", step, point.iterate.load_factor, point.mu, point.work, limit)
+            _log.debug(
+                "    %3d  %.12g  mu %.2e, T %.4e, limit %.1e",
+                step,
+                point.iterate.load_factor,
+                point.mu,
+                point.work,
+                limit,
+            )
             if not np.isfinite(point.iterate.load_factor) or astray > options.lost:
                 raise SolverError(f"central path: lost after {step + 1} steps")
             if not ending and step - since >= options.patience:

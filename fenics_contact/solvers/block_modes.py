@@ -258,8 +258,6 @@ def _orthonormal_columns(
     return basis, independent.ravel()
 
 
-
-
 def _set_diagonal_where_missing(stiffness: PETSc.Mat, is_mode: npt.NDArray[np.bool_]) -> None:
     """Put the mean diagonal on rows of modes that are none."""
     diagonal = stiffness.getDiagonal()

@@ -8,7 +8,6 @@ its solution. With Coulomb friction it may stall, where the central path turns b
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,7 +208,9 @@ class _Progress:
         falls = max(products / products_before, moved / moved_before if moved_before else 0.0)
         self._last = factor, moved, products
         allowed = self._tolerances.load_factor
-        return bool(allowed == np.inf or moved * min(falls, 1.0) <= allowed * (abs(factor) + self._typical))
+        return bool(
+            allowed == np.inf or moved * min(falls, 1.0) <= allowed * (abs(factor) + self._typical)
+        )
 
 
 def _step(

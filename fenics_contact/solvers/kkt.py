@@ -37,7 +37,6 @@ from fenics_contact.solvers.joint_stiffness import Factor, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 from fenics_contact.solvers.smoothing import distance_from_bound, normal_law
 
-
 #: Least distance of shear from its bound, in units of the bound, at a state from elsewhere.
 COLD = 1e-9
 
@@ -263,7 +262,7 @@ class PerturbedKKT:
         return self.problem.sum(products.normal + shear)
 
     def mean_product(self, now: Iterate) -> float:
-        """mu as the mean of the products, in units of force times displacement."""
+        """Mu as the mean of the products, in units of force times displacement."""
         unit = self.scales.force * self.scales.displacement
         return self.total(self.products(now)) / (self.count * unit)
 
@@ -368,11 +367,15 @@ class Linearization:
         """
         drives, rights = zip(*(self._right_hand_side(*one) for one in asked), strict=True)
         if self.kkt.load_factor is not None:
-            found = self.factor.solve_all(rights) if len(rights) > 1 else map(self.factor.solve, rights)
+            found = (
+                self.factor.solve_all(rights) if len(rights) > 1 else map(self.factor.solve, rights)
+            )
             works = [(u, 0.0) for u in found]
         else:
             if self._live_response is None:
-                *found, self._live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
+                *found, self._live_response = self.factor.solve_all(
+                    [*rights, self.kkt.problem.live]
+                )
             else:
                 found = [self.factor.solve(right) for right in rights]
             works = [
@@ -421,9 +424,7 @@ class Linearization:
         now, kkt, p = self.now, self.kkt, self.kkt.problem
         c_n, c_t = p.compliance
         opening, slip = p.normal @ u, p.tangential @ u
-        pressure = self._share_n * (
-            change.normal / now.y - self.k_n * (opening - residual.opening)
-        )
+        pressure = self._share_n * (change.normal / now.y - self.k_n * (opening - residual.opening))
         y = opening + c_n * pressure - residual.opening
         stuck = np.where(kkt.frictional, drive - slip, 0.0)
         shear = self._share_t * (self.k_t * stuck + self.q * pressure)

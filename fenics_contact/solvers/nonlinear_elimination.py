@@ -24,7 +24,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
@@ -118,10 +117,7 @@ class TangentModel:
 
     def at(self, points: Points) -> TangentModel:
         """Model of some of the points."""
-        arrays = {
-            item.name: getattr(self, item.name)[..., points]
-            for item in fields(self)[1:-2]
-        }
+        arrays = {item.name: getattr(self, item.name)[..., points] for item in fields(self)[1:-2]}
         return replace(self, laws=self.laws.at(points), **arrays)
 
     def mu_at(self, s: float) -> float:
@@ -468,9 +464,7 @@ class NonlinearElimination:
         """Number of points that would have to be chosen."""
         return self.problem.sum(np.where(distances > self.options.chosen, 1.0, 0.0))
 
-    def _up_to(
-        self, distances: Callable[[float, Points], Array], low: float, high: float
-    ) -> Array:
+    def _up_to(self, distances: Callable[[float, Points], Array], low: float, high: float) -> Array:
         """Distances from the laws at the furthest place where no more bend than may be chosen."""
         found = distances(high, slice(None))
         if self._bending(found) <= self.options.points:

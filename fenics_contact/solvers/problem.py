@@ -52,7 +52,7 @@ class SparseMap:
         return self._left.array_r.copy()
 
     @property
-    def T(self) -> _Transposed:  # noqa: N802
+    def T(self) -> _Transposed:
         """The transposed map."""
         return _Transposed(self)
 

@@ -27,15 +27,15 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.solvers.bound_qp import BoundQP, BoundQPOptions
 from fenics_contact.analysis.certificate import state_residuals
-from fenics_contact.errors import SolverError
-from fenics_contact.solvers.interior_point import PathPoint
-from fenics_contact.solvers.delassus import JointOperator
 from fenics_contact.discretization.joints import JointOperators
+from fenics_contact.errors import SolverError
+from fenics_contact.solvers.bound_qp import BoundQP, BoundQPOptions
+from fenics_contact.solvers.delassus import JointOperator
+from fenics_contact.solvers.interior_point import PathPoint
+from fenics_contact.solvers.joint_stiffness import SpringStiffness
 from fenics_contact.solvers.kkt import Scales, State
 from fenics_contact.solvers.problem import ContactProblem
-from fenics_contact.solvers.joint_stiffness import SpringStiffness
 
 Array = npt.NDArray[np.float64]
 
