@@ -149,9 +149,8 @@ def along_block_modes(task: Task) -> tuple[Solution, History]:
                 modes.under(case.problem), stiffness, task.scales, task.work
             )
             point = _rising_work(task, reduced, modes.restricted)
-            point = Continuation(reduced, FALLING_PRODUCTS).follow(
-                point, OPTIONS.ends[0] * task.scales.elastic_part
-            )
+            falling = Continuation(replace(reduced, work=point.work), FALLING_PRODUCTS)
+            point = falling.follow(point, OPTIONS.ends[0] * task.scales.elastic_part)
         return _to_end(task, modes.prolonged(point.state), point.mu)
 
     return _once(task, solve)
@@ -220,14 +219,13 @@ def _to_end(task: Task, state: State, mu: float) -> Solution:
     Raises:
         SolverError: If the path is lost before the interior point method finishes.
     """
-    continuation = Continuation(task.kkt, FALLING_PRODUCTS)
+    kkt = replace(task.kkt, work=state.work)
+    continuation = Continuation(kkt, FALLING_PRODUCTS)
     point = continuation.begin(state, mu)
     for end in OPTIONS.ends:
         point = continuation.follow(point, end * task.scales.elastic_part)
         try:
-            return solve_interior_point(
-                task.kkt, point.state, point.mu, task.tolerances, OPTIONS.finish
-            )
+            return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
         except SolverError as error:
             failed = error
     raise failed

@@ -34,6 +34,8 @@ class InteriorPointOptions:
         small_factor: Load factors are judged relative to themselves, or to this part of the
             typical one.
         step_fraction: Part of the way to the boundary that a step goes.
+        least: Products that are aimed at, at least, in units of the tolerance.
+        short: Length up to which a step is replaced by one to equal products.
         weights: Number of corrector weights that are tried.
     """
 
@@ -43,6 +45,8 @@ class InteriorPointOptions:
     resting: int = 3
     small_factor: float = 1e-3
     step_fraction: float = 0.995
+    least: float = 1e-2
+    short: float = 0.1
     weights: int = 9
 
 
@@ -142,7 +146,7 @@ def solve_interior_point(
         if progress.ended(now, kkt.sizes(now, residual)) or step == options.max_steps:
             break
         try:
-            now = _step(kkt, now, residual, options)
+            now = _step(kkt, now, residual, options.least * tolerances.residual, options)
         except SolverError as error:
             _log.debug("    %s", error)
             break
@@ -214,13 +218,15 @@ class _Progress:
 
 
 def _step(
-    kkt: PerturbedKKT, now: Iterate, residual: Residual, options: InteriorPointOptions
+    kkt: PerturbedKKT, now: Iterate, residual: Residual, least: float, options: InteriorPointOptions
 ) -> Iterate:
     """The iterate one predictor-corrector step on.
 
     The corrector takes the second-order part of the whole predictor from the products, of which
     only a part may be taken. It has the weight, from 1 to the square of that part, with which the
-    step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277).
+    step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277). Where it is short
+    all the same, the step is one to equal products. None aims at products below `least`: residuals
+    that are left would no longer fall.
     """
     linear = kkt.linearize(now)
     products, none = kkt.products(now), np.zeros_like(now.y)
@@ -231,7 +237,8 @@ def _step(
     second = kkt.products(step)
     here = kkt.total(products)
     ahead = (1.0 - part) * here + part**2 * kkt.total(second)
-    target = here / kkt.count * max(ahead / here, 0.0) ** 3
+    unit = kkt.scales.force * kkt.scales.displacement
+    target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
     change = Products(target - second.normal, target - second.lower, target - second.upper)
     rest = Residual(np.zeros_like(now.u), none, none, 0.0)
     (corrector,) = linear.directions([(rest, change)])
@@ -239,8 +246,16 @@ def _step(
     ratios = towards + weights[:, None] * (corrector.positive / now.positive)
     lengths = _lengths(kkt, ratios, options)
     longest = int(np.argmax(lengths))
+    length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
-    return now.moved(min(1.0, options.step_fraction * float(lengths[longest])), step)
+    if length < options.short:
+        mean = here / kkt.count
+        change = Products(
+            mean - products.normal, mean - products.lower, mean - products.upper
+        )
+        (step,) = linear.directions([(residual, change)])
+        length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
+    return now.moved(min(1.0, options.step_fraction * length), step)
 
 
 def _lengths(kkt: PerturbedKKT, ratios: Array, options: InteriorPointOptions) -> Array:
