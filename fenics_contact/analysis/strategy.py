@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from fenics_contact.solvers.arclength import (
     Continuation,
     PathPoint,
 )
-from fenics_contact.solvers.block_modes import MODES
 from fenics_contact.solvers.interior_point import (
-    FrictionRamp,
     InteriorPointOptions,
     Solution,
     Tolerances,
@@ -77,24 +75,28 @@ class PathOptions:
     """Products along the paths, in units of force times elastic displacement.
 
     Attributes:
-        rising_work: While the work rises. Smaller ones take more steps, larger ones miss low
-            collapse states.
+        rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
+            larger ones miss low collapse states.
+        few: Blocks from which on products are larger: paths of large walls turn back more often.
+        many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
-        few: Blocks up to which the interior point method is tried alone.
-        coarse: Displacements per block mode up to which the interior point method is tried alone.
-        ramp_window: Steps over which its error has to halve then.
         next: Where it starts from a state next to the one sought.
         finish: When it has stalled there: its error halves in every other step, or the path is
             followed further. Digits are lost far along a mechanism; the certificate tells.
     """
 
-    rising_work: float = 3e-2
-    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
+    rising_work: float = 1e-2
     few: int = 100
-    coarse: float = 4.0
-    ramp_window: int = 12
+    many: float = 2.0 / 3.0
+    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
     next: tuple[float, ...] = (3e-2, 3e-4)
-    finish: InteriorPointOptions = InteriorPointOptions(window=4, acceptable=1e-7)
+    finish: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
+    )
+
+    def products(self, blocks: int) -> float:
+        """Products while the work rises."""
+        return self.rising_work * max(1.0, blocks / self.few) ** self.many
 
 
 OPTIONS = PathOptions()
@@ -119,23 +121,6 @@ def further_along_rising_work(task: Task) -> tuple[Solution, History]:
         return _to_end(task, point.state, point.mu)
 
     return _once(task, solve)
-
-
-def ramped_interior_point(task: Task) -> tuple[Solution, History]:
-    """State by the interior point method with friction that grows as the products fall.
-
-    With few blocks, so coarsely meshed that block modes save little, it is the quickest.
-    """
-    case = task.case
-    displacements = OPTIONS.coarse * MODES * case.block_count
-    if case.block_count > OPTIONS.few or case.problem.size > displacements:
-        raise SolverError("interior point: not tried on many blocks or a fine mesh")
-    start = case.bonded_state(task.work)
-    ramp = FrictionRamp(case.problem.max(case.problem.friction))
-    options = InteriorPointOptions(window=OPTIONS.ramp_window)
-    return _once(
-        task, lambda: solve_interior_point(task.kkt, start, 1.0, task.tolerances, options, ramp)
-    )
 
 
 def along_block_modes(task: Task) -> tuple[Solution, History]:
@@ -180,7 +165,8 @@ def fixed_point(task: Task, first: Array | None = None) -> tuple[Solution, Histo
 
     Args:
         task: What is asked for.
-        first: First bound at this rank's points, N per metre; Coulomb's with the dead load's pressure when not given.
+        first: First bound at this rank's points, N per metre; F times the dead load's normal forces
+            when not given.
     """
     case = task.case
 
@@ -209,7 +195,7 @@ def _rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], St
     first = min(task.case.bonded_work, task.work)
     start = restricted(task.case.bonded_state(first))
     continuation = Continuation(kkt, RISING_WORK)
-    mu = OPTIONS.rising_work * task.scales.elastic_part
+    mu = OPTIONS.products(task.case.block_count) * task.scales.elastic_part
     return continuation.follow(continuation.begin(start, mu), task.work)
 
 
@@ -315,7 +301,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
     """
     continuation = Continuation(task.kkt, RISING_WORK)
     first = min(task.case.bonded_work, works[0])
-    mu = OPTIONS.rising_work * task.scales.elastic_part
+    mu = OPTIONS.products(task.case.block_count) * task.scales.elastic_part
     point = continuation.begin(task.case.bonded_state(first), mu)
     for number, work in enumerate(works, 1):
         at = replace(task, work=work)
@@ -346,7 +332,6 @@ COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
         (
             further_along_rising_work,
-            ramped_interior_point,
             along_block_modes,
             along_rising_work,
         ),

@@ -8,7 +8,7 @@ its solution. With Coulomb friction it may stall, where the central path turns b
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
@@ -65,28 +65,6 @@ class Tolerances:
 
 
 @dataclass(frozen=True)
-class FrictionRamp:
-    """Coulomb's coefficient as a function of the products: small at first, then all of it.
-
-    Collapse states are not unique, and those met with little friction first are low ones.
-
-    Attributes:
-        friction: Largest coefficient of the problem.
-        first: Coefficient at products of 1, in units of force times displacement.
-        full_at: Products from which on all of it is there.
-    """
-
-    friction: float
-    first: float = 0.1
-    full_at: float = 1e-4
-
-    def part(self, mu: float) -> float:
-        """Part of the coefficient that is there at products mu."""
-        power = np.log(max(self.friction / self.first, 1.0)) / np.log(1.0 / self.full_at)
-        return float(min(1.0, (self.full_at / mu) ** power)) if mu > self.full_at else 1.0
-
-
-@dataclass(frozen=True)
 class Solution:
     """A state and how exact it is.
 
@@ -119,7 +97,6 @@ def solve_interior_point(
     mu: float,
     tolerances: Tolerances,
     options: InteriorPointOptions | None = None,
-    ramp: FrictionRamp | None = None,
 ) -> Solution:
     """State of the conditions with products zero.
 
@@ -130,15 +107,11 @@ def solve_interior_point(
             state next to the solution.
         tolerances: How exact the state has to be.
         options: When to stop.
-        ramp: How friction grows; None: all of it is there.
 
     Raises:
         SolverError: If neither the tolerance nor `options.acceptable` is reached.
     """
     options = options or InteriorPointOptions()
-    friction = kkt.friction
-    if ramp is not None:
-        kkt = replace(kkt, friction=ramp.part(mu) * friction)
     now = kkt.on_central_path(start, mu, COLD if mu >= 1.0 else 0.0)
     progress = _Progress(kkt, tolerances, options)
     for step in range(options.max_steps + 1):
@@ -150,11 +123,6 @@ def solve_interior_point(
         except SolverError as error:
             _log.debug("    %s", error)
             break
-        if ramp is not None:
-            part = ramp.part(kkt.mean_product(now))
-            grown = replace(kkt, friction=np.maximum(part * friction, kkt.friction))
-            more = (grown.friction - kkt.friction) * now.pressure
-            now, kkt = replace(now, s1=now.s1 + more, s2=now.s2 + more), grown
     best = progress.best
     if best is None or not best.error <= max(tolerances.residual, options.acceptable):
         reached = np.inf if best is None else best.error
@@ -250,9 +218,7 @@ def _step(
     step = step.moved(float(weights[longest]), corrector)
     if length < options.short:
         mean = here / kkt.count
-        change = Products(
-            mean - products.normal, mean - products.lower, mean - products.upper
-        )
+        change = Products(mean - products.normal, mean - products.lower, mean - products.upper)
         (step,) = linear.directions([(residual, change)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
     return now.moved(min(1.0, options.step_fraction * length), step)
