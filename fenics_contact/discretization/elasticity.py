@@ -89,7 +89,17 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     stiffness = fem_petsc.assemble_matrix(form)
     stiffness.assemble()
     supports.constrain_matrix(stiffness)
-    return Elasticity(space, stiffness, dead, live, lame, *resultants, centre, node_body)
+    return Elasticity(
+        space=space,
+        stiffness=stiffness,
+        dead=dead,
+        live=live,
+        lame=lame,
+        dead_resultant=resultants[0],
+        live_resultant=resultants[1],
+        centre=centre,
+        node_body=node_body,
+    )
 
 
 def strain(u: Any) -> Any:

@@ -16,6 +16,7 @@ from fenics_contact.errors import InputError
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int32]
+Flags = npt.NDArray[np.bool_]
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
 FREE = 1e-13
@@ -41,7 +42,7 @@ class RigidBodies:
     live: Array
 
     @property
-    def floating(self) -> npt.NDArray[np.bool_]:
+    def floating(self) -> Flags:
         """Bodies that supports alone do not hold, shape (bodies,)."""
         return np.any(self.free != 0.0, axis=(1, 2))
 
@@ -59,12 +60,8 @@ def rigid_bodies(
         size: Typical size of the structure, m.
     """
     scale = np.array([1.0, 1.0, 1.0 / size])
-    gram = np.zeros((len(centre), 3, 3))
     motion = motions(supports.points - centre[supports.body], size)
-    for side in (0, 1):
-        row = np.einsum("nk,nkm->nm", supports.frame[:, :, side], motion)
-        row[~supports.held[:, side]] = 0.0
-        np.add.at(gram, supports.body, row[:, :, None] * row[:, None, :])
+    gram = _held(motion, supports.frame, supports.held, supports.body, len(centre))
     return RigidBodies(centre, size, _null_space(gram), dead * scale, live * scale)
 
 
@@ -76,7 +73,24 @@ def motions(arm: Array, size: float) -> Array:
     return motion
 
 
+def _held(motion: Array, frame: Array, held: Flags, label: Integers, count: int) -> Array:
+    """Gram matrices of the motions of points in the directions in which they are held.
+
+    Args:
+        motion: From `motions`, shape (points, 2, 3).
+        frame: Directions at the points as columns, shape (points, 2, 2).
+        held: Which directions are held, shape (points, 2).
+        label: What a point belongs to: 0, ..., count - 1.
+        count: Number of matrices.
+    """
+    rows = np.einsum("nks,nkm->nsm", frame, motion) * held[:, :, None]
+    gram = np.zeros((count, 3, 3))
+    np.add.at(gram, label, np.einsum("nsi,nsj->nij", rows, rows))
+    return gram
+
+
 def _null_space(gram: Array) -> Array:
+    """Orthonormal motions that nothing holds as columns, those held zero."""
     size, direction = np.linalg.eigh(gram)
     held = size > FREE * np.maximum(size[:, -1:], 1e-300)
     return np.where(held[:, None, :], 0.0, direction)
@@ -91,37 +105,29 @@ def check_held(joints: Joints, supports: Supports, bodies: RigidBodies, source: 
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
+    on_ground = joints.bodies[:, 0] == GROUND
     count = len(bodies.centre)
-    pairs = joints.bodies[joints.bodies[:, 0] != GROUND]
+    pairs = joints.bodies[~on_ground]
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
     clusters, cluster = connected_components(graph, directed=False)
-    on_ground = joints.bodies[:, 0] == GROUND
-    origin = bodies.centre.mean(axis=0)
+    stands = joints.position[on_ground]
+    held_all = np.tile(np.eye(2), (len(stands), 1, 1)), np.ones((len(stands), 2), dtype=bool)
     gram = np.zeros((clusters, 3, 3))
     for points, body, frame, held in (
         (supports.points, supports.body, supports.frame, supports.held),
-        (
-            joints.position[on_ground],
-            joints.bodies[on_ground, 1],
-            np.tile(np.eye(2), (int(on_ground.sum()), 1, 1)),
-            np.ones((int(on_ground.sum()), 2), dtype=bool),
-        ),
+        (stands, joints.bodies[on_ground, 1], *held_all),
     ):
-        motion = motions(points - origin, bodies.size)
-        for side in (0, 1):
-            row = np.einsum("nk,nkm->nm", frame[:, :, side], motion)
-            row[~held[:, side]] = 0.0
-            np.add.at(gram, cluster[body], row[:, :, None] * row[:, None, :])
+        motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
+        gram += _held(motion, frame, held, cluster[body], clusters)
     loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
-    if len(loose):
-        members = np.flatnonzero(cluster == loose[0])
-        x, y = bodies.centre[members[0]]
-        where = f"{len(members)} blocks, the first around ({x:g}, {y:g}),"
-        if np.any(gram[loose[0]]):
-            raise InputError(
-                f"{source}: {where} can move all together even with closed joints; add supports"
-            )
-        raise InputError(
-            f"{source}: {where} touch neither a support nor a foundation, nor blocks that do; add"
-            " [supports] or [foundations], or check that the blocks touch"
-        )
+    if not len(loose):
+        return
+    members = np.flatnonzero(cluster == loose[0])
+    x, y = bodies.centre[members[0]]
+    where = f"{source}: {len(members)} blocks, the first around ({x:g}, {y:g}),"
+    if np.any(gram[loose[0]]):
+        raise InputError(f"{where} can move all together even with closed joints; add supports")
+    raise InputError(
+        f"{where} touch neither a support nor a foundation, nor blocks that do; add [supports] or"
+        " [foundations], or check that the blocks touch"
+    )

@@ -10,11 +10,18 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError
-from fenics_contact.mesh import BODY_IMBALANCE, bodies_of_cells, extract, gmsh_session, ranks_of_bodies
+from fenics_contact.mesh import (
+    BODY_IMBALANCE,
+    bodies_of_cells,
+    extract,
+    gmsh_session,
+    ranks_of_bodies,
+)
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import Drawing, mesh_of, rectangle
 
-SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+SQUARE = rectangle(0.0, 0.0, 1.0, 1.0)
+ONE_CELL = {"blocks": [[0, 1, 2, 3]]}
 
 
 @pytest.fixture
@@ -40,16 +47,6 @@ def write(text: str, path: Path) -> Path:
     return path
 
 
-def body_of_input_cells(mesh: BlockMesh) -> np.ndarray:
-    """Body of every cell in the order of the input, on all ranks."""
-    original = np.asarray(mesh.domain.topology.original_cell_index)
-    parts = mesh.comm.allgather((original, mesh.body))
-    body = np.empty(sum(len(cells) for cells, _ in parts), dtype=int)
-    for cells, bodies in parts:
-        body[cells] = bodies
-    return body
-
-
 def bodies_by_place(mesh: BlockMesh) -> set[frozenset[tuple[float, float]]]:
     """The bodies as sets of their cells' centres, whatever the numbers."""
     geometry = mesh.domain.geometry
@@ -68,7 +65,11 @@ def test_bodies_are_connected_cells_numbered_by_first_cell():
     cells = [[4, 5, 6], [0, 1, 2], [4, 6, 7], [0, 2, 3]]
     mesh = mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
     assert mesh.body_count == 2
-    assert body_of_input_cells(mesh).tolist() == [0, 1, 0, 1]
+    original = np.asarray(mesh.domain.topology.original_cell_index)
+    parts = mesh.comm.allgather((original, mesh.body))
+    body = np.empty(4, dtype=int)
+    body[np.concatenate([part[0] for part in parts])] = np.concatenate([part[1] for part in parts])
+    assert body.tolist() == [0, 1, 0, 1]
 
 
 def test_touching_blocks_with_nodes_of_their_own_are_two_bodies():
@@ -90,33 +91,34 @@ def test_cells_that_share_a_facet_are_one_body_across_groups():
 @pytest.mark.parametrize("quadrilaterals", [False, True])
 def test_bodies_do_not_depend_on_numbers(seed, quadrilaterals):
     drawing = Drawing.of(wall([[1, 1], [0.5, 1, 0.5], [1, -1]], quadrilaterals=quadrilaterals))
-    usual = mesh_of(drawing.model())
-    other = mesh_of(drawing.renumbered(seed).model())
+    usual, other = mesh_of(drawing.model()), mesh_of(drawing.renumbered(seed).model())
     assert usual.body_count == other.body_count == 6
     assert bodies_by_place(usual) == bodies_by_place(other)
     assert sorted(usual.facet_names) == sorted(other.facet_names)
 
 
-def test_facet_in_two_groups_has_both():
-    facets = {"a": [[0, 1]], "b": [[1, 0], [1, 2]], "c": [[2, 3]]}
-    drawn = extract(model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
+@pytest.mark.parametrize(
+    ("facets", "expected"),
+    [
+        (
+            {"a": [[0, 1]], "b": [[1, 0], [1, 2]], "c": [[2, 3]]},
+            {(0, 1): {"a", "b"}, (1, 2): {"b"}, (2, 3): {"c"}},
+        ),
+        ({"a": [[0, 1]], "b": [[0, 1]], "c": [[1, 0]]}, {(0, 1): {"a", "b", "c"}}),
+    ],
+)
+def test_facet_in_several_groups_has_all_of_them(facets, expected):
+    drawn = extract(model_from_arrays(SQUARE, ONE_CELL, facets), "square")
     found = {
         tuple(facet): drawn.facet_sets[group]
         for facet, group in zip(drawn.facets.tolist(), drawn.facet_groups, strict=True)
     }
-    assert found == {(0, 1): {"a", "b"}, (1, 2): {"b"}, (2, 3): {"c"}}
+    assert found == expected
     assert drawn.facet_names == ("a", "b", "c")
 
 
-def test_facet_in_three_groups_has_all():
-    facets = {"a": [[0, 1]], "b": [[0, 1]], "c": [[1, 0]]}
-    drawn = extract(model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
-    assert drawn.facets.tolist() == [[0, 1]]
-    assert drawn.facet_sets[drawn.facet_groups[0]] == {"a", "b", "c"}
-
-
 def test_group_without_name_goes_by_its_number():
-    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {"base": [[0, 1]]})
+    model = model_from_arrays(SQUARE, ONE_CELL, {"base": [[0, 1]]})
     (dim, entity), *_ = model.getEntities(2)
     model.addPhysicalGroup(dim, [entity], 77)
     drawn = extract(model, "square")
@@ -126,32 +128,25 @@ def test_group_without_name_goes_by_its_number():
 
 def test_lines_apart_from_the_cells_are_left_out():
     points = [*SQUARE, (5.0, 0.0), (6.0, 0.0)]
-    facets = {"base": [[0, 1]], "axis": [[4, 5]]}
-    drawn = extract(model_from_arrays(points, {"blocks": [[0, 1, 2, 3]]}, facets), "square")
+    drawn = extract(
+        model_from_arrays(points, ONE_CELL, {"base": [[0, 1]], "axis": [[4, 5]]}), "square"
+    )
     assert drawn.facets.tolist() == [[0, 1]]
     assert len(drawn.points) == 4
 
 
-def test_file_gives_the_same_mesh_as_its_model(folder):
+def test_file_gives_the_same_mesh_as_its_model_and_leaves_the_current_one(folder):
     model = wall([[1, 1], [0.5, 1, 0.5]])
     usual = mesh_of(model)
-    mesh = BlockMesh.from_file(save(model, folder / "wall.msh"), MPI.COMM_WORLD)
+    path = save(model, folder / "wall.msh")
+    model_from_arrays(SQUARE, ONE_CELL, {}, "the caller's")
+    mesh = BlockMesh.from_file(path, MPI.COMM_WORLD)
+    with gmsh_session() as gmsh:
+        assert gmsh.model.getCurrent() == "the caller's"
     assert bodies_by_place(mesh) == bodies_by_place(usual)
     assert len(mesh.facets) == len(usual.facets)
     assert set(mesh.facet_names) == set(usual.facet_names)
     assert "wall.msh" in mesh.source
-
-
-def current_model() -> str:
-    with gmsh_session() as gmsh:
-        return gmsh.model.getCurrent()
-
-
-def test_reading_a_file_leaves_the_callers_model_current(folder):
-    path = save(wall([[1, 1]]), folder / "file.msh")
-    model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {}, "the caller's")
-    BlockMesh.from_file(path, MPI.COMM_WORLD)
-    assert current_model() == "the caller's"
 
 
 @pytest.fixture
@@ -169,7 +164,7 @@ def test_broken_file(folder):
     with pytest.raises(InputError, match=r"cannot read .*broken\.msh"):
         BlockMesh.from_file(path, MPI.COMM_WORLD)
     # gmsh must still be of use after a file it could not read.
-    assert mesh_of(polygons([rectangle(0, 0, 1, 1)], 1.0)).body_count == 1
+    assert mesh_of(polygons([SQUARE], 1.0)).body_count == 1
 
 
 def test_gmsh_keeps_its_hands_off_ctrl_c():
@@ -191,72 +186,71 @@ def test_file_of_another_kind(folder, text):
         BlockMesh.from_file(path, MPI.COMM_WORLD)
 
 
-def test_no_two_dimensional_group():
-    with pytest.raises(InputError, match="two-dimensional"):
-        mesh_of(model_from_arrays(SQUARE, {}, {"base": [[0, 1]]}))
-
-
-def test_two_dimensional_group_without_cells():
+def no_cells():
+    """A square surface in a group, not meshed."""
     with gmsh_session() as gmsh:
         model = gmsh.model
         model.add("geometry only")
-        corners = [model.geo.addPoint(x, y, 0.0) for x, y in SQUARE]
-        sides = [
-            model.geo.addLine(a, b) for a, b in zip(corners, np.roll(corners, -1), strict=True)
-        ]
-        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(sides)])
-        model.geo.synchronize()
+        surface = model.occ.addRectangle(0, 0, 0, 1, 1)
+        model.occ.synchronize()
         model.addPhysicalGroup(2, [surface])
-    with pytest.raises(InputError, match=r"no cells .* mesh it first"):
-        mesh_of(model)
+    return model
 
 
-def test_second_order_cells():
-    model = polygons([rectangle(0, 0, 1, 1)], 1.0)
+def second_order():
+    model = polygons([SQUARE], 1.0)
     model.mesh.setOrder(2)
-    with pytest.raises(InputError, match="Triangle 6"):
-        mesh_of(model)
+    return model
 
 
-def test_triangles_mixed_with_quadrilaterals():
-    points = [*SQUARE, (2.0, 0.5)]
+def lifted(*heights: float):
+    """A square whose corners are not all at z = 0."""
+    model = model_from_arrays(SQUARE, ONE_CELL, {})
+    for node, ((x, y), z) in enumerate(zip(SQUARE, heights, strict=True), start=1):
+        model.mesh.setNode(node, [x, y, z], [])
+    return model
+
+
+def flat_cell(far: float):
+    points = np.array([*SQUARE, (0.5, 3.0), (1.5, 3.0), (2.5, 3.0)]) + far
+    return model_from_arrays(points, {"blocks": [[0, 1, 2], [0, 2, 3], [4, 5, 6]]}, {})
+
+
+def two_kinds():
     cells = {"square": [[0, 1, 2, 3]], "gable": [[1, 4, 2]]}
-    with pytest.raises(InputError, match="Triangle 3, Quadrilateral 4"):
-        mesh_of(model_from_arrays(points, cells, {}))
+    return model_from_arrays([*SQUARE, (2.0, 0.5)], cells, {})
 
 
-def test_mesh_out_of_the_plane():
-    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {})
-    model.mesh.setNode(3, [1.0, 1.0, 0.25], [])
-    with pytest.raises(InputError, match=r"not planar: z varies by 0\.25"):
-        mesh_of(model)
+def one_node_in_common():
+    points = [*SQUARE, (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
+    return model_from_arrays(points, {"blocks": [[0, 1, 2, 3], [2, 4, 5, 6]]}, {})
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda: model_from_arrays(SQUARE, {}, {"base": [[0, 1]]}), "two-dimensional"),
+        (no_cells, r"no cells .* mesh it first"),
+        (second_order, "Triangle 6"),
+        (two_kinds, "Triangle 3, Quadrilateral 4"),
+        (lambda: lifted(0.0, 0.0, 0.25, 0.0), r"not planar: z varies by 0\.25"),
+        (lambda: flat_cell(0.0), "1 cells have no area"),
+        (lambda: flat_cell(1e5), "1 cells have no area"),
+        (one_node_in_common, "share single nodes"),
+    ],
+)
+def test_mesh_refuses(draw, message):
+    with pytest.raises(InputError, match=message):
+        mesh_of(draw())
 
 
 def test_plane_parallel_to_x_and_y_is_fine():
-    model = model_from_arrays(SQUARE, {"blocks": [[0, 1, 2, 3]]}, {})
-    for node, (x, y) in enumerate(SQUARE, start=1):
-        model.mesh.setNode(node, [x, y, 7.0], [])
-    assert mesh_of(model).body_count == 1
-
-
-@pytest.mark.parametrize("far", [0.0, 1e5])
-def test_cell_without_area(far):
-    points = np.array([*SQUARE, (0.5, 3.0), (1.5, 3.0), (2.5, 3.0)]) + far
-    cells = [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
-    with pytest.raises(InputError, match="1 cells have no area"):
-        mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
+    assert mesh_of(lifted(7.0, 7.0, 7.0, 7.0)).body_count == 1
 
 
 def test_small_cells_far_from_the_origin_have_area():
     points = 1e-3 * np.array(SQUARE) + 1e3
-    assert mesh_of(model_from_arrays(points, {"blocks": [[0, 1, 2, 3]]}, {})).body_count == 1
-
-
-def test_blocks_that_share_a_single_node():
-    points = [*SQUARE, (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
-    cells = [[0, 1, 2, 3], [2, 4, 5, 6]]
-    with pytest.raises(InputError, match="share single nodes"):
-        mesh_of(model_from_arrays(points, {"blocks": cells}, {}))
+    assert mesh_of(model_from_arrays(points, ONE_CELL, {})).body_count == 1
 
 
 @pytest.mark.parametrize("ranks", [2, 3, 4])

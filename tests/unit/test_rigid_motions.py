@@ -1,0 +1,135 @@
+"""Rigid motions: which of them supports leave free, and what holds a structure as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact import InputError, Load, Scene
+from fenics_contact.discretization.discretization import Structure
+from fenics_contact.discretization.elasticity import displacement_space
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.rigid_motions import RigidBodies, rigid_bodies
+from fenics_contact.discretization.supports import find_supports
+from fenics_contact.meshing import polygons, wall
+from tests.helpers import PUSH, STONE, coulomb, dense, grid_blocks, mesh_of, rotation
+
+
+def bodies_of(model, kinds: dict[str, str], centre, loads=((0.0,) * 3,) * 2, size=1.0):
+    """Rigid motions of blocks on supports, about given centres."""
+    scene = Scene(mesh_of(model), {"default": STONE}, live=PUSH, supports=kinds)
+    supports = find_supports(scene, collect_boundary(scene.mesh, displacement_space(scene)))
+    centre = np.atleast_2d(np.asarray(centre, dtype=float))
+    dead, live = (np.tile(load, (len(centre), 1)) for load in loads)
+    return rigid_bodies(centre, dead, live, supports, size)
+
+
+def square(angle: float = 0.0):
+    return grid_blocks(((0, 0), (1, 1), (2, 2))).turned(angle).model()
+
+
+def free_motions(bodies: RigidBodies) -> list[int]:
+    return [int(np.any(free != 0.0, axis=0).sum()) for free in bodies.free]
+
+
+def only_motion(bodies: RigidBodies) -> np.ndarray:
+    """The free motion (a, b, c) of a body that has just one."""
+    (free,) = bodies.free
+    return free[:, np.any(free != 0.0, axis=0)].reshape(3)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
+@pytest.mark.parametrize(
+    ("kinds", "free"),
+    [
+        ({}, 3),
+        ({"bottom0": "roller"}, 1),
+        ({"bottom0": "roller", "top0": "roller"}, 1),
+        ({"bottom0": "roller", "left0": "roller"}, 0),
+        ({"bottom0": "fixed"}, 0),
+    ],
+)
+def test_number_of_free_motions(kinds, free, degrees):
+    bodies = bodies_of(square(np.radians(degrees)), kinds, [0.3, 0.4])
+    assert free_motions(bodies) == [free]
+    assert bodies.floating.tolist() == [free > 0]
+    gram = bodies.free[0].T @ bodies.free[0]
+    assert gram == pytest.approx(np.diag(np.diag(gram)), abs=1e-14)
+    assert np.trace(gram) == pytest.approx(free, abs=1e-14)
+
+
+def test_block_on_a_roller_is_free_along_it():
+    angle = np.radians(30.0)
+    motion = only_motion(bodies_of(square(angle), {"bottom0": "roller"}, [0.3, 0.4]))
+    along = np.array([*(rotation(angle) @ [1.0, 0.0]), 0.0])
+    assert abs(motion @ along) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_wheel_on_rollers_all_around_is_free_to_turn():
+    angles = 2 * np.pi * np.arange(32) / 32
+    rim = np.column_stack([np.cos(angles), np.sin(angles)])
+    around = list(zip(rim, np.roll(rim, -1, axis=0), strict=True))
+    model = polygons([rim], 3.0, groups={"rim": around})
+    motion = only_motion(bodies_of(model, {"rim": "roller"}, [0.0, 0.0]))
+    assert np.abs(motion) == pytest.approx([0.0, 0.0, 1.0], abs=1e-7)
+
+
+def test_bodies_are_held_one_by_one():
+    model = grid_blocks(*(((3.0 * k, 0), (1, 1), (1, 1)) for k in range(3))).model()
+    kinds = {"bottom0": "fixed", "left2": "roller"}
+    bodies = bodies_of(model, kinds, [[0.5, 0.5], [3.5, 0.5], [6.5, 0.5]])
+    assert free_motions(bodies) == [0, 3, 1]
+
+
+def test_moments_are_scaled_by_the_size():
+    loads = ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+    bodies = bodies_of(square(), {}, [0.5, 0.5], loads, size=2.0)
+    assert np.array_equal(bodies.dead, [[1.0, 2.0, 1.5]])
+    assert np.array_equal(bodies.live, [[4.0, 5.0, 3.0]])
+
+
+def build(model, supports=None, foundations=None, live=PUSH) -> Structure:
+    joints = {"default": coulomb(0.5)}
+    ground = {name: coulomb(0.5) for name in foundations or ()}
+    scene = Scene(mesh_of(model), {"default": STONE}, live, joints=joints, foundations=ground,
+                  supports=supports or {})  # fmt: skip
+    return Structure.build(scene)
+
+
+STACK = grid_blocks(((0, 0), (1, 1), (1, 1)), ((0, 1), (1, 1), (1, 1)))
+STACK_AND_ONE = grid_blocks(*(((x, y), (1, 1), (1, 1)) for x, y in ((0, 0), (0, 1), (5, 0))))
+
+
+@pytest.mark.parametrize(
+    ("drawing", "holds", "message"),
+    [
+        (STACK, {}, r"2 blocks, .* touch neither a support"),
+        (STACK_AND_ONE, {"foundations": ["bottom0"]},
+         r"1 blocks, the first around \(5\.5, 0\.5\), touch neither"),
+        (STACK, {"supports": {"bottom0": "roller"}}, "can move all together even with closed"),
+        (STACK, {"supports": {"bottom0": "fixed"}, "live": Load(traction={"left0": (1.0, 0.0)})},
+         "live load is zero on every free body"),
+    ],
+)  # fmt: skip
+def test_structure_that_is_not_held_or_not_pushed(drawing, holds, message):
+    with pytest.raises(InputError, match=message):
+        build(drawing.model(), **holds)
+
+
+def test_stack_between_rollers_is_held_as_a_whole():
+    model = wall([[1], [1]], elements=1)
+    structure = build(model, supports={"base": "roller", "left": "roller"})
+    assert structure.bodies.floating.tolist() == [False, True]
+
+
+def test_foundation_holds_what_stands_on_it():
+    structure = build(wall([[1], [1]], elements=1), foundations=["base"])
+    assert structure.bodies.floating.tolist() == [True, True]
+
+
+def test_rigid_motions_of_blocks_that_no_support_touches():
+    drawing = grid_blocks(*(((0, k), (1, 1), (1, 1)) for k in range(3)))
+    problem = build(drawing.model(), supports={"bottom0": "roller", "left0": "roller"}).problem
+    rigid, stiffness = dense(problem.rigid), dense(problem.stiffness)
+    assert rigid.T @ rigid == pytest.approx(np.diag([0.0] * 3 + [1.0] * 6), abs=1e-14)
+    assert np.abs(stiffness @ rigid).max() < 1e-13 * np.abs(stiffness).max()
