@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,12 @@ class GmshMesh(TaggedMesh):
     cells: Indices
     cell_groups: Labels
 
+    def without_cells(self) -> GmshMesh:
+        """The share of the ranks that do not hold the mesh."""
+        return replace(
+            self, points=self.points[:0], cells=self.cells[:0], cell_groups=self.cell_groups[:0]
+        )
+
 
 @dataclass(frozen=True)
 class BlockMesh(TaggedMesh):
@@ -117,21 +123,27 @@ class BlockMesh(TaggedMesh):
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
-        mesh, numbers = None, None
+        mesh, body = None, np.empty(0, dtype=np.int32)
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
                 body = bodies_of_cells(mesh)
-                numbers = np.column_stack([body, mesh.cell_groups])
-        domain = _distributed_cells(comm, mesh, None if numbers is None else numbers[:, 0])
-        mine = _send_to_cells(comm, domain, numbers)
-        tags = comm.bcast(
-            None
-            if mesh is None
-            else {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
+        empty: GmshMesh = comm.bcast(None if mesh is None else mesh.without_cells())
+        rank = body if mesh is None else ranks_of_bodies(mesh, body, comm.size)
+        mesh = mesh or empty
+        if not comm.bcast(rank is not None):
+            rank = None  # on all ranks
+        domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
+        numbers = np.column_stack([body, mesh.cell_groups])
+        input_cells = comm.gather(np.asarray(domain.topology.original_cell_index))
+        mine = comm.scatter([numbers[cells] for cells in input_cells or ()])
+        return cls(
+            domain=domain,
+            body=mine[:, 0],
+            body_count=comm.allreduce(int(mine[:, 0].max(initial=-1)), MPI.MAX) + 1,
+            cell_groups=mine[:, 1],
+            **{item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)},
         )
-        count = comm.allreduce(int(mine[:, 0].max(initial=-1)), MPI.MAX) + 1
-        return cls(domain=domain, body=mine[:, 0], body_count=count, cell_groups=mine[:, 1], **tags)
 
 
 @contextmanager
@@ -350,25 +362,3 @@ def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:
     bisect(np.arange(len(cells)), 0, ranks)
     load = np.bincount(rank, cells, minlength=ranks)
     return None if load.max() > BODY_IMBALANCE * load.mean() else rank[body]
-
-
-def _distributed_cells(comm: MPI.Comm, mesh: GmshMesh | None, body: Labels | None) -> Any:
-    """The dolfinx mesh of cells that rank 0 has, bodies whole where that balances."""
-    destinations, name = None, ""
-    if mesh is not None and body is not None:
-        destinations, name = ranks_of_bodies(mesh, body, comm.size), mesh.cell_name
-    name, whole = comm.bcast((name, destinations is not None))
-    if mesh is not None:
-        return compat.create_mesh(comm, name, mesh.cells, mesh.points, destinations)
-    cells = np.empty((0, compat.nodes_of_cell(name)), dtype=np.int64)
-    none = np.empty(0, dtype=np.int32) if whole else None
-    return compat.create_mesh(comm, name, cells, np.empty((0, 2)), none)
-
-
-def _send_to_cells(comm: MPI.Comm, domain: Any, values: Labels | None) -> Labels:
-    """Values of the input cells (on rank 0) at the local cells that they became."""
-    wanted = comm.gather(np.asarray(domain.topology.original_cell_index))
-    parts: list[Labels] = []
-    if values is not None and wanted is not None:
-        parts = [values[index] for index in wanted]
-    return comm.scatter(parts)

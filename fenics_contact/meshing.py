@@ -118,8 +118,7 @@ def wall(
         mesh = extract(free, "the wall")
         free.remove()
         points, cells = mesh.points, mesh.cells
-    groups = _outline_groups(points, _boundary_facets(cells))
-    return model_from_arrays(points, {"blocks": cells}, groups, "wall")
+    return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
 
 
 def running_bond(
@@ -131,12 +130,7 @@ def running_bond(
 ) -> Any:
     """Mesh a `wall` in running bond with half bricks at the ends of every second course.
 
-    Args:
-        bricks: Length of the wall in bricks.
-        courses: Number of courses.
-        block: Length and height of a brick, m.
-        elements: Number of elements along half a brick.
-        quadrilaterals: Quadrilateral cells.
+    The wall is `bricks` long and `courses` high; the other arguments are those of `wall`.
 
     Raises:
         InputError: If there is no brick or no course.
@@ -178,19 +172,15 @@ def _grid_cells(grid: Indices, quadrilaterals: bool) -> Indices:
     return np.stack([lower, upper], axis=1).reshape(-1, 3)
 
 
-def _boundary_facets(cells: Indices) -> Indices:
-    """Facets of one cell only, in arrays of cells that share no nodes between blocks."""
+def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
+    """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
+    from scipy.spatial import cKDTree
+
     facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
     _, first, count = np.unique(
         np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
     )
-    return facets[first[count == 1]]
-
-
-def _outline_groups(points: Array, facets: Indices) -> dict[str, Indices]:
-    """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
-    from scipy.spatial import cKDTree
-
+    facets = facets[first[count == 1]]  # of one cell only: blocks share no nodes
     ends = points[facets]
     middle = ends.mean(axis=1)
     near = 1e-6 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()

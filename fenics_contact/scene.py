@@ -34,7 +34,7 @@ def _require_choice(name: str, value: str, known: Sequence[str]) -> None:
 
 
 def _require_not_negative(name: str, value: float) -> None:
-    _require(math.isfinite(value) and value >= 0.0, f"{name} = {value} must be finite and >= 0")
+    _require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,8 @@ class Material:
     density: float = 0.0
 
     def __post_init__(self) -> None:
-        _require(
-            math.isfinite(self.young) and self.young > 0.0,
-            f"young = {self.young} must be a positive number (Pa)",
-        )
+        young = self.young
+        _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
         _require_not_negative("density", self.density)
 
@@ -217,7 +215,6 @@ class Scene:
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, SUPPORTS)
         self._check_names()
-        self._check_roles()
         self._check_materials()
 
     @property
@@ -250,13 +247,8 @@ class Scene:
                     f"{table}.{name}: {source} has no {what} group '{name}'; it has"
                     f" {_listed(known)}"
                 )
-
-    def _check_roles(self) -> None:
-        roles: dict[str, int] = {}
-        for table in (self.joints, self.foundations, self.supports):
-            for name in set(table) - {"default"}:
-                roles[name] = roles.get(name, 0) + 1
-        for name in sorted(name for name, count in roles.items() if count > 1):
+        roles = [*self.joints, *self.foundations, *self.supports]
+        for name in sorted(name for name in roles if name != "default" and roles.count(name) > 1):
             raise InputError(
                 f"group '{name}' has two roles; it can be a joint, a foundation or a support"
             )

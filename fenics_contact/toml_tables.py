@@ -34,7 +34,12 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
     text = ""
     with raised_together(comm):
         if comm.rank == 0:
-            text = _read_text(path)
+            try:
+                text = path.read_text()
+            except FileNotFoundError:
+                raise InputError(f"file '{path}' does not exist") from None
+            except (OSError, UnicodeDecodeError) as error:
+                raise InputError(f"file '{path}' cannot be read: {error}") from None
     try:
         tables = tomllib.loads(comm.bcast(text))
     except tomllib.TOMLDecodeError as error:
@@ -88,9 +93,8 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if is_dataclass(kind):
         return from_table(kind, value, key)  # type: ignore[arg-type]
     if get_origin(kind) is Mapping:
-        _, inner = get_args(kind)
-        table = _as_table(key, value)
-        return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
+        inner = get_args(kind)[1]
+        return {n: _value(f"{key}.{n}", item, inner) for n, item in _as_table(key, value).items()}
     if kind is float:
         return _number(key, value)
     if get_origin(kind) is tuple:
@@ -123,15 +127,6 @@ def _pair(key: str, value: Any) -> tuple[float, float]:
 
 #: Values of just one type: a truth value is no whole number.
 _EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text()
-    except FileNotFoundError:
-        raise InputError(f"file '{path}' does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"file '{path}' cannot be read: {error}") from None
 
 
 def _override(table: dict[str, Any], assignment: str) -> None:

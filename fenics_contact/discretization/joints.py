@@ -31,8 +31,8 @@ from fenics_contact.scene import JointLaw, Scene
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-#: Weight of a facet's nodes in units of its length, by number of nodes.
-NODAL_WEIGHTS = {2: (0.5, 0.5), 3: (1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0)}
+#: Weights of a facet's nodes relative to each other, by number of nodes.
+NODAL_WEIGHTS = {2: (1, 1), 3: (1, 1, 4)}
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,8 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     normal = np.where(ground, -1.0, 1.0)[:, None] * boundary.normal[base]
     facet, rows, point = _merge(nodes, facets.law, normal)
     per_facet = boundary.nodes.shape[1]
-    weight = np.outer(boundary.length[base], NODAL_WEIGHTS[per_facet]).ravel()
+    share = np.array(NODAL_WEIGHTS[per_facet]) / sum(NODAL_WEIGHTS[per_facet])
+    weight = np.outer(boundary.length[base], share).ravel()
     count = len(rows)
     sums = [np.bincount(point, weight * normal[facet, d], count) for d in range(2)]
     mean = np.column_stack(sums)

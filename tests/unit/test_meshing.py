@@ -274,7 +274,8 @@ OUTLINES = [
         (wall, ([[]],), {}, "wall: "),
         *((wall, ([[1]], *rest), {}, "positive") for rest in
           (((0.0, 1.0),), ((1.0, -1.0),), ((1.0, 1.0), 0))),
-        *((running_bond, counts, {}, "at least one") for counts in ((0, 1), (0, 2), (-1, 2), (2, 0))),
+        *((running_bond, counts, {}, "at least one") for counts in
+          ((0, 1), (0, 2), (-1, 2), (2, 0))),
         *((polygons, (blocks,), {"size": 0.5} | rest, text) for blocks, rest, text in OUTLINES),
         *((arch, values, {}, "arch: ") for values in
           ((0, 0.2), (7, 0.0), (7, 2.0), (7, 0.2, 1.0, 0.0), (7, 0.2, 1.0, 361.0),
