@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_contact.discretization.rigid_motions import numbered_by_rank
+from fenics_contact.solvers.block_modes import numbered_by_rank
 
 #: Nodes of every body on every rank, and the rank that has most of them.
 NODES = np.array([[4, 0, 1, 6, 0], [0, 5, 3, 0, 2], [0, 0, 0, 1, 2]])
