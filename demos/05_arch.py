@@ -9,8 +9,8 @@ from pathlib import Path
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch
-from fenics_contact.discretization.discretization import Structure
 
 
 def arch_scene(voussoirs: int, thickness: float, elements: int) -> Scene:
@@ -29,8 +29,8 @@ def arch_scene(voussoirs: int, thickness: float, elements: int) -> Scene:
 
 def stands(thickness: float) -> bool:
     """Whether 27 rigid voussoirs of this thickness carry their weight."""
-    structure = Structure.build(arch_scene(27, thickness, elements=1))
-    return RigidBlocks(structure.joints, structure.bodies, structure.scene.comm).stands()
+    with Discretization(arch_scene(27, thickness, elements=1)) as blocks:
+        return RigidBlocks(blocks.joints, blocks.bodies, blocks.scene.comm).stands()
 
 
 result = limit_load(arch_scene(15, 0.15, elements=4))
