@@ -202,7 +202,7 @@ class Collapse:
                 kinematic_factor=-certificate.kinematic_factor,
             )
         if path is not None:
-            path = LoadPath(tuple(map(_reversed, path.steps)), -path.lower, -path.upper)
+            path = LoadPath(tuple(map(sign_reversed, path.steps)), -path.lower, -path.upper)
         return replace(
             self,
             load_factor=-self.load_factor,
@@ -210,15 +210,15 @@ class Collapse:
             state=state,
             certificate=certificate,
             history=tuple(
-                replace(one, steps=tuple(map(_reversed, one.steps))) for one in self.history
+                replace(one, steps=tuple(map(sign_reversed, one.steps))) for one in self.history
             ),
             path=path,
-            states=tuple(map(_reversed, self.states)),
+            states=tuple(map(sign_reversed, self.states)),
         )
 
 
-def _reversed(item: Item) -> Item:
-    """A record of a state, with its load factor in multiples of the opposite live load."""
+def sign_reversed(item: Item) -> Item:
+    """Record of a state, with its load factor in multiples of the opposite live load."""
     return replace(item, load_factor=-item.load_factor)
 
 
