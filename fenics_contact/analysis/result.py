@@ -82,7 +82,7 @@ class LoadStep:
 
     Attributes:
         load_factor: Prescribed lambda.
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load applied.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
         work: T = f_L.u, N m per metre of thickness.
     """
 
@@ -111,9 +111,8 @@ class CapacityPoint:
     """Point of the capacity curve: a state between rest and collapse.
 
     Attributes:
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load applied.
-        load_factor: Multiple of the live load applied, reversed where the curve is that of the
-            negative direction.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
+        load_factor: lambda, not above zero where the curve is that of the live load reversed.
         work: T = f_L.u, N m per metre of thickness.
         converged: Whether load factor and friction stand still there.
     """
