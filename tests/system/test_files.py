@@ -422,7 +422,7 @@ def test_ends_and_states_found_are_listed(direction, tmp_path, capsys):
         if direction in ("both", "positive" if sign > 0.0 else "negative"):
             exact = pytest.approx(sign * FRICTION, rel=1e-5)
             starts = [state["start"] for state in end["states"]]
-            assert starts[0] == "dead load" and len(starts) == len(set(starts)) == 5
+            assert len(starts) == len(set(starts)) >= 5 and "dead load" in starts
             for state in end["states"]:
                 assert state == {"start": state["start"], "status": "limit", "load_factor": exact}
             assert record[name] == end["iterations"]["history"][-1]["load_factor"] == exact
