@@ -109,8 +109,8 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         print(f"{blocks} on {counted(comm.size, 'rank')}", flush=True)
     # mpirun passes a terminal on even where its own output goes to a file.
     bar = comm.size == 1 and sys.stdout.isatty()
-    with contextlib.closing(Progress(loud, bar, scene.solve.tolerance)) as progress:
-        result = limit_load(scene, progress)
+    with contextlib.closing(Progress(scene.solve.tolerance, bar)) as progress:
+        result = limit_load(scene, progress if loud else None)
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()

@@ -21,9 +21,13 @@ class Progress:
     The bar fills as the change of the friction bound falls from 1 to the tolerance.
     """
 
-    def __init__(self, enabled: bool, bar: bool, tolerance: float) -> None:
-        """Say whether to show anything, whether as a bar, and how far there is to go."""
-        self._enabled = enabled
+    def __init__(self, tolerance: float, bar: bool) -> None:
+        """Prepare to show.
+
+        Args:
+            tolerance: Change of the friction bound at which a solve ends.
+            bar: Whether output goes to a terminal that can draw a bar.
+        """
         self._as_bar = bar
         self._digits = -math.log10(tolerance)
         self._bar: Any = None
@@ -47,8 +51,6 @@ class Progress:
         self._show("capacity", done, total, f"{done} of {total}  {point.load_factor:.6g}")
 
     def _show(self, name: str, gained: float, total: float, text: str) -> None:
-        if not self._enabled:
-            return
         if name != self._name:
             self.close()
             self._name = name

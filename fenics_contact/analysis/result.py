@@ -82,7 +82,7 @@ class LoadStep:
 
     Attributes:
         load_factor: Prescribed lambda.
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load applied.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
         work: T = f_L.u, N m per metre of thickness.
     """
 
@@ -111,9 +111,8 @@ class CapacityPoint:
     """Point of the capacity curve: a state between rest and collapse.
 
     Attributes:
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load applied.
-        load_factor: Multiple of the live load applied, reversed where the curve is that of the
-            negative direction.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
+        load_factor: lambda, not above zero where the curve is that of the live load reversed.
         work: T = f_L.u, N m per metre of thickness.
         converged: Whether load factor and friction stand still there.
     """
@@ -202,7 +201,7 @@ class Collapse:
                 kinematic_factor=-certificate.kinematic_factor,
             )
         if path is not None:
-            path = LoadPath(tuple(map(_reversed, path.steps)), -path.lower, -path.upper)
+            path = LoadPath(tuple(map(sign_reversed, path.steps)), -path.lower, -path.upper)
         return replace(
             self,
             load_factor=-self.load_factor,
@@ -210,15 +209,15 @@ class Collapse:
             state=state,
             certificate=certificate,
             history=tuple(
-                replace(one, steps=tuple(map(_reversed, one.steps))) for one in self.history
+                replace(one, steps=tuple(map(sign_reversed, one.steps))) for one in self.history
             ),
             path=path,
-            states=tuple(map(_reversed, self.states)),
+            states=tuple(map(sign_reversed, self.states)),
         )
 
 
-def _reversed(item: Item) -> Item:
-    """A record of a state, with its load factor in multiples of the opposite live load."""
+def sign_reversed(item: Item) -> Item:
+    """Record of a state, with its load factor in multiples of the opposite live load."""
     return replace(item, load_factor=-item.load_factor)
 
 

@@ -32,13 +32,8 @@ def cartesian(discretization: Discretization, values: Array) -> Array:
         discretization: Supports and displacement space.
         values: Displacements or mode in the supports' coordinates, this rank's part.
     """
-    supports = discretization.supports
-    first, end = discretization.elasticity.space.dofmap.index_map.local_range
-    mine = (supports.nodes >= first) & (supports.nodes < end)
-    rows = supports.nodes[mine] - first
-    turned = values.reshape(-1, 2).copy()
-    turned[rows] = np.einsum("nij,nj->ni", supports.frame[mine], turned[rows])
-    return turned
+    first, _ = discretization.elasticity.space.dofmap.index_map.local_range
+    return discretization.supports.to_cartesian(values, first).reshape(-1, 2)
 
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:

@@ -13,6 +13,7 @@ from typing import Any
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.result import CapacityPoint, Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_paraview
 from fenics_contact.output.plotting import draw_capacity, draw_collapse
@@ -64,8 +65,7 @@ def write_result(result: Result, folder: Path) -> None:
 
 def result_record(result: Result) -> Record:
     """Content of result.json."""
-    discretization, collapse = result.discretization, result.collapse
-    mesh, nodes = result.scene.mesh, discretization.elasticity.space.dofmap.index_map
+    collapse = result.collapse
     record: Record = {
         "status": result.status,
         "title": result.scene.title,
@@ -90,19 +90,25 @@ def result_record(result: Result) -> Record:
             **_collapse_record(result, result.negative),
         }
     return record | {
-        "mesh": {
-            "bodies": mesh.body_count,
-            "floating_bodies": int(discretization.bodies.floating.sum()),
-            "cells": int(mesh.domain.topology.index_map(2).size_global),
-            "dofs": 2 * int(nodes.size_global),
-            "joint_points": len(discretization.joints.length),
-        },
+        "mesh": _mesh_record(result.discretization),
         "skipped": list(result.skipped),
         "control": result.scene.solve.control,
         "slip_reference": SLIP_REFERENCES[result.scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
         "ranks": result.scene.comm.size,
         "version": __version__,
+    }
+
+
+def _mesh_record(discretization: Discretization) -> Record:
+    """Numbers of bodies, cells, displacements and joint points."""
+    mesh = discretization.scene.mesh
+    return {
+        "bodies": mesh.body_count,
+        "floating_bodies": int(discretization.bodies.floating.sum()),
+        "cells": int(mesh.domain.topology.index_map(2).size_global),
+        "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
+        "joint_points": len(discretization.joints.length),
     }
 
 

@@ -81,13 +81,13 @@ def draw_capacity(result: Result, path: Path) -> None:
     axes.plot(displacement, factor, "o-", color=BLUE, markersize=4, label="equilibrium states")
     collapse = result.collapse
     if collapse is not None and np.isfinite(collapse.load_factor):
-        limit = abs(collapse.load_factor)
+        limit = collapse.load_factor
         axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
     axes.set_xlabel("mean displacement along the live load (mm)")
     axes.set_ylabel("load factor")
     axes.set_title(result.scene.title or "Capacity curve")
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")
+    axes.legend(loc="best")
     figure.savefig(path, dpi=150)
 
 

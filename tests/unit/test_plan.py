@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from fenics_contact import JointLaw, Load, OutputOptions, Scene, SolveOptions
+from fenics_contact.analysis.plan import skipped, skipped_iterations
+from fenics_contact.analysis.result import History, Step
 from fenics_contact.meshing import wall
-from fenics_contact.analysis.plan import make_plan
 from tests.helpers import PUSH, coulomb, on_ground, tresca
 
 SMOOTH = JointLaw("frictionless")
@@ -28,15 +29,13 @@ def full() -> Scene:
     )
 
 
-def skipped(scene: Scene) -> list[str]:
+def names(scene: Scene) -> list[str]:
     """The things skipped, without the reasons."""
-    return [item.split(":")[0] for item in make_plan(scene).skipped]
+    return [item.split(":")[0] for item in skipped(scene)]
 
 
 def test_scene_that_needs_everything(full):
-    plan = make_plan(full)
-    assert plan.coulomb
-    assert plan.skipped == ()
+    assert skipped(full) == ()
 
 
 @pytest.mark.parametrize(
@@ -52,9 +51,7 @@ def test_scene_that_needs_everything(full):
 )
 def test_fixed_point_is_for_coulomb_friction_only(full, joint, ground, needed):
     scene = replace(full, joints={"default": joint}, foundations={"base": ground})
-    plan = make_plan(scene)
-    assert plan.coulomb == needed
-    assert ("fixed point on the friction bound" in skipped(scene)) == (not needed)
+    assert ("fixed point on the friction bound" in names(scene)) == (not needed)
 
 
 @pytest.mark.parametrize(
@@ -64,13 +61,13 @@ def test_fixed_point_is_for_coulomb_friction_only(full, joint, ground, needed):
 )  # fmt: skip
 def test_shear_is_for_friction_only(full, law, shear):
     scene = replace(full, joints={"default": law}, foundations={"base": law})
-    assert ("shear forces" in skipped(scene)) == (not shear)
+    assert ("shear forces" in names(scene)) == (not shear)
 
 
 def test_loads_not_given(full):
-    assert skipped(replace(full, dead=Load())) == ["dead tractions", "dead body force"]
-    assert skipped(replace(full, live=PUSH)) == ["live tractions"]
-    assert skipped(replace(full, live=Load(traction={"left": (1.0, 0.0)}))) == ["live body force"]
+    assert names(replace(full, dead=Load())) == ["dead tractions", "dead body force"]
+    assert names(replace(full, live=PUSH)) == ["live tractions"]
+    assert names(replace(full, live=Load(traction={"left": (1.0, 0.0)}))) == ["live body force"]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +75,7 @@ def test_loads_not_given(full):
 )
 def test_direction_not_asked_for(full, direction, other):
     scene = replace(full, solve=SolveOptions(direction=direction))
-    assert make_plan(scene).skipped == (f"{other} direction: solve.direction = '{direction}'",)
+    assert skipped(scene) == (f"{other} direction: solve.direction = '{direction}'",)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +87,7 @@ def test_direction_not_asked_for(full, direction, other):
     ],
 )
 def test_output_not_asked_for(full, change, expected):
-    assert skipped(replace(full, output=replace(EVERYTHING, **change))) == [expected]
+    assert names(replace(full, output=replace(EVERYTHING, **change))) == [expected]
 
 
 def test_every_item_gives_its_reason(full):
@@ -103,8 +100,24 @@ def test_every_item_gives_its_reason(full):
         solve=SolveOptions(),
         output=OutputOptions(paraview=False, pictures=False, capacity=0),
     )
-    items = make_plan(bare).skipped
+    items = skipped(bare)
     assert len(items) == len(set(items)) == 9
     for item in items:
         what, reason = item.split(": ", 1)
         assert what and reason
+
+
+@pytest.mark.parametrize(
+    ("histories", "spared"),
+    [
+        ([], False),
+        ([("monolithic", 1)], True),
+        ([("monolithic", 1), ("monolithic", 1)], True),
+        ([("monolithic", 1), ("monolithic", 4)], False),
+        ([("fixed-point", 1)], False),
+    ],
+)
+def test_iterations_that_one_step_spared(histories, spared):
+    step = Step(load_factor=1.0, bound_change=0.0, relaxation=1.0, factorizations=5)
+    done = [History((step,) * count, method=method) for method, count in histories]
+    assert bool(skipped_iterations(done)) == spared
