@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
     Continuation,
+    Path,
     PathPoint,
 )
 from fenics_contact.solvers.interior_point import (
@@ -87,7 +89,7 @@ class PathOptions:
 
     rising_work: float = 1e-2
     few: int = 100
-    many: float = 2.0 / 3.0
+    many: float = 1.0
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
     next: tuple[float, ...] = (3e-2, 3e-4)
     finish: InteriorPointOptions = field(
@@ -123,30 +125,28 @@ def further_along_rising_work(task: Task) -> tuple[Solution, History]:
     return _once(task, solve)
 
 
-def along_block_modes(task: Task) -> tuple[Solution, History]:
-    """State by continuation: the work rises and the products fall for the block modes first."""
+def along_block_modes(task: Task, path: Path) -> tuple[Solution, History]:
+    """State by continuation of the structure that moves in the modes of its blocks, to its end.
+
+    Args:
+        task: What is asked for.
+        path: What varies first; then the products fall.
+    """
 
     def solve() -> Solution:
         case = task.case
         modes = case.discretization.block_modes
         with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-            reduced = PerturbedKKT.coulomb(
-                modes.under(case.problem), stiffness, task.scales, task.work
-            )
-            point = _rising_work(task, reduced, modes.restricted)
-            falling = Continuation(replace(reduced, work=point.work), FALLING_PRODUCTS)
+            problem = modes.under(case.problem)
+            kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
+            if path is RISING_WORK:
+                point = _rising_work(task, kkt, modes.restricted)
+            else:
+                start = modes.restricted(case.bonded_state(task.work))
+                point = Continuation(kkt, path).begin(start, 1.0)
+            falling = Continuation(replace(kkt, work=point.work), FALLING_PRODUCTS)
             point = falling.follow(point, OPTIONS.ends[0] * task.scales.elastic_part)
         return _to_end(task, modes.prolonged(point.state), point.mu)
-
-    return _once(task, solve)
-
-
-def along_rising_work(task: Task) -> tuple[Solution, History]:
-    """State by continuation of the structure itself, without block modes."""
-
-    def solve() -> Solution:
-        point = _rising_work(task, task.kkt, lambda state: state)
-        return _to_end(task, point.state, point.mu)
 
     return _once(task, solve)
 
@@ -318,12 +318,14 @@ class Strategy:
 
     Attributes:
         attempts: States at a prescribed work: what is tried, in order.
+        further: State from one at less work, tried first where there is one; None: nothing.
         kind: Of factorisation, see `JointStiffness`.
         equilibrium: State at a prescribed load factor, next to another one.
     """
 
     attempts: tuple[Attempt, ...]
     kind: str
+    further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
 
 
@@ -331,14 +333,14 @@ class Strategy:
 COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
         (
-            further_along_rising_work,
-            along_block_modes,
-            along_rising_work,
+            partial(along_block_modes, path=RISING_WORK),
+            partial(along_block_modes, path=FALLING_PRODUCTS),
         ),
         GENERAL,
+        further_along_rising_work,
     ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
-    "fixed-point": Strategy((fixed_point,), SYMMETRIC, fixed_point_equilibrium),
+    "fixed-point": Strategy((fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium),
 }
 
 #: With given friction, or none, the problem is convex and the interior point method finds it.

@@ -93,13 +93,12 @@ def find_collapse(
     while ratio <= options.largest * first and missing < options.missing:
         found = search.at(ratio)
         missing = missing + 1 if found is None else 0
-        if search.settled or (found is not None and search.no_better_than_before):
+        if search.settled or (search.verified and (found is None or search.no_better)):
             break
         if search.unlimited:
             return search.result("unbounded")
         ratio *= options.growth
-    best = search.best
-    return search.result("limit" if best is not None and best.passed else "not_converged")
+    return search.result("limit" if search.verified else "not_converged")
 
 
 def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
@@ -152,7 +151,7 @@ class _Search:
         scales = case.scales_at(work, largest)
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
-        for attempt in self.strategy.attempts:
+        for attempt in self._attempts():
             answer = _tried(attempt, task)
             if answer is None:
                 continue
@@ -161,13 +160,21 @@ class _Search:
             verified = verify(case, solution.state, scales, self.tolerance, gap)
             self.found.append(_Found(verified, history, ratio))
             _log.info(
-                "  T = %.3g: load factor %.8g, gap %.1e",
+                "  T = %.3g: load factor %.8g, gap %.1e, fails %s",
                 work,
                 solution.state.load_factor,
                 verified.certificate.gap,
+                sorted(verified.certificate.failures),
             )
             return self.found[-1]
         return None
+
+    def _attempts(self) -> tuple[Attempt, ...]:
+        """What is tried: from the last state, and from afar as long as none is verified."""
+        strategy, best = self.strategy, self.best
+        if best is None or strategy.further is None:
+            return strategy.attempts
+        return (strategy.further,) if best.passed else (strategy.further, *strategy.attempts)
 
     @property
     def best(self) -> _Found | None:
@@ -175,15 +182,20 @@ class _Search:
         return min(self.found, key=lambda one: (not one.passed, one.gap), default=None)
 
     @property
-    def settled(self) -> bool:
-        """Whether the best state is that of the collapse, to the tolerance asked for."""
-        best = self.best
-        return best is not None and best.passed and best.gap <= self.options.gap * self.tolerance
+    def verified(self) -> bool:
+        """Whether the best state passes its certificate."""
+        return self.best is not None and self.best.passed
 
     @property
-    def no_better_than_before(self) -> bool:
-        """Whether a state is verified and the last one does not improve on those before."""
-        if self.best is None or not self.best.passed or len(self.found) < 2:
+    def settled(self) -> bool:
+        """Whether it is that of the collapse, to the tolerance asked for."""
+        asked = self.options.gap * self.tolerance
+        return self.best is not None and self.best.passed and self.best.gap <= asked
+
+    @property
+    def no_better(self) -> bool:
+        """Whether the last state does not improve on those before."""
+        if len(self.found) < 2:
             return False
         before = min(one.gap for one in self.found[:-1])
         return self.found[-1].gap > self.options.gap_falls * before

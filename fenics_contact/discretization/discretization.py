@@ -122,6 +122,8 @@ class Discretization:
             stiffness.close()
         for operator in self._maps:
             operator.close()
+        # petsc4py keeps what was dropped elsewhere until all ranks free it together.
+        PETSc.garbage_cleanup(self.scene.comm)
 
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""

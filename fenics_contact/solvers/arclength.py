@@ -94,8 +94,8 @@ class ArclengthOptions:
         elimination: Numbers of a step.
     """
 
-    max_steps: int = 200
-    patience: int = 40
+    max_steps: int = 600
+    patience: int = 120
     largest_change: float = 3.0
     aimed: float = 2.0
     past: float = 1e-3
@@ -143,7 +143,9 @@ class Continuation:
             path: What varies.
             options: Numbers of the continuation.
         """
-        self.kkt, self.path = kkt, path
+        # On the way a tenth of p and q is near enough: digits need not be kept.
+        self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
+        self.path = path
         self.options = options = options or ArclengthOptions()
         elastic = options.smallest_elastic * kkt.scales.elastic_part
         self.smallest = min(options.smallest, elastic)

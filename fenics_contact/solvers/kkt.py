@@ -61,7 +61,7 @@ class KKTOptions:
     largest_spring: float = 1e10
     sliding_spring: float = 1e-8
     no_friction: float = 1e-12
-    cancellation: float = 1e4
+    cancellation: float = 10.0
     equilibrium_weight: float = 1e-3
 
 
