@@ -35,7 +35,7 @@ FLOORS = (
 )
 
 #: Beside the floors: PETSc and numpy only, used by these.
-SOLVERS, SOLVERS_USERS = "solvers", {"solvers", "analysis", "discretization"}
+SOLVERS, SOLVERS_USERS = "solvers", {"analysis", "discretization"}
 
 #: Modules that talk to people.
 CONSOLE = {"cli", "__main__"}
@@ -105,15 +105,18 @@ def test_every_module_has_its_floor():
 @IN_WORK
 def test_imports_run_downstairs():
     upstairs = {
-        name: sorted(other for other in own_imports(name) & on_floors() if floor(other) > floor(name))
+        name: sorted(
+            other for other in own_imports(name) & on_floors() if floor(other) > floor(name)
+        )
         for name in on_floors()
     }
     assert {name: others for name, others in upstairs.items() if others} == {}
 
 
+@IN_WORK
 def test_solvers_are_used_by_two_folders():
     users = {name for name in on_floors() if own_imports(name) & in_solvers()}
-    assert roots(users) <= SOLVERS_USERS | {"limit_load"}
+    assert roots(users) <= SOLVERS_USERS
 
 
 @IN_WORK
@@ -188,7 +191,9 @@ def test_versions_of_dolfinx_are_known_to_one_module():
 
 def test_no_assert_statement():
     # They vanish under `python -O`; what can go wrong raises an exception of the package.
-    asserting = {n for n, tree in TREES.items() for x in ast.walk(tree) if isinstance(x, ast.Assert)}
+    asserting = {
+        n for n, tree in TREES.items() for x in ast.walk(tree) if isinstance(x, ast.Assert)
+    }
     assert asserting == set()
 
 
