@@ -10,7 +10,7 @@ otherwise. Forces are per unit of thickness.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -261,14 +261,19 @@ def wall_recipe(name: str, law: JointLaw) -> Recipe:
     return Recipe(lambda n, quads: running_bond(bricks, courses, (0.4, 0.2), n, quads), law)
 
 
-def outlined(outlines: list[Any], law: JointLaw, size: float, **parts: Any) -> Recipe:
-    """Blocks by their corners, with cells of a size for two elements."""
-    groups = parts.pop("groups", None)
+def outlined(
+    outlines: Sequence[Any],
+    law: JointLaw,
+    size: float,
+    names: Sequence[str] | None = None,
+    groups: Mapping[str, Any] | None = None,
+    **parts: Any,
+) -> Recipe:
+    """Blocks by their corners, with cells of a size for two elements; see `polygons`."""
 
     def draw(elements: int, quads: bool) -> Any:
-        return polygons(outlines, 2.0 * size / elements, parts_names, groups, quads)
+        return polygons(outlines, 2.0 * size / elements, names, groups, quads)
 
-    parts_names = parts.pop("names", None)
     return Recipe(draw, law, parts)
 
 

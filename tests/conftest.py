@@ -50,6 +50,14 @@ def quick_collection() -> None:
     gc.freeze()
 
 
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for this test, the same on all ranks and the current one."""
+    shared = WORLD.bcast(tmp_path)
+    monkeypatch.chdir(shared)
+    return shared
+
+
 @pytest.fixture(autouse=True)
 def ranks_in_step() -> Iterator[None]:
     """Collect what a test leaves behind on all ranks at once, as collective destructors need."""

@@ -7,6 +7,7 @@ import pytest
 from fenics_contact import LimitLoad, limit_load
 from tests.bank import BANK, Known, known
 
+
 def cases(entries: list[Known]) -> pytest.MarkDecorator:
     """Parameter `entry`, whose name is the test's; slow entries are marked as such."""
     marked = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, limit_load
-from tests.bank import BANK, arch_recipe, coulomb, wall_recipe
+from tests.bank import BANK, coulomb, wall_recipe
 
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
 JOINT_METHODS = ("splitting", "active-set")  # whose unknowns are joint forces
@@ -43,7 +44,15 @@ def recorded(scene: Scene, folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", "4x5 coulomb 0.75", "wedge 0.2"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "W1 tresca 2 kPa",
+        "wedge 0.2",
+        "stack of 2 0.7",
+        pytest.param("4x5 coulomb 0.75", marks=pytest.mark.slow),
+    ],
+)
 def test_every_method_finds_what_is_known(name, method, tmp_path):
     record = recorded(BANK[name].scene(method=method), tmp_path)
     assert record["load_factor"] == pytest.approx(BANK[name].expected, rel=3e-5)
@@ -103,8 +112,15 @@ def test_raising_the_load_ends_at_the_linear_program_with_given_friction(name, t
     assert factor * (1.0 - 2e-4) <= path["equilibrium_up_to"] <= factor * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("name", ["W1", "W4", pytest.param("W2", marks=pytest.mark.slow),
-                                  pytest.param("W3", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "W1",
+        "W4",
+        pytest.param("W2", marks=pytest.mark.slow),
+        pytest.param("W3", marks=pytest.mark.slow),
+    ],
+)
 def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(control="load"), tmp_path)
@@ -134,14 +150,15 @@ def test_both_directions_by_raising_the_load(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["W2", "W4"])
-def test_load_factor_is_on_the_plateau_of_the_capacity_curve(name):
+def test_load_factor_is_on_the_plateau_of_the_capacity_curve(name, tmp_path):
     """With the last tenths of the prescribed work the load factor does not change any more."""
     scene = BANK[f"{name} coulomb 0.65"].scene()
-    result = solved(replace(scene, output=OutputOptions(capacity=8)))
-    before, last = result.capacity[-2:]
-    assert before.work < 0.9 * last.work
+    record = recorded(replace(scene, output=OutputOptions(capacity=8)), tmp_path)
+    with (tmp_path / "capacity.csv").open(newline="") as file:
+        *_, before, last = csv.DictReader(file)
+    assert float(before["work"]) < 0.9 * float(last["work"])
     for point in (before, last):
-        assert point.load_factor == pytest.approx(result.load_factor, rel=1e-6)
+        assert float(point["load_factor"]) == pytest.approx(record["load_factor"], rel=1e-6)
 
 
 # Several collapse states
@@ -173,5 +190,3 @@ def test_methods_agree_on_a_verified_state_over_friction(name, friction):
     for method in ("auto", "monolithic", "fixed-point"):
         result = solved(recipe.scene(method=method))
         assert 0.0 < result.load_factor <= result.bounds.upper * (1.0 + 1e-8), method
-        if friction == 0.4 and name != "W4":
-            assert result.load_factor == pytest.approx(min(0.4, result.bounds.upper), rel=0.15)
