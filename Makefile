@@ -14,6 +14,8 @@ export OMP_NUM_THREADS := 1
 # mpirun asks for these where root runs it, as in a container.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+# Ranks that wait leave the core to others.
+export OMPI_MCA_mpi_yield_when_idle := 1
 
 .PHONY: help setup packages demo test test-slow test-mpi lint meshes clean
 help:  ## say what there is
@@ -49,7 +51,7 @@ test-slow: setup  ## run all other tests
 
 test-mpi: setup  ## run the tests in parallel, on 2 and on 3 ranks
 	for n in $(RANKS); do \
-	  mpirun --oversubscribe -n $$n $(PYTHON) -m pytest -m mpi -p no:xdist -p no:cacheprovider \
+	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m mpi -p no:xdist -p no:cacheprovider \
 	  || exit 1; done
 
 lint: setup .venv/bin/ruff  ## ruff and mypy

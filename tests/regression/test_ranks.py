@@ -70,7 +70,7 @@ def test_ranks_agree_with_one(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["tilting table 17.5", "wedge 0.6 near locking", "overhang -0.001"]
+    "name", ["tilting table 17.5", "wedge 0.5778 near locking", "overhang -0.001"]
 )
 def test_ranks_agree_that_there_is_no_limit(name):
     result = limit_load(BANK[name].scene())
