@@ -1,6 +1,6 @@
 """The bank: scenes whose load factors are known, shared by tests and benchmarks.
 
-    from tests.bank import BANK, known, walls
+    from tests.bank import BANK, known
     scene = BANK["W1 coulomb 0.65"].scene(elements=2, method="auto")
 
 The load factor multiplies the weight of every block, acting to the right, unless an entry says

@@ -21,41 +21,7 @@ from fenics_contact.limit_load import typical_sizes
 from fenics_contact.meshing import wall
 from fenics_contact.solvers.kkt import Scales, State
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb, tresca
-from tests.drawing import (
-    Drawing,
-    cell_areas,
-    grid_block,
-    grid_blocks,
-    group_lengths,
-    rectangle,
-    rotation,
-)
-
-__all__ = [
-    "GRAVITY",
-    "PUSH",
-    "STONE",
-    "WEIGHT",
-    "Drawing",
-    "Loaded",
-    "cell_areas",
-    "coulomb",
-    "dense",
-    "grid_block",
-    "grid_blocks",
-    "group_lengths",
-    "joint_rows",
-    "mesh_of",
-    "node_bodies",
-    "node_positions",
-    "on_ground",
-    "rectangle",
-    "rotation",
-    "three_blocks",
-    "tresca",
-    "vector_like",
-    "whole",
-]
+from tests.drawing import Drawing, cell_areas, grid_blocks, group_lengths, rectangle, rotation
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
