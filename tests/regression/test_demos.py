@@ -10,14 +10,20 @@ from tests.system.program import ROOT, launcher, run_command
 
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
 
+#: Demos that are quick on two ranks.
+PARALLEL = [path for path in DEMOS if path.stem[:2] in ("01", "02", "06", "07")]
+
 
 def test_there_are_demos():
-    assert len(DEMOS) >= 4
+    assert len(DEMOS) >= len(PARALLEL) >= 4
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    ("demo", "ranks"),
+    [(path, 1) for path in DEMOS] + [(path, 2) for path in PARALLEL],
+    ids=lambda value: getattr(value, "stem", value),
+)
 def test_demo(demo, ranks, tmp_path):
     found = run_command([*launcher(ranks), sys.executable, str(demo)], tmp_path, time_out=300.0)
     assert found.code == 0, found.out + found.err
