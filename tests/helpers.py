@@ -1,13 +1,8 @@
-"""What unit tests start from: scenes of stone blocks on the ground, discretised, as whole arrays.
-
-Everything below `on_ground` knows the discretisation and the solvers; tests of other modules, of
-the program and of load factors do without it.
-"""
+"""What unit tests start from: scenes of stone blocks on the ground, PETSc objects as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +11,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
-from fenics_contact.discretization.discretization import Bonded, Structure
-from fenics_contact.limit_load import typical_sizes
-from fenics_contact.meshing import wall
-from fenics_contact.solvers.kkt import Scales, State
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb, tresca
 from tests.drawing import Drawing, cell_areas, grid_blocks, group_lengths, rectangle, rotation
 
@@ -54,21 +45,6 @@ def on_ground(
     )
 
 
-def three_blocks(stands: str, elements: int, left: str) -> Structure:
-    """Three blocks on rigid "ground"; or else on a roller under 30 degrees and a held left side."""
-    drawing = Drawing.of(wall([[1], [0.5, 0.5]], elements=elements))
-    if stands == "ground":
-        return Structure.build(on_ground(drawing.model(), coulomb(0.5)))
-    scene = Scene(
-        mesh_of(drawing.turned(np.radians(30.0)).model()),
-        {"default": STONE},
-        live=PUSH,
-        joints={"default": coulomb(0.5)},
-        supports={"base": "roller", "left": left},
-    )
-    return Structure.build(scene)
-
-
 def dense(matrix: PETSc.Mat) -> Array:
     """All rows of a matrix on every rank."""
     indptr, columns, values = matrix.getValuesCSR()
@@ -95,50 +71,3 @@ def node_positions(space: Any) -> Array:
     owned = space.dofmap.index_map.size_local
     parts = space.mesh.comm.allgather(space.tabulate_dof_coordinates()[:owned, :2].copy())
     return np.concatenate(parts)
-
-
-def node_bodies(structure: Structure) -> Indices:
-    """Bodies of all displacement nodes in the order of the dofs, on every rank."""
-    owned = structure.elasticity.space.dofmap.index_map.size_local
-    return np.concatenate(structure.scene.comm.allgather(structure.elasticity.node_body[:owned]))
-
-
-def joint_rows(structure: Structure) -> tuple[Array, Array]:
-    """B_N and B_T with one row per joint point, in the order of `Joints`, on every rank."""
-    points = np.concatenate(structure.scene.comm.allgather(structure.operators.points))
-    order = np.argsort(points)
-    operators = structure.operators
-    return dense(operators.normal)[order], dense(operators.tangential)[order]
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A structure ready to be pushed along its load path.
-
-    Attributes:
-        structure: The structure.
-        bonded: Its response with closed joints.
-        scales: Typical sizes.
-    """
-
-    structure: Structure
-    bonded: Bonded
-    scales: Scales
-
-    @classmethod
-    def of(cls, scene: Scene) -> Loaded:
-        """Discretise a scene and close its joints."""
-        structure = Structure.build(scene)
-        bonded = structure.bonded()
-        return cls(structure, bonded, typical_sizes(structure.problem, bonded))
-
-    def start(self, ratio: float) -> tuple[State, Scales]:
-        """A state to start from, and typical sizes, at a multiple of the bonded work."""
-        live = self.structure.problem.live
-        work = ratio * self.scales.load_factor * live.dot(self.bonded.live)
-        displacement = self.bonded.live.copy()
-        displacement.scale(ratio * self.scales.load_factor)
-        pressure = self.bonded.dead_pressure
-        state = State(displacement, 0.0, pressure, np.zeros_like(pressure), work)
-        unit = work / live.norm(PETSc.NormType.N1)
-        return state, replace(self.scales, displacement=unit, elastic=self.scales.displacement)

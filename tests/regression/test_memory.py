@@ -26,7 +26,6 @@ for number in range(1, 61):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-@pytest.mark.xfail(strict=False, reason="PETSc objects of a result are not freed with it")
 def test_60_solves_take_no_more_memory_than_20(tmp_path):
     found = run_command([sys.executable, "-c", PROGRAM], tmp_path, time_out=300.0)
     early, late = map(int, found.out.split())
