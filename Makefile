@@ -1,16 +1,25 @@
 # Everything runs in a virtual environment that sees the distribution's packages.
 PYTHON := .venv/bin/python
 PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3-scipy \
-            python3-matplotlib python3-tqdm python3-pytest python3-mypy python3-venv python3-pip \
-            python3-dev gcc openmpi-bin libopenblas0-serial
+            python3-matplotlib python3-tqdm python3-pytest python3-pytest-xdist python3-mypy \
+            python3-venv python3-pip python3-dev gcc openmpi-bin libopenblas0-serial
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 
-export OMP_NUM_THREADS := 1
+# Processes that share the tests, and numbers of ranks that those in parallel run on.
+WORKERS := 2
+RANKS := 2 3 4
 
-.PHONY: help setup packages demo test lint meshes clean
+export OMP_NUM_THREADS := 1
+# mpirun asks for these where root runs it, as in a container.
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+# Ranks that wait leave the core to others.
+export OMPI_MCA_mpi_yield_when_idle := 1
+
+.PHONY: help setup packages demo test test-slow test-mpi lint meshes clean
 help:  ## say what there is
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 setup: packages .venv/installed  ## install what is missing: Debian packages, virtual environment
 
@@ -34,8 +43,16 @@ demo: setup  ## the limit load of a wall with an opening, with files and picture
 	$(PYTHON) demos/03_wall_w3.py
 	@echo "pictures: demos/output/w3/collapse.png demos/output/w3/capacity.png"
 
-test: setup  ## run the tests
-	$(PYTHON) -m pytest
+test: setup  ## run the tests that take less than a few seconds each
+	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"
+
+test-slow: setup  ## run all other tests
+	$(PYTHON) -m pytest -n $(WORKERS) -m slow
+
+test-mpi: setup  ## run the tests in parallel, on 2, 3 and 4 ranks
+	for n in $(RANKS); do \
+	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m mpi -p no:xdist -p no:cacheprovider \
+	  || exit 1; done
 
 lint: setup .venv/bin/ruff  ## ruff and mypy
 	.venv/bin/ruff check .

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.system.program import ROOT, launcher, run_command
+
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
+
+#: Demos that are quick on two ranks.
+PARALLEL = [path for path in DEMOS if path.stem[:2] in ("01", "02", "06", "07")]
 
 
 def test_there_are_demos():
-    assert len(DEMOS) >= 4
+    assert len(DEMOS) >= len(PARALLEL) >= 4
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("demo", DEMOS, ids=lambda path: path.stem)
-def test_demo(demo, ranks):
-    environment = os.environ | {
-        "PYTHONPATH": str(ROOT),
-        "OMP_NUM_THREADS": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    }
-    launcher = [] if ranks == 1 else ["mpirun", "--oversubscribe", "-n", str(ranks)]
-    done = subprocess.run(
-        [*launcher, sys.executable, str(demo)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("demo", "ranks"),
+    [(path, 1) for path in DEMOS] + [(path, 2) for path in PARALLEL],
+    ids=lambda value: getattr(value, "stem", value),
+)
+def test_demo(demo, ranks, tmp_path):
+    found = run_command([*launcher(ranks), sys.executable, str(demo)], tmp_path, time_out=300.0)
+    assert found.code == 0, found.out + found.err

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.mesh import gmsh_session
 from fenics_contact.meshing import model_from_arrays, polygons, running_bond, wall
+from tests.drawing import rectangle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -46,10 +46,14 @@ class Run:
     err: str
 
 
+def launcher(ranks: int) -> list[str]:
+    """What a command line on so many ranks begins with."""
+    return [] if ranks == 1 else ["mpirun", "--oversubscribe", "-n", str(ranks)]
+
+
 def command(arguments: Sequence[str | Path], ranks: int = 1) -> list[str]:
     """The command line of the program on so many ranks."""
-    program = [sys.executable, "-m", "fenics_contact", *map(str, arguments)]
-    return program if ranks == 1 else ["mpirun", "--oversubscribe", "-n", str(ranks), *program]
+    return [*launcher(ranks), sys.executable, "-m", "fenics_contact", *map(str, arguments)]
 
 
 def environment() -> dict[str, str]:
@@ -61,6 +65,7 @@ def environment() -> dict[str, str]:
         "OMP_NUM_THREADS": "1",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",  # ranks that wait leave the core to others
     }
 
 
@@ -176,17 +181,14 @@ def _value(value: Any) -> str:
 
 def write_mesh(path: Path, name: str) -> None:
     """Write one of `MESHES`."""
-    with gmsh_session() as gmsh:
-        MESHES[name]()
-        try:
-            gmsh.write(str(path))
-        finally:
-            gmsh.option.setNumber("Mesh.SaveAll", 0)
-            gmsh.model.remove()
+    import gmsh
 
-
-def _rectangle(x: float, y: float, width: float, height: float) -> list[tuple[float, float]]:
-    return [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+    MESHES[name]()  # starts gmsh
+    try:
+        gmsh.write(str(path))
+    finally:
+        gmsh.option.setNumber("Mesh.SaveAll", 0)
+        gmsh.model.remove()
 
 
 def _stack() -> Any:
@@ -196,18 +198,19 @@ def _stack() -> Any:
         "bed": [((0.0, 0.5), (1.0, 0.5))],
         "side": [((0.0, 0.0), (0.0, 0.5))],
     }
-    blocks = [_rectangle(0.0, 0.0, 1.0, 0.5), _rectangle(0.0, 0.5, 1.0, 0.5)]
+    blocks = [rectangle(0.0, 0.0, 1.0, 0.5), rectangle(0.0, 0.5, 1.0, 1.0)]
     return polygons(blocks, 0.25, ["low", "high"], groups)
 
 
 def _apart() -> Any:
     """A block on the ground and one in the air above it."""
-    return polygons([_rectangle(0.0, 0.0, 1.0, 0.5), _rectangle(0.0, 1.0, 1.0, 0.5)], 0.25)
+    return polygons([rectangle(0.0, 0.0, 1.0, 0.5), rectangle(0.0, 1.0, 1.0, 1.5)], 0.25)
 
 
 def _overhang() -> Any:
     """Three blocks, each 0.4 m further out than the one below: the upper two must fall."""
-    return polygons([_rectangle(0.4 * k, 0.2 * k, 1.0, 0.2) for k in range(3)], 0.1)
+    steps = [(0.4 * k, 0.2 * k) for k in range(3)]
+    return polygons([rectangle(x, y, x + 1.0, y + 0.2) for x, y in steps], 0.1)
 
 
 def _incline(slope: float) -> Any:
@@ -229,10 +232,11 @@ def _mismatched() -> Any:
 
 def _no_surface_group() -> Any:
     """The block without the group of its surface."""
+    import gmsh
+
     model = _block()
     model.removePhysicalGroups(model.getPhysicalGroups(2))
-    with gmsh_session() as gmsh:
-        gmsh.option.setNumber("Mesh.SaveAll", 1)
+    gmsh.option.setNumber("Mesh.SaveAll", 1)
     return model
 
 

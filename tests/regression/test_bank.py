@@ -1,0 +1,68 @@
+"""Every scene of the bank has the load factor that is known of it, inside its bracket."""
+
+from __future__ import annotations
+
+import pytest
+
+from fenics_contact import LimitLoad, limit_load
+from tests.bank import BANK, Known, known
+
+
+def cases(entries: list[Known]) -> pytest.MarkDecorator:
+    """Parameter `entry`, whose name is the test's; slow entries are marked as such."""
+    marked = [
+        pytest.param(e, id=e.name, marks=[pytest.mark.slow] if "slow" in e.tags else [])
+        for e in entries
+        if "open" not in e.tags
+    ]
+    return pytest.mark.parametrize("entry", marked)
+
+
+def solved(entry: Known, **options: float) -> LimitLoad:
+    """The result, which must be right."""
+    result = limit_load(entry.scene(**options))
+    found = (result.status, result.load_factor)
+    assert entry.right(*found), f"{found}, known is {entry.expected} from {entry.source}"
+    return result
+
+
+@cases([e for e in BANK.values() if not {"tresca", "bracket", "arch"} & e.tags])
+def test_load_factor(entry):
+    result = solved(entry)
+    if entry.status != "limit":
+        return
+    slack = 1e-6 * (entry.size or abs(result.load_factor))
+    assert result.load_factor <= result.bounds.upper + slack
+    # Without friction the dead load may not stand; then there is no lower end.
+    assert result.bounds.lower is None or result.bounds.lower - slack <= result.load_factor
+
+
+@cases(known("tresca") + known("arch", without=("least",)))
+def test_load_factor_equals_linear_program(entry):
+    """Given friction, or friction that is never overcome: the program of rigid blocks is exact."""
+    result = solved(entry, tolerance=1e-9)
+    assert result.load_factor == pytest.approx(result.bounds.upper, rel=1e-8)
+
+
+@cases(known("bracket"))
+def test_bracket(entry):
+    result = solved(entry)
+    assert result.bounds.lower == pytest.approx(0.0, abs=1e-9)
+    assert result.bounds.upper == pytest.approx(entry.interval[1], abs=5.1e-6)
+
+
+@cases(known("arch", "least"))
+def test_least_thickness_of_an_arch(entry):
+    solved(entry)
+
+
+@pytest.mark.parametrize("entry", known("open"), ids=lambda entry: entry.name)
+def test_what_is_not_solved_is_not_claimed(entry):
+    result = limit_load(entry.scene())
+    assert result.status == "not_converged" or entry.right(result.status, result.load_factor)
+
+
+def test_the_bank_has_a_source_for_everything():
+    assert len(BANK) > 100
+    assert all(len(entry.source) > 20 for entry in BANK.values())
+    assert {e.status for e in BANK.values()} == {"limit", "unbounded", "unstable"}
