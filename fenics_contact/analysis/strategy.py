@@ -59,7 +59,13 @@ class Task:
 
     @property
     def tolerances(self) -> Tolerances:
-        """How exact the state has to be for that."""
+        """How exact the state has to be for that.
+
+        With given friction the method converges to rounding at once; with Coulomb friction digits
+        may be lost.
+        """
+        if not self.case.problem.coulomb:
+            return Tolerances()
         residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
         return Tolerances(residual, 5e-2 * self.tolerance)
 
@@ -89,7 +95,7 @@ class PathOptions:
 
     rising_work: float = 1e-2
     few: int = 100
-    many: float = 1.0
+    many: float = 0.8
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
     next: tuple[float, ...] = (3e-2, 3e-4)
     finish: InteriorPointOptions = field(
@@ -335,6 +341,7 @@ COULOMB: dict[str, Strategy] = {
         (
             partial(along_block_modes, path=RISING_WORK),
             partial(along_block_modes, path=FALLING_PRODUCTS),
+            interior_point,
         ),
         GENERAL,
         further_along_rising_work,

@@ -45,7 +45,7 @@ class WorkOptions:
     first: float = 300.0
     first_of_many: float = 0.2
     growth: float = 10.0
-    largest: float = 1e5
+    largest: float = 1e10
     missing: int = 2
     gap: float = 2.5e-2
     gap_falls: float = 0.7
