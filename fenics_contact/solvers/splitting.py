@@ -62,7 +62,7 @@ class JointForceOptions:
     patience: int = 12
     acceptable: float = 1e-8
     accuracy: tuple[float, float, float] = (1e-3, 1e-12, 1e-3)
-    slow_sweep: float = 0.3
+    slow_sweep: float = 0.1
     sweep_accuracy: float = 0.1
 
 
