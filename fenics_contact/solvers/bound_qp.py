@@ -110,6 +110,9 @@ class BoundQP:
             self._given = owner.own(scaled.copy())
             self._vectors = [owner.own(scaled.createVecLeft()) for _ in range(5)]
             self._owner = owner.pop_all()
+        # PETSc's own factorisation is the faster for small matrices on one rank.
+        parallel = {"pc_factor_mat_solver_type": "mumps"} if operator.comm.size > 1 else {}
+        self._factor = {"pc_type": "lu", **parallel}
 
     def __enter__(self) -> BoundQP:
         return self
@@ -219,12 +222,6 @@ class BoundQP:
         """Make the matrix of the back end A again, for each step."""
         self._operator.matrix.copy(given, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
-    @property
-    def _factor(self) -> dict[str, str]:
-        """Options of a direct solver; PETSc's own is the faster for small matrices on one rank."""
-        parallel = {"pc_factor_mat_solver_type": "mumps"} if self._given.comm.size > 1 else {}
-        return {"pc_type": "lu", **parallel}
-
 
 class _Faces:
     """Minimisation face by face, as a type of TAO solver.
@@ -297,7 +294,8 @@ class _Faces:
             with _options(ksp_type="preonly", **self._factor):
                 solver.setFromOptions()
             solver.solve(right, solution)
-            step[inside] = solution.array_r
+            if solver.getConvergedReason() > 0:  # or else there is no minimum
+                step[inside] = solution.array_r
         return step
 
     def _dot(self, a: Array, b: Array) -> float:

@@ -16,7 +16,7 @@ part in the solution.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -49,6 +49,7 @@ class JointForceOptions:
         force_hold: Hold on the forces, in units of A's diagonal: makes programs definite.
         patience: Steps without half the residual after which the best state is judged.
         acceptable: Residual up to which it is returned.
+        solver: Back end for programs, see `bound_qp`.
         accuracy: Tolerance on programs, relative to the change in the last step, and its limits.
         slow_sweep: Sweeps that contract less are ended by a step for all forces.
         sweep_accuracy: Sweeps end at this residual, relative to the change in the last step.
@@ -61,6 +62,7 @@ class JointForceOptions:
     force_hold: float = 1e-7
     patience: int = 12
     acceptable: float = 1e-8
+    solver: str = "faces"
     accuracy: tuple[float, float, float] = (1e-3, 1e-12, 1e-3)
     slow_sweep: float = 0.1
     sweep_accuracy: float = 0.1
@@ -119,7 +121,9 @@ class ProximalStep:
         found[rows] = 0.0
         rest = self.right - self.operator.matrix @ found
         part, least, largest = self.options.accuracy
-        how = BoundQPOptions(tolerance=float(np.clip(part * self.change, least, largest)))
+        how = BoundQPOptions(
+            self.options.solver, float(np.clip(part * self.change, least, largest))
+        )
         lower, upper = self.bounds
         found[rows] = program.solve(rest[rows], lower[rows], upper[rows], x[rows], how).x
         return found
@@ -219,33 +223,40 @@ class JointForceSolver:
         Raises:
             SolverError: If neither the tolerance nor what is acceptable is reached.
         """
-        options, free = self._options, load_factor is None
         state = self._within(start, bound, work, load_factor)
         best, best_residuals, error, halved = state, {"none": np.inf}, np.inf, (np.inf, 0)
-        level, change = self._level(options.hold * scales.force / scales.displacement), 1.0
-        for step in count(1):
-            last, u = change, state.displacement
-            state = self._step(level, state, bound, scales.displacement, last, free)
+        steps = self._steps(state, bound, scales, tolerance, load_factor is None)
+        for number, state in enumerate(steps, 1):
             residuals = dict(self._residuals(self._problem, state, scales, bound))
             worst = float(np.max(list(residuals.values())))
             if worst < error:
                 best, best_residuals, error = state, residuals, worst
             if worst < 0.5 * halved[0]:
-                halved = worst, step
-            if not worst > tolerance or step - halved[1] >= options.patience:
+                halved = worst, number
+            if not worst > tolerance or number - halved[1] >= self._options.patience:
                 break
-            size = self._problem.max(np.abs(state.displacement)) or 1.0
-            change = self._problem.max(np.abs(state.displacement - u)) / size
-            if step > 1 and change > options.slow_step * last:
-                level = min(level + 1, self._level(options.least_hold * self._mean_diagonal))
-            change = float(np.clip(change, tolerance, last))
-        self.history.steps += step
-        _log.debug("joint forces: residual %.1e after %d steps", error, step)
-        if not error <= max(tolerance, options.acceptable):
+        _log.debug("joint forces: residual %.1e after %d steps", error, number)
+        if not error <= max(tolerance, self._options.acceptable):
             raise SolverError(
-                f"joint forces: residual {error:.1e} after {step} steps, asked {tolerance:.1e}"
+                f"joint forces: residual {error:.1e} after {number} steps, asked {tolerance:.1e}"
             )
         return best, best_residuals
+
+    def _steps(
+        self, state: State, bound: Array, scales: Scales, tolerance: float, free: bool
+    ) -> Iterator[State]:
+        """States after one, two, ... proximal steps; `free`: the load factor is unknown."""
+        options, size = self._options, scales.displacement
+        level, last = self._level(options.hold * scales.force / size), 1.0
+        for number in count(1):
+            near, state = state, self._step(level, state, bound, size, last, free)
+            self.history.steps += 1
+            yield state
+            change = self._problem.max(np.abs(state.displacement - near.displacement))
+            change /= self._problem.max(np.abs(state.displacement)) or 1.0
+            if number > 1 and change > options.slow_step * last:
+                level = min(level + 1, self._level(options.least_hold * self._mean_diagonal))
+            last = float(np.clip(change, tolerance, last))
 
     def _within(self, start: State, bound: Array, work: float, load_factor: float | None) -> State:
         """A state with forces within bounds, at the work or load factor asked for."""
