@@ -12,18 +12,21 @@ is recomputed here in these units.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.solvers.problem import Array, SparseMap
 
-Array = npt.NDArray[np.float64]
+_Item = TypeVar("_Item", bound=PETSc.Object)
 
-TAO_SOLVERS = ("tron", "bnls", "bntr", "bqnls", "blmvm", "bqpip", "gpcg")
+TAO_SOLVERS = ("faces", "tron", "bnls", "bntr", "bqnls", "blmvm", "bqpip", "gpcg")
 SNES_SOLVERS = ("vinewtonrsls", "vinewtonssls")
 SOLVERS = (*TAO_SOLVERS, *SNES_SOLVERS)
 
@@ -32,6 +35,19 @@ PREFIX = "fenics_contact_qp_"
 
 #: Bounds as large as this are none, for PETSc too.
 UNBOUNDED = 1e20
+
+#: "faces": part of the first-order descent that a projected step must bring, factor from one step
+#: to a shorter one, and the shortest one tried.
+DESCENT, SHORTER, LEAST_STEP = 1e-2, 0.7, 1e-14
+
+
+class Owner(ExitStack):
+    """Frees PETSc objects, on all ranks in the same order, on leaving."""
+
+    def own(self, item: _Item) -> _Item:
+        """Take over an object."""
+        self.callback(item.destroy)
+        return item
 
 
 @dataclass(frozen=True)
@@ -44,14 +60,14 @@ class BoundQPOptions:
         max_iterations: Of the back end.
     """
 
-    solver: str = "vinewtonrsls"
+    solver: str = "faces"
     tolerance: float = 1e-10
     max_iterations: int = 400
 
 
 @dataclass(frozen=True)
 class BoundSolution:
-    """An answer.
+    """An answer, good or bad: `residual` tells.
 
     Attributes:
         x: Minimiser, this rank's part.
@@ -68,32 +84,41 @@ class BoundSolution:
 
 
 class BoundQP:
-    """The programs of one operator, with any b and bounds."""
+    """The programs of one operator, with any b and bounds; frees its objects in a `with`."""
 
     def __init__(self, operator: PETSc.Mat) -> None:
         """Scale the operator.
 
         Args:
-            operator: A; assembled, or one that multiplies and knows its diagonal.
+            operator: A, assembled; it stays the caller's.
 
         Raises:
             SolverError: If its diagonal is not positive.
         """
-        diagonal = operator.getDiagonal()
-        if not diagonal.min()[1] > 0.0:
-            raise SolverError("bound QP: the operator's diagonal is not positive")
-        diagonal.sqrtabs()
-        diagonal.reciprocal()
-        self._unit = diagonal
-        self.assembled = "aij" in operator.getType()
-        if self.assembled:
-            self._operator = operator.copy()
-            self._operator.diagonalScale(diagonal, diagonal)
-        else:
-            self._operator = PETSc.Mat().createPython(
-                operator.getSizes(), _Scaled(operator, diagonal), comm=operator.comm
-            )
-            self._operator.setUp()
+        with Owner() as owner:
+            unit = owner.own(operator.getDiagonal())
+            if not unit.min()[1] > 0.0:
+                raise SolverError("bound QP: the operator's diagonal is not positive")
+            unit.sqrtabs()
+            unit.reciprocal()
+            self._unit = unit.array_r.copy()
+            scaled = operator.copy()
+            scaled.diagonalScale(unit, unit)
+            self._operator = SparseMap(scaled)
+            owner.callback(self._operator.close)
+            # Back ends write into theirs: some scale it, or shift its diagonal.
+            self._given = owner.own(scaled.copy())
+            self._vectors = [owner.own(scaled.createVecLeft()) for _ in range(5)]
+            self._owner = owner.pop_all()
+        # PETSc's own factorisation is the faster for small matrices on one rank.
+        parallel = {"pc_factor_mat_solver_type": "mumps"} if operator.comm.size > 1 else {}
+        self._factor = {"pc_type": "lu", **parallel}
+
+    def __enter__(self) -> BoundQP:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._owner.close()
 
     def solve(
         self,
@@ -103,36 +128,7 @@ class BoundQP:
         start: Array | None = None,
         options: BoundQPOptions | None = None,
     ) -> BoundSolution:
-        """Minimise 1/2 x.A x - b.x subject to lower <= x <= upper.
-
-        Args: as those of `attempt`.
-
-        Returns:
-            The solution, with the residual recomputed here.
-
-        Raises:
-            SolverError: If that residual is above the tolerance, whatever PETSc reported, or if no
-                back end has the name.
-        """
-        options = options or BoundQPOptions()
-        answer = self.attempt(right, lower, upper, start, options)
-        if not answer.residual <= options.tolerance:
-            raise SolverError(
-                f"bound QP: {options.solver} stopped for reason {answer.reason} after"
-                f" {answer.iterations} iterations at a residual of {answer.residual:.1e}, asked"
-                f" {options.tolerance:.1e}"
-            )
-        return answer
-
-    def attempt(
-        self,
-        right: Array,
-        lower: Array,
-        upper: Array,
-        start: Array | None = None,
-        options: BoundQPOptions | None = None,
-    ) -> BoundSolution:
-        """What a back end makes of the program, good or bad.
+        """Minimiser x of 1/2 x.A x - b.x subject to lower <= x <= upper, with its residual.
 
         Args:
             right: b, this rank's part like all arrays here.
@@ -141,185 +137,186 @@ class BoundQP:
             start: First x, moved into the bounds; zero when not given.
             options: Back end and tolerance.
 
-        Returns:
-            Its answer, with the residual recomputed here.
-
         Raises:
             SolverError: If no back end has the name.
         """
         options = options or BoundQPOptions()
         if options.solver not in SOLVERS:
-            raise SolverError(
-                f"bound QP: unknown solver '{options.solver}'; known: {', '.join(SOLVERS)}"
-            )
-        unit = self._unit.array_r
-        b = self._vector(right * unit)
+            known = ", ".join(SOLVERS)
+            raise SolverError(f"bound QP: unknown solver '{options.solver}'; known: {known}")
+        b, low, high, x, _ = self._vectors
+        b.array[:] = right * self._unit
         size = b.norm(PETSc.NormType.INFINITY) or 1.0
         b.scale(1.0 / size)
-        scale = unit * size  # x = scale * scaled x
+        scale = self._unit * size  # x = scale * scaled x
         lower, upper = lower / scale, upper / scale
-        low = self._vector(np.clip(lower, -UNBOUNDED, UNBOUNDED))
-        high = self._vector(np.clip(upper, -UNBOUNDED, UNBOUNDED))
-        x = self._vector(np.zeros_like(unit) if start is None else start / scale)
-        x.pointwiseMax(x, low)
-        x.pointwiseMin(x, high)
-        run = _tao if options.solver in TAO_SOLVERS else _snes
+        low.array[:] = np.clip(lower, -UNBOUNDED, UNBOUNDED)
+        high.array[:] = np.clip(upper, -UNBOUNDED, UNBOUNDED)
+        x.array[:] = np.clip(0.0 if start is None else start / scale, low.array_r, high.array_r)
+        run = self._tao if options.solver in TAO_SOLVERS else self._snes
         try:
-            iterations, reason = run(self._operator, b, (low, high), x, options, self.assembled)
+            iterations, reason = run(options)
         except PETSc.Error as error:  # a singular matrix, for instance
             iterations, reason = 0, -error.ierr
-        gradient = b.duplicate()
-        self._operator.mult(x, gradient)
         # With the infinite bounds: what PETSc calls no bound is no place to come to rest.
-        above = np.maximum(x.array_r - upper, gradient.array_r - b.array_r)
-        gradient.array[:] = np.minimum(x.array_r - lower, above)
-        residual = gradient.norm(PETSc.NormType.INFINITY)
-        answer = x.array_r * scale
-        for vector in (b, low, high, x, gradient):
-            vector.destroy()
-        return BoundSolution(answer, residual, iterations, reason)
+        found = x.array_r.copy()
+        gradient = self._operator @ found - b.array_r
+        residual = _largest_miss(found, gradient, lower, upper, self._operator.comm)
+        return BoundSolution(found * scale, residual, iterations, reason)
 
-    def destroy(self) -> None:
-        """Free the scaled operator."""
-        self._operator.destroy()
-        self._unit.destroy()
+    def _tao(self, options: BoundQPOptions) -> tuple[int, int]:
+        """Iterations and reason of a TAO solver; x becomes its answer."""
+        right, low, high, x, _ = self._vectors
+        # The Newton type methods ("bn...") solve with their free variables directly: conjugate
+        # gradients lose the digits of nearly dependent joint points.
+        linear = {f"tao_bnk_{name}": value for name, value in self._factor.items()}
+        with Owner() as owner, _options(tao_bnk_ksp_rtol="1e-12", ksp_rtol="1e-12", **linear):
+            tao = owner.own(PETSc.TAO().create(self._given.comm))
+            tao.setOptionsPrefix(PREFIX)
+            if options.solver == "faces":
+                tao.createPython(_Faces(self._operator, right.array_r, self._factor), tao.comm)
+            else:
+                tao.setType(options.solver)
+            tao.setObjective(self._objective)
+            tao.setGradient(self._gradient, None)
+            tao.setHessian(self._renew, self._given, self._given)
+            tao.setVariableBounds((low, high))
+            tao.setMaximumIterations(options.max_iterations)
+            tao.setTolerances(gatol=0.1 * options.tolerance, grtol=0.0, gttol=0.0)
+            tao.setSolution(x)
+            tao.setFromOptions()
+            tao.solve()
+            return tao.getIterationNumber(), tao.getConvergedReason()
 
-    def _vector(self, values: Array) -> PETSc.Vec:
-        vector = self._unit.duplicate()
-        vector.array[:] = values
-        return vector
+    def _snes(self, options: BoundQPOptions) -> tuple[int, int]:
+        """Iterations and reason of a SNES solver; x becomes its answer."""
+        _, low, high, x, value = self._vectors
+        # The Newton step is often not one of descent at full length: of PETSc's line searches only
+        # "bt" stops the active set from cycling.
+        linear = {"snes_linesearch_type": "bt", "ksp_type": "preonly", **self._factor}
+        with Owner() as owner, _options(**linear):
+            snes = owner.own(PETSc.SNES().create(self._given.comm))
+            snes.setOptionsPrefix(PREFIX)
+            snes.setType(options.solver)
+            snes.setFunction(self._gradient, value)
+            snes.setJacobian(self._renew, self._given, self._given)
+            snes.setVariableBounds(low, high)
+            most, tolerance = options.max_iterations, 0.1 * options.tolerance
+            snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=most)
+            snes.setFromOptions()
+            snes.solve(None, x)
+            return snes.getIterationNumber(), snes.getConvergedReason()
 
+    def _objective(self, _solver: PETSc.TAO, at: PETSc.Vec) -> float:
+        """1/2 x.A x - b.x."""
+        x, b = at.array_r, self._vectors[0].array_r
+        total = float(x @ (0.5 * (self._operator @ x) - b))
+        return float(self._operator.comm.allreduce(total))
 
-class _Scaled:
-    """A in scaled units, for an operator that only multiplies."""
+    def _gradient(self, _solver: object, at: PETSc.Vec, gradient: PETSc.Vec) -> None:
+        """A x - b."""
+        self._operator.matrix.mult(at, gradient)
+        gradient.axpy(-1.0, self._vectors[0])
 
-    def __init__(self, operator: PETSc.Mat, unit: PETSc.Vec) -> None:
-        self._operator, self._unit = operator, unit
-        self._work = unit.duplicate()
-
-    def mult(self, _matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = D A D x."""
-        self._work.pointwiseMult(self._unit, x)
-        self._operator.mult(self._work, y)
-        y.pointwiseMult(self._unit, y)
-
-    def getDiagonal(self, _matrix: PETSc.Mat, y: PETSc.Vec) -> None:
-        """One."""
-        y.set(1.0)
-
-
-Bounds = tuple[PETSc.Vec, PETSc.Vec]
-
-
-def _tao(
-    operator: PETSc.Mat,
-    right: PETSc.Vec,
-    bounds: Bounds,
-    x: PETSc.Vec,
-    options: BoundQPOptions,
-    assembled: bool,
-) -> tuple[int, int]:
-    """Iterations and reason of a TAO solver; x becomes its answer."""
-
-    def objective_gradient(_tao: PETSc.TAO, at: PETSc.Vec, gradient: PETSc.Vec) -> float:
-        operator.mult(at, gradient)
-        value = 0.5 * at.dot(gradient) - at.dot(right)
-        gradient.axpy(-1.0, right)
-        return value
-
-    tao = PETSc.TAO().create(operator.comm)
-    tao.setOptionsPrefix(PREFIX)
-    tao.setType(options.solver)
-    tao.setObjectiveGradient(objective_gradient, None)
-    hessian = _given(operator, assembled)
-    tao.setHessian(_renewed(operator, assembled), hessian, hessian)
-    tao.setVariableBounds(bounds)
-    tao.setMaximumIterations(options.max_iterations)
-    tao.setTolerances(gatol=0.1 * options.tolerance, grtol=0.0, gttol=0.0)
-    tao.setSolution(x)
-    # The Newton type methods ("bn...") solve with their free variables directly where they can:
-    # conjugate gradients lose the digits of nearly dependent joint points.
-    linear = (
-        {"tao_bnk_pc_type": "lu", "tao_bnk_pc_factor_mat_solver_type": "mumps"}
-        if assembled
-        else {"tao_subset_type": "matrixfree", "tao_bnk_pc_type": "none", "pc_type": "none"}
-    )
-    linear |= {"tao_bnk_ksp_rtol": "1e-12", "ksp_rtol": "1e-12"}
-    with _Options(tao.setFromOptions, **linear):
-        tao.solve()
-    result = tao.getIterationNumber(), tao.getConvergedReason()
-    tao.destroy()
-    return result
+    def _renew(self, _solver: object, _at: PETSc.Vec, given: PETSc.Mat, _pre: PETSc.Mat) -> None:
+        """Make the matrix of the back end A again, for each step."""
+        self._operator.matrix.copy(given, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
 
 
-def _snes(
-    operator: PETSc.Mat,
-    right: PETSc.Vec,
-    bounds: Bounds,
-    x: PETSc.Vec,
-    options: BoundQPOptions,
-    assembled: bool,
-) -> tuple[int, int]:
-    """Iterations and reason of a SNES solver; x becomes its answer."""
+class _Faces:
+    """Minimisation face by face, as a type of TAO solver.
 
-    def function(_snes: PETSc.SNES, at: PETSc.Vec, value: PETSc.Vec) -> None:
-        operator.mult(at, value)
-        value.axpy(-1.0, right)
+    A projected gradient step chooses a face of the box. Newton steps with projected searches, which
+    may add bounds, find the minimum on it. Only then the next gradient step releases bounds
+    (J.J. More, G. Toraldo, SIAM J. Optim. 1 (1991) 93; here with a direct solver). Types that may
+    release bounds after every Newton step take many times as many where A is badly conditioned.
+    """
 
-    snes = PETSc.SNES().create(operator.comm)
-    snes.setOptionsPrefix(PREFIX)
-    snes.setType(options.solver)
-    value = right.duplicate()
-    snes.setFunction(function, value)
-    jacobian = _given(operator, assembled)
-    snes.setJacobian(_renewed(operator, assembled), jacobian, jacobian)
-    snes.setVariableBounds(*bounds)
-    snes.setTolerances(
-        rtol=0.0, atol=0.1 * options.tolerance, stol=0.0, max_it=options.max_iterations
-    )
-    # The Newton step is often not one of descent at full length: of PETSc's line searches only
-    # "bt" stops the active set from cycling.
-    linear = (
-        {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
-        if assembled
-        else {"ksp_type": "cg", "pc_type": "none", "ksp_rtol": "1e-12"}
-    )
-    with _Options(snes.setFromOptions, snes_linesearch_type="bt", **linear):
-        snes.solve(None, x)
-    result = snes.getIterationNumber(), snes.getConvergedReason()
-    snes.destroy()
-    value.destroy()
-    return result
+    def __init__(self, operator: SparseMap, right: Array, factor: dict[str, str]) -> None:
+        self._operator, self._right, self._factor = operator, right, factor
+
+    def solve(self, tao: PETSc.TAO) -> None:
+        """Minimise from TAO's solution, which becomes the answer."""
+        low, high = self._box = tuple(bound.array_r for bound in tao.getVariableBounds())
+        x, steps, most = tao.getSolution().array_r.copy(), 0, tao.getMaximumIterations()
+        reason = PETSc.TAO.Reason.DIVERGED_MAXITS
+        while steps < most:
+            gradient = self._operator @ x - self._right
+            miss = _largest_miss(x, gradient, low, high, self._operator.comm)
+            if not miss > tao.getTolerances()[0]:
+                reason = PETSc.TAO.Reason.CONVERGED_GATOL
+                break
+            free = ((x > low) | (gradient < 0.0)) & ((x < high) | (gradient > 0.0))
+            down = np.where(free, -gradient, 0.0)
+            length = self._dot(down, down) / self._dot(down, self._operator @ down)
+            x, _ = self._projected_search(x, gradient, length * down)
+            added = True
+            while added and steps < most:
+                gradient = self._operator @ x - self._right
+                x, added = self._projected_search(x, gradient, self._newton_step(x, gradient))
+                steps += 1
+        tao.getSolution().array[:] = x
+        tao.setIterationNumber(steps)
+        tao.setConvergedReason(reason)
+
+    def _projected_search(self, x: Array, gradient: Array, step: Array) -> tuple[Array, bool]:
+        """New x along a projected step, and whether it meets bounds that x does not."""
+        low, high = self._box
+        part = 1.0
+        while True:
+            new = np.clip(x + part * step, low, high)
+            change = new - x
+            slope = self._dot(gradient, change)
+            descent = slope + 0.5 * self._dot(change, self._operator @ change)
+            if not descent > DESCENT * slope or part < LEAST_STEP:
+                break
+            part *= SHORTER
+        met = (x > low) & (x < high) & ((new <= low) | (new >= high))
+        return new, bool(self._operator.comm.allreduce(bool(np.any(met)), MPI.LOR))
+
+    def _newton_step(self, x: Array, gradient: Array) -> Array:
+        """Step to the minimum on the face of x, with no regard to the other bounds."""
+        low, high = self._box
+        matrix = self._operator.matrix
+        inside = np.flatnonzero((x > low) & (x < high))
+        step = np.zeros_like(x)
+        with Owner() as owner:
+            rows = (self._operator.first_row + inside).astype(PETSc.IntType)
+            face = owner.own(PETSc.IS().createGeneral(rows, comm=matrix.comm))
+            if face.getSize() == 0:
+                return step
+            block = owner.own(matrix.createSubMatrix(face, face))
+            right, solution = (owner.own(vector) for vector in block.createVecs())
+            right.array[:] = -gradient[inside]
+            solver = owner.own(PETSc.KSP().create(matrix.comm))
+            solver.setOptionsPrefix(PREFIX)
+            solver.setOperators(block)
+            with _options(ksp_type="preonly", **self._factor):
+                solver.setFromOptions()
+            solver.solve(right, solution)
+            if solver.getConvergedReason() > 0:  # or else there is no minimum
+                step[inside] = solution.array_r
+        return step
+
+    def _dot(self, a: Array, b: Array) -> float:
+        return float(self._operator.comm.allreduce(float(a @ b)))
 
 
-def _given(operator: PETSc.Mat, assembled: bool) -> PETSc.Mat:
-    """The matrix that a back end may write into: some scale it, or shift its diagonal."""
-    return operator.copy() if assembled else operator
+def _largest_miss(x: Array, gradient: Array, lower: Array, upper: Array, comm: MPI.Comm) -> float:
+    """Residual max |min(x - lower, max(x - upper, gradient))|; nan where any entry is."""
+    miss = np.abs(np.minimum(x - lower, np.maximum(x - upper, gradient)))
+    # MPI.MAX may drop a nan that one rank holds.
+    return float(np.max(comm.allgather(float(np.max(miss, initial=0.0)))))
 
 
-def _renewed(operator: PETSc.Mat, assembled: bool) -> Callable[..., None]:
-    """The callback that makes it the operator again, for each step."""
-
-    def renew(_solver: object, _at: PETSc.Vec, given: PETSc.Mat, _preconditioner: object) -> None:
-        if assembled:
-            operator.copy(given, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-
-    return renew
-
-
-class _Options:
+@contextmanager
+def _options(**values: str) -> Iterator[None]:
     """PETSc options under this module's prefix, removed from PETSc's global table on leaving."""
-
-    def __init__(self, read: Callable[[], None], **values: str) -> None:
-        self._table = PETSc.Options(PREFIX)
-        self._read = read
-        self._values = values
-
-    def __enter__(self) -> None:
-        for name, value in self._values.items():
-            self._table.setValue(name, value)
-        self._read()
-
-    def __exit__(self, *_: object) -> None:
-        for name in self._values:
-            self._table.delValue(name)
+    table = PETSc.Options(PREFIX)
+    for name, value in values.items():
+        table.setValue(name, value)
+    try:
+        yield
+    finally:
+        for name in values:
+            table.delValue(name)

@@ -1,4 +1,4 @@
-"""Elastic blocks as their joints see them, for solvers whose unknowns are the joint forces.
+"""Delassus operator: elastic blocks as their joints see them, with joint forces as unknowns.
 
 Nothing but contact holds a block that stands on others, so that its displacements are held near
 those of the step before, u', by a small stiffness rho:
@@ -12,257 +12,255 @@ load is f_L.u = A_lr r + A_ll lambda + ..., together A x - b with x = (r_N, r_T,
 
 symmetric positive semi-definite; w_0 is the origin of slip. The joint laws are bounds on x, so that
 the states under work control, f_L.u = T, are the solutions of a bound-constrained quadratic program
-(`bound_qp`); at the solution u = u' the small stiffness has no part. A block of A couples joint
-points of one body only: A is sparse, and all bodies are solved for at once, one joint point of each
-at a time.
+(`bound_qp`); at the solution u = u' the small stiffness has no part. Where several blocks meet
+forces are not unique; a small multiple of A's diagonal D holds them near those of the step before,
+x': A + D in place of A, b + D x' in place of b.
+
+A block of A couples joint points of one body only: A is sparse, and all bodies are solved for at
+once, one joint point of each at a time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.discretization.joints import GROUND, JointOperators, sparse_rows
-from fenics_contact.solvers.problem import ContactProblem
+from fenics_contact.solvers.bound_qp import BoundQP, Owner
+from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap
 
-Array = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.integer]
+Entries = Iterator[tuple[Integers, Integers, Array]]
 
 
 @dataclass(frozen=True)
-class Slots:
-    """The joint points of every body, in a row; the same on all ranks.
+class JointPoints:
+    """Joint points of this rank's rows of B_N and B_T.
 
     Attributes:
-        body: Bodies of both sides of every joint point, -1 for ground, shape (points, 2).
-        slot: Places of the joint point among those of either body, shape (points, 2).
-        table: Joint point in every place of every body, -1: none, shape (bodies, places).
+        sides: Bodies of the first and second side, -1: rigid ground, shape (rows, 2).
+        dofs: Global displacements, those of the first side first, -1: none, shape (rows, 4).
+        normal: Coefficients of B_N on those, shape (rows, 4).
+        tangential: Coefficients of B_T, likewise.
     """
 
-    body: npt.NDArray[np.int64]
-    slot: npt.NDArray[np.int64]
-    table: npt.NDArray[np.int64]
-
-    @classmethod
-    def of(cls, body: npt.NDArray[np.int32]) -> Slots:
-        """Slots from the bodies of both sides of all joint points."""
-        flat = np.asarray(body, dtype=np.int64).ravel()
-        order = np.argsort(flat, kind="stable")
-        owner = flat[order]
-        place = np.arange(len(flat)) - np.searchsorted(owner, owner)
-        slot = np.empty_like(flat)
-        slot[order] = place
-        held = owner != GROUND
-        count = int(owner.max(initial=-1)) + 1, int(place[held].max(initial=-1)) + 1
-        table = np.full(count, -1)
-        table[owner[held], place[held]] = order[held] // 2
-        slot[flat == GROUND] = -1
-        return cls(flat.reshape(-1, 2), slot.reshape(-1, 2), table)
+    sides: Integers
+    dofs: Integers
+    normal: Array
+    tangential: Array
 
 
-class JointOperator:
-    """A and what goes with it, for one rho.
+class DelassusOperator:
+    """A + D for one rho, its programs, and displacements of joint forces; to use in a `with`.
 
     Attributes:
-        matrix: A; every rank's rows are r_N of its points, r_T of its points, and on the last rank
-            lambda.
+        matrix: A + D; every rank's rows are r_N of its points, r_T of its points, and on the last
+            rank lambda.
+        hold: D, this rank's part.
         points: Number of this rank's joint points.
-        factorizations: Of K_rho: one.
     """
 
-    def __init__(self, problem: ContactProblem, joints: JointOperators, rho: float) -> None:
+    def __init__(
+        self, problem: ContactProblem, points: JointPoints, rho: float, force_hold: float = 0.0
+    ) -> None:
         """Factor K_rho and compute A.
 
         Args:
             problem: Stiffness, loads and joints.
-            joints: The joint rows, with the bodies they belong to.
+            points: Where the joints are.
             rho: N/m per metre of thickness.
+            force_hold: D in units of A's diagonal.
         """
-        self.problem = problem
-        self.rho = rho
         self.points = len(problem.friction)
-        self._solver = _factored(problem.stiffness, rho)
-        comm = problem.comm
-        self.has_factor = comm.rank == comm.size - 1
-        self._joint = problem.normal.createVecLeft(), problem.tangential.createVecLeft()
-        self._work = problem.dead.duplicate()
-        self._live_response = problem.dead.duplicate()
-        self._solver.solve(problem.live, self._live_response)
-        self.matrix = self._assemble(joints)
-        self.factorizations = 1
+        self._problem, self._rho = problem, rho
+        self._last = problem.comm.rank == problem.comm.size - 1
+        self._programs: dict[tuple[tuple[int, ...], bool], tuple[Integers, BoundQP]] = {}
+        with Owner() as owner:
+            self._solver = _factored(problem.stiffness.matrix, rho, owner)
+            self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
+            self.matrix = SparseMap(self._assembled(points, force_hold))
+            owner.callback(self.matrix.close)
+            self.hold = force_hold / (1.0 + force_hold) * self.matrix.diagonal()
+            self._owner = owner.pop_all()
 
-    def right(self, near: PETSc.Vec, work: float) -> tuple[PETSc.Vec, PETSc.Vec]:
-        """b, and the displacements u_0.
+    def __enter__(self) -> DelassusOperator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._owner.close()
+
+    def right(self, near: Array, held: Array, work: float) -> tuple[Array, Array]:
+        """Right-hand side b + D x', and displacements u_0 without joint forces and live load.
 
         Args:
-            near: u'.
-            work: T.
+            near: u', m, shape (this rank's displacements,).
+            held: x', this rank's part.
+            work: T, N m per metre of thickness.
         """
-        right, free = self.matrix.createVecLeft(), near.duplicate()
-        near.copy(self._work)
-        self._work.scale(self.rho)
-        self._work.axpy(1.0, self.problem.dead)
-        self._solver.solve(self._work, free)
-        self._to_joints(free, right.array)
-        right.array[:] *= -1.0
-        right.array[self.points : 2 * self.points] += self.problem.slip_origin
-        rest = work - self.problem.live.dot(free)
-        if self.has_factor:
-            right.array[-1] = rest
-        return right, free
+        problem = self._problem
+        free = self._response(problem.dead + self._rho * near)
+        right = self.join(
+            -(problem.normal @ free),
+            problem.slip_origin - problem.tangential @ free,
+            work - problem.dot(problem.live, free),
+        )
+        return right + self.hold * held, free
 
-    def displacement(self, x: PETSc.Vec, free: PETSc.Vec) -> PETSc.Vec:
-        """U of joint forces and load factor.
+    def displacement(self, x: Array, free: Array) -> Array:
+        """Displacements u of joint forces and load factor.
 
         Args:
             x: Joint forces and load factor.
             free: u_0.
         """
         pressure, shear, load_factor = self.split(x)
-        self._work.zeroEntries()
-        self._work.axpy(load_factor, self.problem.live)
-        for matrix, joint, force in zip(
-            (self.problem.normal, self.problem.tangential), self._joint, (pressure, shear),
-            strict=True,
-        ):  # fmt: skip
-            joint.array[:] = force
-            matrix.multTransposeAdd(joint, self._work, self._work)
-        u = free.duplicate()
-        self._solver.solve(self._work, u)
-        u.axpy(1.0, free)
-        return u
+        problem = self._problem
+        forces = problem.joint_forces(pressure, shear) + load_factor * problem.live
+        return free + self._response(forces)
 
-    def join(self, pressure: Array, shear: Array, load_factor: float) -> PETSc.Vec:
-        """X of its parts."""
-        x = self.matrix.createVecLeft()
-        x.array = np.concatenate([pressure, shear, [load_factor] * self.has_factor])
-        return x
+    def join(self, pressure: Array, shear: Array, load_factor: float) -> Array:
+        """Unknowns x of their parts, this rank's."""
+        return np.concatenate([pressure, shear, [load_factor] * self._last])
 
-    def split(self, x: PETSc.Vec) -> tuple[Array, Array, float]:
+    def split(self, x: Array) -> tuple[Array, Array, float]:
         """Normal and shear forces at this rank's points, and the load factor."""
-        pressure, shear, rest = np.split(x.array_r.copy(), [self.points, 2 * self.points])
-        factor = float(rest[0]) if self.has_factor else 0.0
-        comm = self.problem.comm
+        pressure, shear, rest = np.split(x, [self.points, 2 * self.points])
+        factor = float(rest[0]) if self._last else 0.0
+        comm = self._problem.comm
         return pressure, shear, comm.bcast(factor, root=comm.size - 1)
 
-    def block(self, normal: bool, tangential: bool, load_factor: bool = True) -> PETSc.IS:
-        """Rows of some of the unknowns."""
-        start, end = self.matrix.getOwnershipRange()
-        parts = (normal, tangential)
-        rows = [start + k * self.points + np.arange(self.points) for k in (0, 1) if parts[k]]
-        if self.has_factor and load_factor:
-            rows.append(np.array([end - 1]))
-        indices = np.concatenate([*rows, []]).astype(PETSc.IntType)
-        return PETSc.IS().createGeneral(indices, comm=self.matrix.comm)
+    def program(self, kinds: tuple[int, ...], free: bool) -> tuple[Integers, BoundQP]:
+        """This rank's rows, and bound-constrained program, of some of the unknowns.
 
-    def destroy(self) -> None:
-        """Free matrix and factor."""
-        self._solver.destroy()
-        self.matrix.destroy()
-        for vector in (*self._joint, self._work, self._live_response):
-            vector.destroy()
+        Args:
+            kinds: Of joint forces: 0 normal, 1 tangential.
+            free: Whether the load factor is among the unknowns.
+        """
+        if (kinds, free) not in self._programs:
+            factor = np.arange(2 * self.points, len(self.hold) if free else 2 * self.points)
+            parts = [k * self.points + np.arange(self.points) for k in kinds]
+            rows = np.concatenate([*parts, factor])
+            with Owner() as owner:
+                chosen, comm = self.matrix.first_row + rows, self.matrix.matrix.comm
+                places = owner.own(PETSc.IS().createGeneral(chosen.astype(PETSc.IntType), comm))
+                block = owner.own(self.matrix.matrix.createSubMatrix(places, places))
+                self._programs[kinds, free] = rows, self._owner.enter_context(BoundQP(block))
+        return self._programs[kinds, free]
 
-    def _to_joints(self, u: PETSc.Vec, values: Array) -> None:
-        """Put B_N u and B_T u into the first entries of an array."""
-        for k, matrix in enumerate((self.problem.normal, self.problem.tangential)):
-            matrix.mult(u, self._joint[k])
-            values[k * self.points : (k + 1) * self.points] = self._joint[k].array_r
+    def _response(self, forces: Array) -> Array:
+        """K_rho^-1 f, this rank's part."""
+        right, solution = self._vectors
+        right.array[:] = forces
+        self._solver.solve(right, solution)
+        return solution.array_r.copy()
 
-    def _assemble(self, joints: JointOperators) -> PETSc.Mat:
-        """A, one unit joint force per body and solve."""
+    def _assembled(self, points: JointPoints, force_hold: float) -> PETSc.Mat:
+        """A + D from the entries of A."""
         from scipy.sparse import coo_matrix
 
-        comm, points = self.problem.comm, self.points
-        size = 2 * points + self.has_factor
-        start = sum(comm.allgather(size)[: comm.rank])
-        # Row of r_N of every joint point; that of r_T is `shift` further.
-        parts = comm.allgather((joints.points, joints.sides, start))
-        row, shift = np.empty((2, sum(len(part[0]) for part in parts)), dtype=np.int64)
-        bodies = np.empty((len(row), 2), dtype=np.int32)
-        for rank_points, sides_of_points, first in parts:
-            bodies[rank_points] = sides_of_points
-            row[rank_points] = first + np.arange(len(rank_points))
-            shift[rank_points] = len(rank_points)
-        slots = Slots.of(bodies)
-        sides = [_side(joints, side, self.problem.stiffness) for side in (0, 1)]
-        response = self.problem.dead.duplicate()
-        rows, columns, values = [], [], []
-        body = slots.body[joints.points]
-        unit = [side.createVecLeft() for side in sides]
-        for slot in range(slots.table.shape[1]):
-            mine = slots.slot[joints.points] == slot
-            # The joint point in this slot of the body on either side of every row.
-            other = np.where(body >= 0, slots.table[body, slot], -1)
-            for direction in (0, 1):
-                self._work.zeroEntries()
-                for side, matrix in enumerate(sides):
-                    unit[side].array[:] = 0.0
-                    unit[side].array[direction * points :][:points] = mine[:, side]
-                    matrix.multTransposeAdd(unit[side], self._work, self._work)
-                self._solver.solve(self._work, response)
-                for side, matrix in enumerate(sides):
-                    matrix.mult(response, unit[side])
-                    at = np.flatnonzero(other[:, side] >= 0)
-                    column = row[other[at, side]] + direction * shift[other[at, side]]
-                    for k in (0, 1):
-                        rows.append(start + k * points + at)
-                        columns.append(column)
-                        values.append(unit[side].array_r[k * points + at])
-        border = np.empty(2 * points)
-        self._to_joints(self._live_response, border)
-        flexibility = self.problem.live.dot(self._live_response)
-        total = comm.allreduce(size)
-        rows.append(start + np.arange(2 * points))
-        columns.append(np.full(2 * points, total - 1))
-        values.append(border)
-        borders = comm.gather((start, border), root=comm.size - 1)
-        for first, part in borders or ():
-            rows.append(np.full(len(part), total - 1))
-            columns.append(first + np.arange(len(part)))
-            values.append(part)
-        if self.has_factor:
-            rows.append(np.array([total - 1]))
-            columns.append(np.array([total - 1]))
-            values.append(np.array([flexibility]))
-        table = coo_matrix(
-            (np.concatenate(values), (np.concatenate(rows) - start, np.concatenate(columns))),
-            (size, total),
-        ).tocsr()
-        matrix = PETSc.Mat().createAIJ(
-            ((size, PETSc.DETERMINE), (size, PETSc.DETERMINE)),
-            csr=(
-                table.indptr.astype(PETSc.IntType),
-                table.indices.astype(PETSc.IntType),
-                table.data,
-            ),
-            comm=self.problem.stiffness.comm,
-        )
+        comm, size = self._problem.comm, 2 * self.points + self._last
+        sizes = comm.allgather(size)
+        start, total = sum(sizes[: comm.rank]), sum(sizes)
+        entries = [*self._flexibility(points, start), *self._border(start, total)]
+        rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
+        values = np.where(rows == columns, 1.0 + force_hold, 1.0) * values
+        table = coo_matrix((values, (rows - start, columns)), (size, total)).tocsr()
+        csr = table.indptr.astype(PETSc.IntType), table.indices.astype(PETSc.IntType), table.data
+        matrix = PETSc.Mat().createAIJ(((size, total), (size, total)), csr=csr, comm=comm)
         matrix.assemble()
-        for item in (*sides, *unit, response):
-            item.destroy()
         return matrix
 
+    def _flexibility(self, points: JointPoints, start: int) -> Entries:
+        """Rows, columns and values of A_rr, from unit forces at one point of every body at once."""
+        count = self.points
+        # Row of r_N of the points of all ranks; that of r_T is `shift` further.
+        parts = self._problem.comm.allgather((points.sides, start))
+        row = np.concatenate([first + np.arange(len(sides)) for sides, first in parts])
+        shift = np.concatenate([np.full(len(sides), len(sides)) for sides, _ in parts])
+        places, table = _places(np.concatenate([sides for sides, _ in parts]))
+        place = places[np.searchsorted(row, start) :][:count]
+        with Owner() as owner:
+            stiffness, force = self._problem.stiffness.matrix, self._vectors[0]
+            sides = [owner.own(_one_side(points, side, stiffness)) for side in (0, 1)]
+            unit = owner.own(sides[0].createVecLeft())
+            for slot, direction in np.ndindex(table.shape[1], 2):
+                force.zeroEntries()
+                for side, matrix in enumerate(sides):
+                    unit.array[:] = 0.0
+                    unit.array[direction * count :][:count] = place[:, side] == slot
+                    matrix.multTransposeAdd(unit, force, force)
+                self._solver.solve(force, self._vectors[1])
+                for side, matrix in enumerate(sides):
+                    matrix.mult(self._vectors[1], unit)
+                    # The point with this place on the body at that side of every row.
+                    body = points.sides[:, side]
+                    other = np.where(body >= 0, table[body, slot], -1)
+                    at = np.flatnonzero(other >= 0)
+                    column = row[other[at]] + direction * shift[other[at]]
+                    for k in (0, count):
+                        yield start + k + at, column, unit.array_r[k + at]
 
-def _factored(stiffness: PETSc.Mat, rho: float) -> PETSc.KSP:
-    matrix = stiffness.copy()
-    matrix.shift(rho)
-    matrix.setOption(PETSc.Mat.Option.SPD, True)
-    solver = PETSc.KSP().create(matrix.comm)
-    solver.setType(PETSc.KSP.Type.PREONLY)
-    solver.getPC().setType(PETSc.PC.Type.CHOLESKY)
-    solver.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-    solver.setOperators(matrix)
-    solver.getPC().setUp()
-    matrix.destroy()
-    return solver
+    def _border(self, start: int, total: int) -> Entries:
+        """Rows, columns and values of A_rl, A_lr and A_ll; lambda is the last of all unknowns."""
+        problem = self._problem
+        response = self._response(problem.live)
+        joints = np.concatenate([problem.normal @ response, problem.tangential @ response])
+        here = start + np.arange(len(joints))
+        yield here, np.full(len(joints), total - 1), joints
+        flexibility = problem.dot(problem.live, response)
+        for rows, values in problem.comm.gather((here, joints), problem.comm.size - 1) or ():
+            yield np.full(len(rows), total - 1), rows, values
+        if self._last:
+            yield np.array([total - 1]), np.array([total - 1]), np.array([flexibility])
 
 
-def _side(joints: JointOperators, side: int, stiffness: PETSc.Mat) -> PETSc.Mat:
+def _places(sides: Integers) -> tuple[Integers, Integers]:
+    """Place of every point among those of either body, and the point in every place of every body.
+
+    Args:
+        sides: Bodies of all points, -1: rigid ground, shape (points, 2).
+
+    Returns:
+        Shapes (points, 2) and (bodies, places), -1: none.
+    """
+    flat = sides.astype(np.int64).ravel()
+    held = np.flatnonzero(flat >= 0)
+    held = held[np.argsort(flat[held], kind="stable")]
+    body = flat[held]
+    place = np.full(len(flat), -1)
+    place[held] = np.arange(len(held)) - np.searchsorted(body, body)
+    table = np.full((body.max(initial=-1) + 1, place.max(initial=-1) + 1), -1)
+    table[body, place[held]] = held // 2
+    return place.reshape(-1, 2), table
+
+
+def _factored(stiffness: PETSc.Mat, rho: float, owner: Owner) -> PETSc.KSP:
+    """Solver with K + rho I."""
+    with Owner() as local:
+        matrix = local.own(stiffness.copy())
+        matrix.shift(rho)
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        solver = owner.own(PETSc.KSP().create(matrix.comm))
+        solver.setType(PETSc.KSP.Type.PREONLY)
+        solver.getPC().setType(PETSc.PC.Type.CHOLESKY)
+        solver.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+        solver.setOperators(matrix)
+        solver.getPC().setUp()
+        return solver
+
+
+def _one_side(points: JointPoints, side: int, stiffness: PETSc.Mat) -> PETSc.Mat:
     """The part of (B_N, B_T) that belongs to one side of the joints."""
     columns = slice(2 * side, 2 * side + 2)
-    dofs = np.tile(joints.dofs[:, columns], (2, 1))
-    rows = np.concatenate([joints.normal_rows[:, columns], joints.tangential_rows[:, columns]])
-    return sparse_rows(stiffness, dofs, rows)
+    dofs = np.tile(points.dofs[:, columns], (2, 1))
+    rows = np.concatenate([points.normal[:, columns], points.tangential[:, columns]])
+    kept = dofs >= 0
+    indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
+    csr = indptr, dofs[kept].astype(PETSc.IntType), rows[kept]
+    sizes = (len(rows), PETSc.DETERMINE), stiffness.getSizes()[1]
+    matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=stiffness.comm)
+    matrix.assemble()
+    return matrix

@@ -1,120 +1,149 @@
-"""States with given friction by joint forces, against the interior point method."""
+"""States with given friction by joint forces: load factors known from statics, and residuals."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from fenics_contact import SolverError
-from fenics_contact.solvers.interior_point import WorkControl
+from fenics_contact import Scene, SolverError
+from fenics_contact.analysis.certificate import state_residuals
+from fenics_contact.discretization.discretization import Discretization, typical_sizes
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.solvers.splitting import ACCEPTABLE, JointForces
-from tests.helpers import Loaded, on_ground, tresca, whole
+from fenics_contact.solvers.delassus import JointPoints
+from fenics_contact.solvers.joint_stiffness import SYMMETRIC
+from fenics_contact.solvers.problem import ContactProblem, Scales, State
+from fenics_contact.solvers.splitting import (
+    JointForceOptions,
+    JointForceSolver,
+    alternately,
+    at_once,
+)
+from tests.helpers import on_ground, tresca
 
-RATIO = 30.0
+WAYS = (alternately, at_once)
 
-#: Which steps are taken: sweeps, joint steps.
-WAYS = [(True, True), (True, False), (False, True)]
+
+@dataclass(frozen=True)
+class Loaded:
+    """A structure, its joint points, and the bonded state at many times the bonded work."""
+
+    problem: ContactProblem
+    points: JointPoints
+    start: State
+    scales: Scales
+
+    def solver(self, minimise=alternately, **options) -> JointForceSolver:
+        options = JointForceOptions(**options)
+        return JointForceSolver(self.problem, self.points, state_residuals, minimise, options)
+
+
+def loaded(scene: Scene, ratio: float = 100.0) -> Iterator[Loaded]:
+    with Discretization(scene) as structure:
+        problem, bonded, rows = structure.problem, structure.bonded(SYMMETRIC), structure.operators
+        points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
+        scales = typical_sizes(problem, bonded)
+        u = ratio * scales.load_factor * bonded.live
+        none = np.zeros_like(bonded.dead_pressure)
+        start = problem.state(u, 0.0, bonded.dead_pressure, none)
+        size = start.work / problem.sum(np.abs(problem.live))
+        yield Loaded(problem, points, start, replace(scales, displacement=size))
 
 
 @pytest.fixture(scope="module")
-def block() -> Loaded:
+def block() -> Iterator[Loaded]:
     """A block that slides before it tips."""
-    return Loaded.of(on_ground(wall([[1]], (0.4, 0.4), 2), tresca(2e3)))
+    yield from loaded(on_ground(wall([[1]], (0.4, 0.4), 2), tresca(2e3)))
 
 
 @pytest.fixture(scope="module")
-def bond() -> Loaded:
-    """A small wall in running bond on rigid ground."""
-    return Loaded.of(on_ground(running_bond(2, 3, elements=1), tresca(1e3)))
+def bond() -> Iterator[Loaded]:
+    """A small wall in running bond."""
+    yield from loaded(on_ground(running_bond(2, 3, elements=1), tresca(1e3)))
 
 
-def joint_forces(loaded: Loaded, sweeps: bool = True, joint_steps: bool = True) -> JointForces:
-    structure = loaded.structure
-    return JointForces(
-        structure.problem, structure.operators, structure.springs, sweeps, joint_steps
-    )
-
-
-@pytest.mark.parametrize(("sweeps", "joint_steps"), WAYS)
-def test_sliding_block(block, sweeps, joint_steps):
-    problem = block.structure.problem
-    start, scales = block.start(RATIO)
-    method = joint_forces(block, sweeps, joint_steps)
-    point = method.solve(problem.strength, start.work, start, scales)
-    # Strength times length over weight.
+@pytest.mark.mpi
+@pytest.mark.parametrize("minimise", WAYS)
+@pytest.mark.parametrize("back_end", ["faces", "vinewtonrsls"])
+def test_sliding_block(block, minimise, back_end):
+    problem = block.problem
+    with block.solver(minimise, solver=back_end) as solver:
+        state, residuals = solver.solve(
+            problem.strength, block.start.work, block.start, block.scales, 1e-9
+        )
+        history = solver.history
     weight = 0.4 * 0.4 * 2000.0 * 9.81
-    assert point.state.load_factor == pytest.approx(2e3 * 0.4 / weight, rel=1e-7)
-    assert max(point.residuals.values()) <= ACCEPTABLE
-    assert (method.history.sweeps > 0) == sweeps
-    assert method.history.joint_steps == 0 or joint_steps
-    assert method.history.steps > 0
-    method.destroy()
+    assert state.load_factor == pytest.approx(2e3 * 0.4 / weight, rel=1e-7)
+    assert max(residuals.values()) <= 1e-9
+    assert (history.sweeps > 0) == (minimise is alternately)
+    assert history.joint_steps == history.steps or minimise is alternately
 
 
-@pytest.mark.parametrize(("sweeps", "joint_steps"), [(True, True), (False, True)])
-def test_wall_like_the_interior_point_method(bond, sweeps, joint_steps):
-    structure = bond.structure
-    start, scales = bond.start(RATIO)
-    control = WorkControl(structure.problem, structure.springs)
-    exact = control.solve(structure.problem.strength, start.work, start, scales).state
-    method = joint_forces(bond, sweeps, joint_steps)
-    found = method.solve(structure.problem.strength, start.work, start, scales).state
-    assert found.load_factor == pytest.approx(exact.load_factor, rel=1e-7)
-    size = np.abs(whole(exact.displacement)).max()
-    assert whole(found.displacement) == pytest.approx(whole(exact.displacement), abs=1e-5 * size)
-    assert found.work == start.work
-    method.destroy()
+@pytest.mark.mpi
+@pytest.mark.parametrize("minimise", WAYS)
+def test_residuals_are_those_of_the_state(bond, minimise):
+    problem, bound = bond.problem, bond.problem.strength
+    with bond.solver(minimise) as solver:
+        state, residuals = solver.solve(bound, bond.start.work, bond.start, bond.scales, 1e-9)
+    assert residuals == state_residuals(problem, state, bond.scales, bound)
+    assert max(residuals.values()) <= 1e-9
+    assert state.work == bond.start.work
+    assert problem.dot(problem.live, state.displacement) == pytest.approx(state.work, rel=1e-9)
 
 
-def test_load_factor_can_be_prescribed(bond):
-    structure = bond.structure
-    start, scales = bond.start(1.0)
-    factor = 0.3 * structure.problem.max(structure.problem.strength) / scales.force
-    control = WorkControl(structure.problem, structure.springs)
-    exact = control.solve(structure.problem.strength, 0.0, start, scales, load_factor=factor).state
-    method = joint_forces(bond)
-    found = method.solve(structure.problem.strength, 0.0, start, scales, load_factor=factor).state
-    assert found.load_factor == exact.load_factor == factor
-    assert found.work == pytest.approx(exact.work, rel=1e-5)
-    method.destroy()
+@pytest.mark.mpi
+@pytest.mark.parametrize("minimise", WAYS)
+def test_load_factor_can_be_prescribed(bond, minimise):
+    """A state at the load factor does work; at the work done, that is its load factor."""
+    bound, scales = bond.problem.strength, replace(bond.scales, displacement=bond.scales.elastic)
+    start = bond.problem.state(
+        0.01 * bond.start.displacement, 0.0, bond.start.pressure, bond.start.shear
+    )
+    with bond.solver(minimise) as solver:
+        state, residuals = solver.solve(bound, 0.0, start, scales, 1e-10, load_factor=0.02)
+        assert state.load_factor == 0.02
+        assert max(residuals.values()) <= 1e-8
+        again, _ = solver.solve(bound, state.work, start, scales, 1e-10)
+    assert again.load_factor == pytest.approx(0.02, rel=1e-5)
 
 
+@pytest.mark.mpi
 def test_slip_is_measured_from_its_origin(bond):
-    """Forces and load factor depend on the slip since the origin alone."""
-    structure = bond.structure
-    start, scales = bond.start(RATIO)
-    moved = replace(structure.problem, slip_origin=np.full_like(structure.problem.strength, 1e-9))
-    control = WorkControl(moved, structure.springs)
-    exact = control.solve(moved.strength, start.work, start, scales).state
-    method = JointForces(moved, structure.operators, structure.springs)
-    found = method.solve(moved.strength, start.work, start, scales).state
-    assert found.load_factor == pytest.approx(exact.load_factor, rel=1e-7)
-    method.destroy()
+    """Residuals with the origin are small."""
+    moved = replace(bond.problem, slip_origin=np.full_like(bond.problem.strength, 1e-6))
+    with JointForceSolver(moved, bond.points, state_residuals) as solver:
+        ask = moved.strength, bond.start.work, bond.start, bond.scales, 1e-9
+        state, residuals = solver.solve(*ask)
+    assert max(residuals.values()) <= 1e-9
+    assert state_residuals(moved, state, bond.scales, moved.strength) == residuals
 
 
-def test_warm_start_takes_few_steps(bond):
-    structure = bond.structure
-    start, scales = bond.start(RATIO)
-    method = joint_forces(bond)
-    state = method.solve(structure.problem.strength, start.work, start, scales).state
-    before = method.history.steps
-    again = method.solve(structure.problem.strength, start.work, state, scales, centring=1e-8)
-    assert again.state.load_factor == pytest.approx(state.load_factor, rel=1e-8)
-    assert method.history.steps - before <= 5
-    method.destroy()
+@pytest.mark.mpi
+@pytest.mark.parametrize("minimise", WAYS)
+def test_warm_start_takes_few_steps(bond, minimise):
+    with bond.solver(minimise) as solver:
+        ask = bond.problem.strength, bond.start.work
+        state, _ = solver.solve(*ask, bond.start, bond.scales, 1e-9)
+        before, factors = solver.history.steps, solver.factorizations
+        again, _ = solver.solve(*ask, state, bond.scales, 1e-9)
+        assert solver.history.steps - before <= 2
+        assert solver.factorizations == factors
+    assert again.load_factor == pytest.approx(state.load_factor, rel=1e-8)
 
 
-def test_bound_must_be_given(bond):
-    start, scales = bond.start(RATIO)
-    with pytest.raises(SolverError, match="needs a given bound"):
-        joint_forces(bond).solve(None, start.work, start, scales)
+@pytest.mark.mpi
+def test_failure_says_how_far_it_came(bond):
+    with bond.solver(patience=1, slow_step=np.inf, hold=1e4, acceptable=0.0) as solver:
+        ask = bond.problem.strength, bond.start.work, bond.start, bond.scales, 1e-12
+        with pytest.raises(SolverError, match=r"residual .* after \d+ steps, asked 1.0e-12"):
+            solver.solve(*ask)
 
 
-def test_contraction_is_the_mean_of_the_sweeps(bond):
-    history = joint_forces(bond).history
-    assert history.contraction is None
-    history.contractions += [0.25, 1.0]
-    assert history.contraction == pytest.approx(0.5)
+@pytest.mark.mpi
+def test_contraction_of_sweeps(bond):
+    with bond.solver(alternately, slow_sweep=0.9) as solver:
+        assert solver.history.contraction is None
+        solver.solve(bond.problem.strength, bond.start.work, bond.start, bond.scales, 1e-9)
+        assert 0.0 < solver.history.contraction < 0.9
