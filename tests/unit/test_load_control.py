@@ -15,7 +15,6 @@ from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_
 from fenics_contact.analysis.result import CapacityPoint, Collapse
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
 from fenics_contact.analysis.work_control import find_collapse
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import State
 from tests.bank import BANK, GRAVITY, STONE, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import load_case
@@ -96,7 +95,7 @@ def made_up(limit: Callable[[float, float], bool], asked: list[float]) -> Strate
         u = bonded.dead + load_factor * bonded.live
         return task.case.problem.state(u, load_factor, bonded.dead_pressure, none)
 
-    return Strategy(COULOMB["auto"].attempts, GENERAL, equilibrium)
+    return replace(COULOMB["auto"], equilibrium=equilibrium)
 
 
 @pytest.mark.parametrize("limit", [0.01, 0.2, 0.299])
@@ -156,7 +155,7 @@ def test_load_without_an_upper_bound_is_not_followed_for_ever():
     """A wedge that locks, by states that are made up."""
     with load_case(BANK["wedge 0.8"].scene(elements=1)) as case:
         asked: list[float] = []
-        strategy = replace(made_up(lambda factor, _: True, asked), attempts=())
+        strategy = replace(made_up(lambda factor, _: True, asked), attempts=(), further=None)
         found = raised(case, strategy)
         largest = OPTIONS.largest * case.scales.load_factor
     assert found.path.upper == np.inf
