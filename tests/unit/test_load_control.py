@@ -1,0 +1,193 @@
+"""Load factors raised step by step, and the capacity curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import SolveOptions, SolverError
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_load
+from fenics_contact.analysis.result import CapacityPoint, Collapse
+from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
+from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.solvers.problem import State
+from tests.bank import BANK, GRAVITY, STONE, block_recipe, coulomb, tresca, wall_recipe
+from tests.unit.core import load_case
+
+WEIGHT = STONE.density * GRAVITY * 0.4 * 1.0
+
+
+@pytest.fixture(scope="module")
+def block() -> Iterator[LoadCase]:
+    with load_case(block_recipe(0.4, 1.0, 0.3).scene(1)) as made:
+        yield made
+
+
+def raised(case: LoadCase, strategy: Strategy | None = None, **options: object) -> Collapse:
+    asked = SolveOptions(control="load", **options)
+    return raise_load(case, strategy or COULOMB["auto"], asked)
+
+
+@pytest.mark.parametrize("slip", ["stress-free", "load-steps"])
+@pytest.mark.parametrize("name", ["block 0.2", "block 0.7", "wedge 0.3"])
+def test_path_brackets_the_limit_load(name, slip):
+    item = BANK[name]
+    with load_case(item.scene(elements=1)) as case:
+        found, unit = raised(case, slip=slip), case.problem.sum(np.abs(case.problem.live))
+        upper = case.blocks.limit()
+    assert found.status == "limit"
+    assert found.load_factor == pytest.approx(item.expected, rel=1e-6)
+    path = found.path
+    assert path.lower <= item.expected * (1 + 1e-6) <= path.upper * (1 + 1e-5)
+    assert min(path.upper, upper) - path.lower <= 1.01e-4 * path.lower
+    factor, moved, work = np.transpose([tuple(vars(step).values()) for step in path.steps])
+    assert factor[0] == 0.0 and factor[-1] == path.lower
+    assert np.all(np.diff(factor) > 0.0) and np.all(np.diff(moved) > 0.0)
+    assert work == pytest.approx(unit * moved, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", COULOMB)
+def test_methods_under_a_rising_load(method):
+    with load_case(block_recipe(0.4, 0.4, 0.3).scene(1), COULOMB[method].kind) as case:
+        found = raised(case, COULOMB[method], method=method)
+    assert found.load_factor == pytest.approx(0.3, rel=1e-6)
+    assert 0.3 * (1 - 2e-4) <= found.path.lower <= 0.3 * (1 + 1e-6)
+
+
+def test_given_strength_under_a_rising_load():
+    exact = 2e3 * 0.4 / WEIGHT
+    recipe = replace(block_recipe(0.4, 1.0, 0.0), law=tresca(2e3))
+    with load_case(recipe.scene(1), GIVEN.kind) as case:
+        found = raised(case, GIVEN)
+    assert found.load_factor == pytest.approx(exact, rel=1e-6)
+    assert found.path.lower <= exact * (1 + 1e-6)
+
+
+def test_load_that_nothing_limits(block):
+    """That is known from the program, or seen from the states of a wedge that locks."""
+    pressed = block_recipe(0.4, 1.0, 0.3, live=replace(block.discretization.scene.dead))
+    with load_case(replace(pressed, law=tresca(1e3)).scene(1), GIVEN.kind) as case:
+        found = raised(case, GIVEN)
+    assert (found.status, found.load_factor, found.path) == ("unbounded", np.inf, None)
+
+
+# ---- with equilibrium that is found up to a made-up load factor
+
+
+def made_up(limit: Callable[[float, float], bool], asked: list[float]) -> Strategy:
+    """A strategy whose states of equilibrium exist where `limit` says so.
+
+    Args:
+        limit: Whether there is one at a load factor, next to one at another.
+        asked: Gets all load factors.
+    """
+
+    def equilibrium(task: Task, before: State, load_factor: float) -> State:
+        asked.append(load_factor)
+        if not limit(load_factor, before.load_factor):
+            raise SolverError("made up")
+        bonded, none = task.case.bonded, np.zeros_like(before.shear)
+        u = bonded.dead + load_factor * bonded.live
+        return task.case.problem.state(u, load_factor, bonded.dead_pressure, none)
+
+    return replace(COULOMB["auto"], equilibrium=equilibrium)
+
+
+@pytest.mark.parametrize("limit", [0.01, 0.2, 0.299])
+def test_made_up_limit_is_bracketed(block, limit, caplog):
+    """And the collapse found elsewhere is said not to be on the path."""
+    asked: list[float] = []
+    found = raised(block, made_up(lambda factor, _: factor <= limit, asked))
+    path = found.path
+    assert path.lower <= limit < path.upper
+    assert path.upper - path.lower <= 1.01e-4 * max(path.lower, 1e-3 * block.scales.load_factor)
+    assert asked[-1] == path.upper and asked.count(path.upper) == 2  # again, from close by
+    assert [step.load_factor for step in path.steps] == sorted(f for f in asked if f <= limit)
+    assert found.load_factor == pytest.approx(0.3, rel=1e-6)
+    assert "another state" in caplog.text
+
+
+def test_step_that_was_too_long_is_tried_again_from_close_by(block):
+    """Beyond 0.1 only states close by lead on, for once."""
+    asked: list[float] = []
+    too_long: list[float] = []
+
+    def there(factor: float, last: float) -> bool:
+        if factor > 0.1 and not too_long:
+            too_long.append(factor)
+        if too_long and factor >= too_long[0] > last:
+            return factor - last <= 1e-3 * factor
+        return factor <= 0.3
+
+    path = raised(block, made_up(there, asked)).path
+    assert asked.count(too_long[0]) == 2
+    assert too_long[0] in [step.load_factor for step in path.steps]
+    assert path.lower == pytest.approx(0.3, rel=2e-4)
+
+
+def test_nothing_under_the_dead_load_is_not_converged(block):
+    asked: list[float] = []
+    found = raised(block, made_up(lambda factor, _: False, asked))
+    assert (found.status, asked) == ("not_converged", [0.0])
+    assert math.isnan(found.load_factor)
+
+
+def test_nothing_but_the_dead_load(block):
+    path = raised(block, made_up(lambda factor, _: factor == 0.0, [])).path
+    assert path.lower == 0.0 < path.upper <= 1e-6 * block.scales.load_factor
+    assert [step.load_factor for step in path.steps] == [0.0]
+
+
+def test_upper_bound_is_not_exceeded(block):
+    asked: list[float] = []
+    path = raised(block, made_up(lambda factor, _: True, asked)).path
+    assert max(asked) <= 0.3 * (1 + 1e-9)
+    assert path.upper == np.inf
+    assert path.lower == pytest.approx(0.3, rel=2e-4)
+
+
+def test_load_without_an_upper_bound_is_not_followed_for_ever():
+    """A wedge that locks, by states that are made up."""
+    with load_case(BANK["wedge 0.8"].scene(elements=1)) as case:
+        asked: list[float] = []
+        strategy = replace(made_up(lambda factor, _: True, asked), attempts=(), further=None)
+        found = raised(case, strategy)
+        largest = OPTIONS.largest * case.scales.load_factor
+    assert found.path.upper == np.inf
+    assert largest < found.path.lower and len(asked) < 60
+
+
+# ---- the capacity curve
+
+
+@pytest.mark.parametrize("name", ["block", "W4"])
+def test_capacity_curve_rises_to_the_limit_load_and_ends_beyond_the_onset(name):
+    recipe = block_recipe(0.4, 1.0, 0.7) if name == "block" else wall_recipe("W4", coulomb(0.4))
+    told: list[tuple[int, int, CapacityPoint]] = []
+    with load_case(recipe.scene(1)) as case:
+        end = find_collapse(case, COULOMB["auto"], 1e-6)
+        curve = capacity_curve(case, end, 8, lambda *args: told.append(args))
+        unit = case.problem.sum(np.abs(case.problem.live))
+    assert [number for number, _, _ in told] == list(range(1, 9))
+    assert [point for _, _, point in told] == curve
+    factors, works = np.transpose([(point.load_factor, point.work) for point in curve])
+    assert np.all(np.diff(factors) > -1e-6 * end.load_factor)
+    assert np.all(np.diff(works) > 0.0)
+    assert np.all(factors <= end.load_factor * (1 + 1e-5))
+    assert factors[0] < 0.7 * end.load_factor
+    assert factors[-1] == pytest.approx(end.load_factor, rel=1e-5)
+    assert works[-1] == pytest.approx(OPTIONS.beyond_onset * end.state.work, rel=5e-3)
+    assert works == pytest.approx([unit * point.displacement for point in curve])
+
+
+def test_capacity_curve_of_load_control_are_its_steps(block):
+    end = raised(block)
+    curve = capacity_curve(block, end, 3, lambda *_: None)
+    assert [p.load_factor for p in curve] == [step.load_factor for step in end.path.steps]
+    nothing = replace(end, state=None, path=None)
+    assert capacity_curve(block, nothing, 3, lambda *_: None) == []

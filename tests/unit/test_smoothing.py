@@ -1,0 +1,104 @@
+"""Contact laws with equal products: what they solve, and their derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fenics_contact.solvers.smoothing import (
+    JointStates,
+    SmoothedLaws,
+    distance_from_bound,
+    normal_law,
+)
+
+MU = 1e-3
+P, Q = (array.ravel() for array in np.meshgrid([-2.0, -0.03, 0.0, 0.04, 1.5], [-1.2, -0.01, 0.3]))
+
+#: Points with friction, with a given strength, and with neither, in turn.
+KIND = np.arange(len(P)) % 3
+LAWS = SmoothedLaws(
+    np.where(KIND == 0, 0.6, 0.0), np.where(KIND == 1, 0.2, 0.0), KIND < 2, smallest=1e-3
+)
+
+
+def test_states_solve_the_laws():
+    states = LAWS.states(P, Q, MU)
+    y, r, w, shear = states.values
+    assert states.p == pytest.approx(P) and states.q == pytest.approx(Q)
+    assert y * r == pytest.approx(np.full_like(y, MU))
+    assert np.all(r > 0.0)
+    bound = LAWS.friction * r + LAWS.strength
+    rough = LAWS.frictional
+    assert np.all(np.abs(shear[rough]) < bound[rough])
+    # w = z2 - z1 with s1 z1 = s2 z2 = mu
+    slip = MU / (bound + shear)[rough] - MU / (bound - shear)[rough]
+    assert w[rough] == pytest.approx(slip, rel=1e-9, abs=1e-12)
+    assert np.all(shear[~rough] == 0.0)
+
+
+def test_laws_without_products_are_those_of_signorini_and_coulomb():
+    y, r, w, shear = LAWS.states(P, Q, 1e-16).values
+    assert np.minimum(y, r) == pytest.approx(np.zeros_like(y), abs=1e-7)
+    slides, friction = np.abs(w) > 1e-6, LAWS.friction > 0.0
+    assert np.any(slides & friction) and np.any(~slides & friction)
+    at_bound = slides & friction
+    assert np.abs(shear[at_bound]) == pytest.approx(0.6 * r[at_bound], abs=1e-7)
+    assert np.all(shear[at_bound] * w[at_bound] <= 0.0)
+
+
+@pytest.mark.parametrize("part", [0.1, -0.3])
+def test_distances_from_the_laws(part):
+    """Forces and displacements that change alike leave p and q as they are."""
+    states = LAWS.states(P, Q, MU)
+    of_p, of_q = LAWS.sizes(states)
+    assert np.all(LAWS.distances(states, MU) < 1e-6)
+    normal, shear = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])[:, :, None]
+    moved = JointStates(states.values + part * normal * of_p)
+    assert LAWS.distances(moved, MU) == pytest.approx(abs(part), abs=1e-6)
+    moved = JointStates(states.values + part * shear * of_q)
+    expected = np.where(LAWS.frictional, abs(part), 0.0)
+    assert LAWS.distances(moved, MU) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["p", "q", "log_mu"])
+def test_derivatives_are_those_of_differences(name):
+    h = 1e-6
+    states, found = LAWS.linearized(P, Q, MU)
+    assert states.values == pytest.approx(LAWS.states(P, Q, MU).values, rel=1e-6, abs=1e-9)
+    p, q, mu = (h * (name == one) for one in ("p", "q", "log_mu"))
+    ahead = LAWS.states(P + p, Q + q, MU * np.exp(mu)).values
+    behind = LAWS.states(P - p, Q - q, MU * np.exp(-mu)).values
+    slope = (ahead - behind) / (2.0 * h)
+    assert getattr(found, name) == pytest.approx(slope, rel=1e-5, abs=1e-7)
+
+
+def test_part_of_the_points():
+    points = np.array([4, 1])
+    states = LAWS.states(P, Q, MU)
+    some = LAWS.at(points).states(P[points], Q[points], MU)
+    assert np.array_equal(some.values, states.values[:, points])
+    sizes = LAWS.sizes(states)
+    assert np.array_equal(LAWS.at(points).sizes(some), sizes[:, points])
+    assert np.all(sizes >= LAWS.smallest)
+    assert sizes[0] == pytest.approx(states.values[0] + states.values[1])
+
+
+@pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-12])
+def test_normal_law_keeps_digits_of_both(mu):
+    p = np.array([-9.0, -1e-3, 0.0, 1e-3, 9.0])
+    y, r = normal_law(p, mu)
+    assert y * r == pytest.approx(np.full_like(p, mu), rel=1e-14)
+    assert r - y == pytest.approx(p, abs=1e-12)
+
+
+@pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-12])
+def test_distance_of_shear_from_its_bound(mu):
+    gamma, q = (array.ravel() for array in np.meshgrid([1e-6, 1e-2, 1.0, 50.0], [0.0, 1e-3, 1, 9]))
+    s = distance_from_bound(q, gamma, mu)
+    assert np.all(s > 0.0) and np.all(s <= gamma)
+    left = s - mu / s + mu / (2.0 * gamma - s)
+    size = mu / s + gamma + q
+    assert (gamma - q - left) / size == pytest.approx(np.zeros_like(s), abs=1e-12)
+    four = distance_from_bound(q, gamma, mu, newton_steps=4)
+    assert four == pytest.approx(s, rel=2e-6)
