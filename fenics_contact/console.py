@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.plan import skipped
-from fenics_contact.analysis.result import CapacityPoint, Collapse, Result, Step
+from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.scene import JointLaw

@@ -12,10 +12,11 @@ from typing import Protocol
 
 from dolfinx import fem
 
+from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
-from fenics_contact.analysis.result import CapacityPoint, Collapse, Result, Step
+from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
@@ -158,7 +159,7 @@ def _collapse(case: LoadCase) -> Collapse:
     scene = case.discretization.scene
     options = scene.solve
     if options.control == "load":
-        return raise_load(case, strategy_of(scene), options)
+        return raise_load(case, strategy_of(scene), options, find_collapse)
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
 #: What a converged result may miss, relative to typical force, displacement or power.
@@ -115,7 +114,6 @@ def certify(
     state: State,
     mode: Array,
     scales: Scales,
-    bounds: LimitBounds | None,
     rigid_limit: float,
     points: npt.NDArray[np.int64] | None = None,
     tolerance: float = 0.0,
@@ -127,7 +125,6 @@ def certify(
         state: Displacements, load factor and joint forces to be verified.
         mode: Collapse mode v.
         scales: Typical sizes.
-        bounds: Bracket from the rigid-block programs; left out where it is not known yet.
         rigid_limit: Limit load of the rigid blocks with the friction forces of the state; nan if
             it is not known.
         points: Numbers of this rank's joint points, by which to name the worst.
@@ -141,21 +138,27 @@ def certify(
     factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
     missed = abs(rigid_limit - state.load_factor)
     residuals["limit"] = missed / factor
-    if bounds is not None:
-        residuals["bracket"] = outside_bracket(state.load_factor, bounds, missed, factor)
     worst = None if points is None else worst_joint(problem, state, scales, points)
     kinematic = kinematic_factor(problem, state, mode)
     return Certificate(residuals, missed, worst, kinematic, rigid_limit, factor, tolerance)
 
 
-def outside_bracket(load_factor: float, bounds: LimitBounds, missed: float, size: float) -> float:
+def outside_bracket(
+    load_factor: float, bracket: tuple[float | None, float | None], missed: float, size: float
+) -> float:
     """By how much more than it may be wrong a load factor lies outside its bracket, relative.
 
     The forces of a verified state solve the associative program, so that this is another check of
     what the other residuals say already.
+
+    Args:
+        load_factor: lambda.
+        bracket: Lower and upper bound; None where one is not known.
+        missed: What the load factor may be wrong by.
+        size: Load factor that the answer is relative to.
     """
-    lower = -np.inf if bounds.lower is None else bounds.lower
-    upper = np.inf if bounds.upper is None else bounds.upper
+    lower = -np.inf if bracket[0] is None else bracket[0]
+    upper = np.inf if bracket[1] is None else bracket[1]
     outside = max(lower - load_factor, load_factor - upper, 0.0)
     return max(outside - missed, 0.0) / size
 

@@ -70,7 +70,7 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
 
     def certified(mode: Array, rigid_limit: float) -> Certificate:
         points = case.discretization.operators.points
-        return certify(case.problem, state, mode, scales, None, rigid_limit, points, tolerance)
+        return certify(case.problem, state, mode, scales, rigid_limit, points, tolerance)
 
     best = _best_elastic_mode(case, state, scales, certified, gap)
     if best is not None and best.certificate.mode_passed and best.certificate.gap <= gap:

@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fenics_contact.analysis.result import History, Step
+from fenics_contact.analysis.history import History, Step
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.problem import Array, ContactProblem, State

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.solvers.problem import State
+from fenics_contact.solvers.problem import ContactProblem, State
 
 Array = npt.NDArray[np.float64]
 
@@ -81,17 +81,23 @@ class JointValues:
         return MOVES * float(rates.max(initial=0.0))
 
 
-def joint_values(discretization: Discretization, state: State, mode: Array) -> JointValues:
+def joint_values(
+    problem: ContactProblem,
+    of_all: Callable[[Array], Array],
+    length: Array,
+    state: State,
+    mode: Array,
+) -> JointValues:
     """Joint values of a state and its mode; collective.
 
     Args:
-        discretization: Joints and B_N, B_T; still open.
+        problem: With B_N and B_T.
+        of_all: Turns values at this rank's joint points into those at all points.
+        length: Length of joint that belongs to every point, m.
         state: Displacements and joint forces of this rank.
         mode: Collapse mode v in the supports' coordinates, this rank's part.
     """
-    problem, length = discretization.problem, discretization.joints.length
     normal, tangential = problem.normal, problem.tangential
-    of_all = discretization.all_points
     normal_force, shear_force = of_all(state.pressure), of_all(state.shear)
     return JointValues(
         normal_force,

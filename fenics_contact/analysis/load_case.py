@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.analysis.result import Step
+from fenics_contact.analysis.history import Step
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.solvers.joint_stiffness import JointStiffness

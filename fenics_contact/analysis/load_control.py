@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fenics_contact.analysis.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import CapacityPoint, Collapse, LoadPath, LoadStep
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
-from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import SolveOptions
 from fenics_contact.solvers.problem import Array
@@ -53,12 +53,18 @@ class LoadOptions:
 OPTIONS = LoadOptions()
 
 
-def raise_load(case: LoadCase, strategy: Strategy, options: SolveOptions) -> Collapse:
+def raise_load(
+    case: LoadCase,
+    strategy: Strategy,
+    options: SolveOptions,
+    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+) -> Collapse:
     """The collapse at the end of the states under rising load factors.
 
     Args:
         case: The load case.
         strategy: How states are found.
+        find_collapse: Finds the collapse from the last state on, see `work_control`.
         options: Tolerance, and where slip is measured from.
     """
     bounds = case.problem.comm.bcast(case.blocks.bounds())

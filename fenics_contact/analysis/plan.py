@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fenics_contact.analysis.result import History
+from fenics_contact.analysis.history import History
 from fenics_contact.scene import Scene
 
 FIXED_POINT = "fixed point on the friction bound"

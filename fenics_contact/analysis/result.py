@@ -8,12 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.analysis.certificate import Certificate, outside_bracket
+from fenics_contact.analysis.history import (
+    CapacityPoint,
+    CollapseState,
+    History,
+    LoadPath,
+    sign_reversed,
+)
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
@@ -23,119 +30,6 @@ from fenics_contact.solvers.problem import State
 SplittingHistory = Any
 
 Array = npt.NDArray[np.float64]
-
-Item = TypeVar("Item", "Step", "LoadStep", "CollapseState")
-
-
-@dataclass(frozen=True)
-class Step:
-    """One iteration of the fixed point on the friction bound g.
-
-    Attributes:
-        load_factor: lambda of the state with the given bound.
-        bound_change: |F r_N - g| / |F r_N|, Euclidean norms.
-        relaxation: omega.
-        factorizations: Numeric factorisations spent.
-        secant: Estimate of 1 - c, c the contraction without relaxation.
-    """
-
-    load_factor: float
-    bound_change: float
-    relaxation: float
-    factorizations: int
-    secant: float = 1.0
-
-
-@dataclass(frozen=True)
-class History:
-    """Iterations for the state at one work T of the live load.
-
-    Attributes:
-        steps: Iterations, in order.
-        cycles: How often a cycle was recognised and damped.
-        method: "fixed-point" or "monolithic", whichever made the last step.
-        converged: Whether load factor and bound stand still.
-    """
-
-    steps: tuple[Step, ...] = ()
-    cycles: int = 0
-    method: str = "fixed-point"
-    converged: bool = False
-
-    @property
-    def at_once(self) -> bool:
-        """Whether one monolithic step was all."""
-        return self.method == "monolithic" and len(self.steps) == 1
-
-    @property
-    def contraction(self) -> float | None:
-        """Factor by which the change of the bound fell per iteration, mean of the last half."""
-        changes = [step.bound_change for step in self.steps[len(self.steps) // 2 :]]
-        if len(changes) < 2 or min(changes) <= 0.0:
-            return None
-        return float((changes[-1] / changes[0]) ** (1.0 / (len(changes) - 1)))
-
-
-@dataclass(frozen=True)
-class LoadStep:
-    """State of equilibrium on the path of load control.
-
-    Attributes:
-        load_factor: Prescribed lambda.
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
-        work: T = f_L.u, N m per metre of thickness.
-    """
-
-    load_factor: float
-    displacement: float
-    work: float
-
-
-@dataclass(frozen=True)
-class LoadPath:
-    """Load factors with and without equilibrium, from load control.
-
-    Attributes:
-        steps: States of equilibrium, that of the dead load first.
-        lower: Load factor furthest from zero with a state of equilibrium.
-        upper: Load factor nearest to zero at which none was found; infinite if none failed.
-    """
-
-    steps: tuple[LoadStep, ...]
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class CapacityPoint:
-    """Point of the capacity curve: a state between rest and collapse.
-
-    Attributes:
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
-        load_factor: lambda, not above zero where the curve is that of the live load reversed.
-        work: T = f_L.u, N m per metre of thickness.
-        converged: Whether load factor and friction stand still there.
-    """
-
-    displacement: float
-    load_factor: float
-    work: float
-    converged: bool
-
-
-@dataclass(frozen=True)
-class CollapseState:
-    """One of several collapse states of a direction.
-
-    Attributes:
-        start: Where the search for it began.
-        status: As that of `Collapse`.
-        load_factor: nan if no state was found.
-    """
-
-    start: str
-    status: str
-    load_factor: float
 
 
 @dataclass(frozen=True)
@@ -181,8 +75,9 @@ class Collapse:
         if self.status != "limit" or self.certificate is None:
             return self
         certificate = self.certificate
+        bracket = self.bounds.lower, self.bounds.upper
         outside = outside_bracket(
-            self.load_factor, self.bounds, certificate.error_estimate, certificate.size
+            self.load_factor, bracket, certificate.error_estimate, certificate.size
         )
         residuals = {**certificate.residuals, "bracket": outside}
         certificate = replace(certificate, residuals=residuals)
@@ -214,11 +109,6 @@ class Collapse:
             path=path,
             states=tuple(map(sign_reversed, self.states)),
         )
-
-
-def sign_reversed(item: Item) -> Item:
-    """Record of a state, with its load factor in multiples of the opposite live load."""
-    return replace(item, load_factor=-item.load_factor)
 
 
 @dataclass

@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from fenics_contact.analysis.coulomb import GivenFriction, solve_fixed_point
+from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import History, Step
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.arclength import (

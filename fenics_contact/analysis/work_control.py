@@ -15,9 +15,10 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.analysis.collapse_mode import Verified, verify
+from fenics_contact.analysis.history import CollapseState, History
 from fenics_contact.analysis.joint_values import joint_values
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Collapse, CollapseState, History
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB, Attempt, Strategy, Task, fixed_point
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.problem import State
@@ -184,13 +185,14 @@ class _Search:
     @property
     def verified(self) -> bool:
         """Whether the best state passes its certificate."""
-        return self.best is not None and self.best.passed
+        best = self.best
+        return best is not None and best.passed
 
     @property
     def settled(self) -> bool:
         """Whether it is that of the collapse, to the tolerance asked for."""
-        asked = self.options.gap * self.tolerance
-        return self.best is not None and self.best.passed and self.best.gap <= asked
+        best, asked = self.best, self.options.gap * self.tolerance
+        return best is not None and best.passed and best.gap <= asked
 
     @property
     def no_better(self) -> bool:
@@ -234,13 +236,15 @@ class _Search:
                     "the load factor is known to %.1e, not to the tolerance asked", best.gap
                 )
             state = _onset(case, best.verified)
+        discretization, mode = case.discretization, best.verified.mode
+        gather, length = discretization.all_points, discretization.joints.length
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
-            best.verified.mode,
-            joint_values(case.discretization, state, best.verified.mode),
+            mode,
+            joint_values(discretization.problem, gather, length, state, mode),
             certificate,
             histories,
             best.ratio,

@@ -1,1 +1,1 @@
-"""What the user described, as matrices: mesh in, stiffness, loads and joint operators out, once per scene."""
+"""Scene to matrices, once per scene: stiffness, loads, joint operators."""

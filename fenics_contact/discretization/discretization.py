@@ -87,7 +87,9 @@ class Discretization:
             self.supports,
             size,
         )
-        check_held(self.joints, self.supports, self.bodies, scene.mesh.source)
+        check_held(
+            self.joints.bodies, self.joints.position, self.supports, self.bodies, scene.mesh.source
+        )
         _check_live_load(self.elasticity, self.bodies, scene)
         self.operators = joint_operators(self.joints, self.supports, self.elasticity.stiffness)
         rigid = _rigid_motions(self.elasticity, self.bodies)
@@ -183,6 +185,15 @@ class Discretization:
         everything[self.operators.points] = values
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
+
+    def cartesian(self, values: Array) -> Array:
+        """Displacements in x and y of this rank's nodes, shape (nodes, 2), m.
+
+        Args:
+            values: Displacements or mode in the supports' coordinates, this rank's part.
+        """
+        first = self.elasticity.space.dofmap.index_map.local_range[0]
+        return self.supports.to_cartesian(values, first).reshape(-1, 2)
 
     def rigid_motion(self, motion: Array) -> Array:
         """Displacements, in the supports' coordinates, of rigid motions (a, b, c) of the bodies.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.pairing import GROUND
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 
@@ -96,8 +96,17 @@ def _null_space(gram: Array) -> Array:
     return np.where(held[:, None, :], 0.0, direction)
 
 
-def check_held(joints: Joints, supports: Supports, bodies: RigidBodies, source: str) -> None:
+def check_held(
+    sides: Integers, position: Array, supports: Supports, bodies: RigidBodies, source: str
+) -> None:
     """Check that the structure cannot move as a whole with all its joints closed.
+
+    Args:
+        sides: Bodies of both sides of every joint point, shape (points, 2).
+        position: Of the joint points, shape (points, 2), m.
+        supports: What is held.
+        bodies: Rigid motions.
+        source: Name of the mesh, for the message.
 
     Raises:
         InputError: If some blocks touch nothing that holds them, or can move all together.
@@ -105,17 +114,17 @@ def check_held(joints: Joints, supports: Supports, bodies: RigidBodies, source: 
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    on_ground = joints.bodies[:, 0] == GROUND
+    on_ground = sides[:, 0] == GROUND
     count = len(bodies.centre)
-    pairs = joints.bodies[~on_ground]
+    pairs = sides[~on_ground]
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
     clusters, cluster = connected_components(graph, directed=False)
-    stands = joints.position[on_ground]
+    stands = position[on_ground]
     held_all = np.tile(np.eye(2), (len(stands), 1, 1)), np.ones((len(stands), 2), dtype=bool)
     gram = np.zeros((clusters, 3, 3))
     for points, body, frame, held in (
         (supports.points, supports.body, supports.frame, supports.held),
-        (stands, joints.bodies[on_ground, 1], *held_all),
+        (stands, sides[on_ground, 1], *held_all),
     ):
         motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
         gram += _held(motion, frame, held, cluster[body], clusters)

@@ -25,17 +25,6 @@ Array = npt.NDArray[np.float64]
 VTK_LINE = 3
 
 
-def cartesian(discretization: Discretization, values: Array) -> Array:
-    """Displacements in x and y of this rank's nodes, shape (nodes, 2).
-
-    Args:
-        discretization: Supports and displacement space.
-        values: Displacements or mode in the supports' coordinates, this rank's part.
-    """
-    first, _ = discretization.elasticity.space.dofmap.index_map.local_range
-    return discretization.supports.to_cartesian(values, first).reshape(-1, 2)
-
-
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
     """Displacement field in x and y.
 
@@ -45,7 +34,7 @@ def displacement_function(discretization: Discretization, values: Array, name: s
         name: Name of the field.
     """
     function = fem.Function(discretization.elasticity.space, name=name)
-    function.x.array[: len(values)] = cartesian(discretization, values).ravel()
+    function.x.array[: len(values)] = discretization.cartesian(values).ravel()
     function.x.scatter_forward()
     return function
 

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.result import CapacityPoint, Collapse, Result
+from fenics_contact.analysis.history import CapacityPoint
+from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints

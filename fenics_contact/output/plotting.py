@@ -15,7 +15,6 @@ from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.output.fields import cartesian
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +41,7 @@ def draw_collapse(result: Result, direction: str, path: Path) -> None:
     if end.mode is None or end.joints is None:
         return
     boundary, joints = discretization.boundary, discretization.joints
-    velocity = cartesian(discretization, end.mode)
+    velocity = discretization.cartesian(end.mode)
     at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
     at_joints = _at_nodes(discretization, velocity, joints.nodes)
     if result.scene.comm.rank != 0:

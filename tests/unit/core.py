@@ -11,8 +11,8 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact import Scene
+from fenics_contact.analysis.history import Step
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Step
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
@@ -36,7 +36,9 @@ BOND = Recipe(lambda n, quads: running_bond(2, 2, elements=n), coulomb(0.5))
 
 
 @contextmanager
-def load_case(scene: Scene, kind: str = GENERAL, told: list[Step] | None = None) -> Iterator[LoadCase]:
+def load_case(
+    scene: Scene, kind: str = GENERAL, told: list[Step] | None = None
+) -> Iterator[LoadCase]:
     """A scene discretised, with its live load as given.
 
     Args:

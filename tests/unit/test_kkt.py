@@ -56,8 +56,12 @@ def test_all_products_are_equal(case, given, mu):
         assert product == pytest.approx(expected, rel=1e-9)
     assert np.all(now.positive > 0.0)
     assert kkt.mean_product(now) == pytest.approx(mu, rel=1e-9)
-    assert (now.s1 + now.s2)[rough] == pytest.approx(2.0 * kkt.bound(now.pressure)[rough], rel=1e-12)
-    assert (now.s2 - now.s1)[rough] == pytest.approx(2.0 * now.shear[rough], abs=1e-9 * kkt.scales.force)
+    assert (now.s1 + now.s2)[rough] == pytest.approx(
+        2.0 * kkt.bound(now.pressure)[rough], rel=1e-12
+    )
+    assert (now.s2 - now.s1)[rough] == pytest.approx(
+        2.0 * now.shear[rough], abs=1e-9 * kkt.scales.force
+    )
 
 
 def test_point_next_to_a_state_keeps_forces_less_displacements(case):

@@ -13,16 +13,15 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.joint_values import Contact
-from fenics_contact.analysis.result import (
-    Collapse,
+from fenics_contact.analysis.history import (
     CollapseState,
     History,
     LoadPath,
     LoadStep,
-    Result,
     Step,
 )
+from fenics_contact.analysis.joint_values import Contact
+from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.meshing import running_bond
 from fenics_contact.output.files import result_record, strict

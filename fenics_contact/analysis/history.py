@@ -1,0 +1,124 @@
+"""Records of how a collapse was found: iterations, load paths, capacity curves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+Item = TypeVar("Item", "Step", "LoadStep", "CollapseState")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One iteration of the fixed point on the friction bound g.
+
+    Attributes:
+        load_factor: lambda of the state with the given bound.
+        bound_change: |F r_N - g| / |F r_N|, Euclidean norms.
+        relaxation: omega.
+        factorizations: Numeric factorisations spent.
+        secant: Estimate of 1 - c, c the contraction without relaxation.
+    """
+
+    load_factor: float
+    bound_change: float
+    relaxation: float
+    factorizations: int
+    secant: float = 1.0
+
+
+@dataclass(frozen=True)
+class History:
+    """Iterations for the state at one work T of the live load.
+
+    Attributes:
+        steps: Iterations, in order.
+        cycles: How often a cycle was recognised and damped.
+        method: "fixed-point" or "monolithic", whichever made the last step.
+        converged: Whether load factor and bound stand still.
+    """
+
+    steps: tuple[Step, ...] = ()
+    cycles: int = 0
+    method: str = "fixed-point"
+    converged: bool = False
+
+    @property
+    def at_once(self) -> bool:
+        """Whether one monolithic step was all."""
+        return self.method == "monolithic" and len(self.steps) == 1
+
+    @property
+    def contraction(self) -> float | None:
+        """Factor by which the change of the bound fell per iteration, mean of the last half."""
+        changes = [step.bound_change for step in self.steps[len(self.steps) // 2 :]]
+        if len(changes) < 2 or min(changes) <= 0.0:
+            return None
+        return float((changes[-1] / changes[0]) ** (1.0 / (len(changes) - 1)))
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """State of equilibrium on the path of load control.
+
+    Attributes:
+        load_factor: Prescribed lambda.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
+        work: T = f_L.u, N m per metre of thickness.
+    """
+
+    load_factor: float
+    displacement: float
+    work: float
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """Load factors with and without equilibrium, from load control.
+
+    Attributes:
+        steps: States of equilibrium, that of the dead load first.
+        lower: Load factor furthest from zero with a state of equilibrium.
+        upper: Load factor nearest to zero at which none was found; infinite if none failed.
+    """
+
+    steps: tuple[LoadStep, ...]
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class CapacityPoint:
+    """Point of the capacity curve: a state between rest and collapse.
+
+    Attributes:
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
+        load_factor: lambda, not above zero where the curve is that of the live load reversed.
+        work: T = f_L.u, N m per metre of thickness.
+        converged: Whether load factor and friction stand still there.
+    """
+
+    displacement: float
+    load_factor: float
+    work: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class CollapseState:
+    """One of several collapse states of a direction.
+
+    Attributes:
+        start: Where the search for it began.
+        status: As that of `Collapse`.
+        load_factor: nan if no state was found.
+    """
+
+    start: str
+    status: str
+    load_factor: float
+
+
+def sign_reversed(item: Item) -> Item:
+    """Record of a state, with its load factor in multiples of the opposite live load."""
+    return replace(item, load_factor=-item.load_factor)
