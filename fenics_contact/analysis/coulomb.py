@@ -38,7 +38,8 @@ class FixedPointOptions:
         slowest: Contractions closer to one than this count as this in the estimate of the error.
         safety: The slowest direction hides among others: what secants promise is multiplied by it.
         centring: Products of a warm start, in units of the last change of the bound.
-        precision: Tolerance of a state, in units of the square of that change.
+        precision: Tolerance of a state, in units of a power of that change.
+        order: The power.
         loosest: Largest tolerance of a state.
         tightest: Smallest.
     """
@@ -52,6 +53,7 @@ class FixedPointOptions:
     safety: float = 3.0
     centring: float = 1e-2
     precision: float = 1e-4
+    order: float = 2.0
     loosest: float = 1e-4
     tightest: float = 1e-12
 
@@ -140,7 +142,7 @@ def _warm(
     solve: GivenFriction, bound: Array, start: State, change: float, options: FixedPointOptions
 ) -> Solution:
     """A state with given bound, as exact as the last change of the bound deserves."""
-    tolerance = options.precision * min(change, 1.0) ** 2
+    tolerance = options.precision * min(change, 1.0) ** options.order
     tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
     mu = options.centring * change if np.isfinite(change) else 1.0
     mu = float(np.clip(mu, 1e-4 * options.loosest, 1.0))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from fenics_contact.solvers.splitting import SplittingHistory
+
 Item = TypeVar("Item", "Step", "LoadStep", "CollapseState")
 
 
@@ -36,12 +38,14 @@ class History:
         cycles: How often a cycle was recognised and damped.
         method: "fixed-point" or "monolithic", whichever made the last step.
         converged: Whether load factor and bound stand still.
+        splitting: Counts of a method on joint forces; None for other methods.
     """
 
     steps: tuple[Step, ...] = ()
     cycles: int = 0
     method: str = "fixed-point"
     converged: bool = False
+    splitting: SplittingHistory | None = None
 
     @property
     def at_once(self) -> bool:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,8 +25,7 @@ from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.problem import State
-
-SplittingHistory = Any
+from fenics_contact.solvers.splitting import SplittingHistory
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +45,6 @@ class Collapse:
         certificate: Verification of the state.
         history: Iterations for all states, at rising T.
         work_ratio: T in units of the live load's work on the bonded structure.
-        splitting: Counts of a method on joint forces; None for other methods.
         path: Load factors with equilibrium, under load control.
         states: Collapse states found from different first bounds, where they were looked for.
     """
@@ -61,9 +58,13 @@ class Collapse:
     certificate: Certificate | None = None
     history: tuple[History, ...] = ()
     work_ratio: float = 0.0
-    splitting: SplittingHistory | None = None
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
+
+    @property
+    def splitting(self) -> SplittingHistory | None:
+        """Counts of a method on joint forces; None for other methods."""
+        return self.history[-1].splitting if self.history else None
 
     @property
     def bounds(self) -> LimitBounds:

@@ -14,7 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from fenics_contact.analysis.coulomb import GivenFriction, solve_fixed_point
+from fenics_contact.analysis.certificate import state_residuals
+from fenics_contact.analysis.coulomb import FixedPointOptions, GivenFriction, solve_fixed_point
 from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.errors import SolverError
@@ -26,6 +27,7 @@ from fenics_contact.solvers.arclength import (
     Path,
     PathPoint,
 )
+from fenics_contact.solvers.delassus import JointPoints
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
     Solution,
@@ -35,6 +37,12 @@ from fenics_contact.solvers.interior_point import (
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
+from fenics_contact.solvers.splitting import (
+    JointForceSolver,
+    ProximalStep,
+    alternately,
+    at_once,
+)
 
 _log = logging.getLogger("fenics_contact")
 
@@ -76,6 +84,7 @@ class Task:
 
 
 Attempt = Callable[[Task], tuple[Solution, History]]
+Minimiser = Callable[[ProximalStep, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -184,6 +193,41 @@ def fixed_point(task: Task, first: Array | None = None) -> tuple[Solution, Histo
     start = case.bonded_state(task.work)
     count = case.discretization.factorizations
     return solve_fixed_point(case.problem, solve, start, bound, task.tolerance, case.monitor, count)
+
+
+def joint_forces(task: Task, minimise: Minimiser) -> tuple[Solution, History]:
+    """State by the fixed point on the friction bound, states with given friction by joint forces.
+
+    The states are as exact as the last change of the bound deserves: to first order, as each of
+    their digits costs sweeps.
+
+    Args:
+        task: What is asked for.
+        minimise: Over normal and shear forces `alternately` or `at_once`.
+    """
+    case, rows = task.case, task.case.discretization.operators
+    points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
+    options = FixedPointOptions(precision=1e-2, order=1.0, loosest=0.1, tightest=1e-9)
+    with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
+
+        def solve(bound: Array, start: State, _mu: float, tolerance: float) -> Solution:
+            if not case.problem.coulomb:
+                tolerance = options.tightest
+            found = solver.solve(bound, task.work, start, task.scales, tolerance)
+            return Solution(*found, 1)
+
+        count = case.discretization.factorizations
+        solution, history = solve_fixed_point(
+            case.problem,
+            solve,
+            case.bonded_state(task.work),
+            case.problem.bound(case.first_pressure),
+            task.tolerance,
+            case.monitor,
+            lambda: count() + solver.factorizations,
+            options,
+        )
+        return solution, replace(history, splitting=solver.history)
 
 
 def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]:
@@ -335,6 +379,14 @@ class Strategy:
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
 
 
+#: Methods on joint forces, the same with Coulomb and with given friction.
+JOINT_FORCES: dict[str, Strategy] = {
+    name: Strategy(
+        (partial(joint_forces, minimise=minimise),), SYMMETRIC, equilibrium=fixed_point_equilibrium
+    )
+    for name, minimise in (("splitting", alternately), ("active-set", at_once))
+}
+
 #: By method: with Coulomb friction, where the bound on friction depends on the pressure.
 COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
@@ -348,6 +400,7 @@ COULOMB: dict[str, Strategy] = {
     ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy((fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium),
+    **JOINT_FORCES,
 }
 
 #: With given friction, or none, the problem is convex and the interior point method finds it.
@@ -359,4 +412,4 @@ def strategy_of(scene: Scene) -> Strategy:
     laws = [*scene.joints.values(), *scene.foundations.values()]
     if any(law.friction for law in laws):
         return COULOMB[scene.solve.method]
-    return GIVEN
+    return JOINT_FORCES.get(scene.solve.method, GIVEN)
