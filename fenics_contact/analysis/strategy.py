@@ -210,7 +210,7 @@ def joint_forces(task: Task, minimise: Minimiser) -> tuple[Solution, History]:
     options = FixedPointOptions(precision=1e-2, order=1.0, loosest=0.1, tightest=1e-9)
     with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
 
-        def solve(bound: Array, start: State, _mu: float, tolerance: float) -> Solution:
+        def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
             if not case.problem.coulomb:
                 tolerance = options.tightest
             found = solver.solve(bound, task.work, start, task.scales, tolerance)

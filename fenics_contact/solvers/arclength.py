@@ -3,8 +3,9 @@
 The perturbed conditions (`kkt`) of one structure have a curve of solutions when one of their
 numbers varies: products mu that fall, or work T of the live load that rises. With Coulomb friction
 the curve may turn back. An interior point method stalls there; the curve itself goes on, so it is
-followed by its length, with the number that varies as one unknown more (H.B. Keller, in Applications
-of Bifurcation Theory (1977) 359; E.L. Allgower, K. Georg, Numerical Continuation Methods (1990)).
+followed by its length, with the number that varies as one unknown more (H.B. Keller, in
+Applications of Bifurcation Theory (1977) 359; E.L. Allgower, K. Georg, Numerical Continuation
+Methods (1990)).
 
 The unknowns are those in which all products equal mu whatever the step, so that no step ends at a
 boundary (`smoothing`): p and q at every joint point. One factor gives Newton's correction c to the

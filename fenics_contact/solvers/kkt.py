@@ -134,7 +134,7 @@ class Products:
 
 @dataclass(frozen=True)
 class PerturbedKKT:
-    """The conditions of one state: under prescribed work or load factor, with given friction or not.
+    """Conditions of one state, under prescribed work or load factor, with Coulomb or given friction.
 
     Attributes:
         problem: The structure.

@@ -1,4 +1,4 @@
-"""The discrete contact problem: maps, reductions over ranks, and the part of motions that strains."""
+"""The discrete contact problem: maps, reductions over ranks, and what strains the blocks."""
 
 from __future__ import annotations
 
