@@ -70,13 +70,6 @@ def test_all_products_are_equal_along_the_path(plain):
     assert point.state.work == kkt.work
 
 
-def test_a_point_as_close_as_asked_solves_the_equations(plain):
-    kkt, point = conditions(plain), fallen(plain, 1e-2, close=1e-6, corrections=20)
-    sizes = kkt.sizes(point.iterate, kkt.residual(point.iterate))
-    assert sizes.pop("complementarity") == pytest.approx(point.mu, rel=1e-9)
-    assert max(sizes.values()) <= 1e-6
-
-
 @pytest.mark.parametrize("end", [0.5, 1e-2, 1e-5])
 def test_falling_products_end_below_those_asked_for(plain, end):
     assert 0.1 * end < fallen(plain, end).mu <= end
@@ -102,15 +95,6 @@ def test_rising_work_ends_at_the_work_asked_for(plain, times):
     state = solve_interior_point(there, risen.state, 1e-2, Tolerances(1e-9, 1e-9)).state
     exact = solved(plain, risen.work / plain.bonded_work).state
     assert state.load_factor == pytest.approx(exact.load_factor, rel=1e-7)
-
-
-@pytest.mark.parametrize("path", [FALLING_PRODUCTS, RISING_WORK, Path(-0.5, 0.0)])
-def test_change_of_the_parameter_leads_where_it_says(path):
-    mu, work, s = 0.3, 2.0, 0.7
-    end = path.progress(path.mu(mu, s), path.work(work, s))
-    assert end > path.progress(mu, work)
-    if path.log_mu_rate in (0.0, -1.0):
-        assert path.change_to(mu, work, end) == pytest.approx(s, rel=1e-12)
 
 
 # ---- folds
@@ -193,11 +177,3 @@ def test_path_that_does_not_end(plain, options, message):
     with pytest.raises(SolverError, match=f"central path: {message}"):
         fallen(plain, 1e-4, **options)
     assert plain.discretization.tally.count - before <= 40
-
-
-def test_path_of_what_is_not_a_number_is_lost(plain):
-    kkt = conditions(plain)
-    path, start = Continuation(kkt, FALLING_PRODUCTS), plain.bonded_state(kkt.work)
-    nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
-    with pytest.raises(SolverError):
-        path.follow(path.begin(nothing, 1.0), 1e-4)

@@ -125,20 +125,6 @@ def test_linear_displacements_of_free_blocks_come_back(case):
     assert back.elastic == pytest.approx(problem.elastic_part(u), abs=1e-12)
 
 
-def test_restricted_and_prolonged_amplitudes_come_back(case):
-    made, problem = case.discretization.block_modes, case.problem
-    random = np.random.default_rng(4)
-    amplitudes = random.normal(size=made.reduced.size)
-    none = np.zeros_like(problem.friction)
-    state = state_of(made.reduced, amplitudes, none, none)
-    back = made.restricted(made.prolonged(state))
-    kept = np.sum(basis(made) ** 2, axis=0) > 0.5
-    assert back.displacement == pytest.approx(np.where(kept, amplitudes, 0.0), abs=1e-12)
-    assert back.elastic == pytest.approx(made.reduced.elastic_part(back.displacement), abs=1e-12)
-    assert (back.load_factor, back.work) == (0.5, 7.0)
-    assert np.array_equal(back.pressure, none) and np.array_equal(back.shear, none)
-
-
 def test_prolonged_states_have_the_indentation_of_their_joint_forces(case):
     """Moved by their modes, and by what blocks give next to joint forces."""
     made, problem = case.discretization.block_modes, case.problem
@@ -156,12 +142,6 @@ def test_prolonged_states_have_the_indentation_of_their_joint_forces(case):
         abs=1e-12,
     )
     assert np.array_equal(state.pressure, pressure) and np.array_equal(state.shear, -pressure)
-
-
-def test_what_is_held_does_not_move(case):
-    supports = case.discretization.supports
-    held = (2 * supports.nodes[:, None] + np.arange(2))[supports.held]
-    assert np.all(basis(case.discretization.block_modes)[held] == 0.0)
 
 
 # ---- the reduced structure
@@ -291,16 +271,3 @@ def test_structure_of_single_triangles_is_reproduced_exactly(friction):
         for name in ("displacement", "pressure", "shear"):
             one, other = getattr(state, name), getattr(exact, name)
             assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())
-
-
-def test_state_of_the_modes_is_close_to_that_of_the_structure():
-    """A block that slides or tips does so in its modes."""
-    with load_case(block_recipe(0.4, 1.0, 0.7).scene(2)) as case:
-        kkt, made = conditions(case), case.discretization.block_modes
-        with made.stiffness(GENERAL, Tally()) as stiffness:
-            reduced = PerturbedKKT.coulomb(made.reduced, stiffness, kkt.scales, kkt.work)
-            start = made.restricted(case.bonded_state(kkt.work))
-            found = solve_interior_point(reduced, start, 1.0, Tolerances(load_factor=1e-9))
-        assert found.state.load_factor == pytest.approx(0.4, rel=1e-2)
-        work = case.problem.dot(case.problem.live, made.prolonged(found.state).displacement)
-        assert work == pytest.approx(kkt.work, rel=2e-2)

@@ -117,24 +117,6 @@ def test_steps_along_a_curve_stay_on_it(model):
     assert end.error <= 1e-8
 
 
-def test_response_and_excess_belong_together(model):
-    """Displacements that springs answer leave no forces in excess."""
-    opening, slip = np.random.default_rng(2).normal(size=(2, 6))
-    states = model.response(opening, slip)
-    moved = model.displacements(states)
-    assert moved == pytest.approx(np.array([opening, slip]))
-    excess = model.excess(states, moved)
-    assert excess == pytest.approx(np.zeros((2, 6)), abs=1e-12)
-
-
-def test_model_of_some_points(model):
-    points = np.array([3, 1])
-    some = model.at(points)
-    assert np.array_equal(some.moved(0.3, -0.2), model.moved(0.3, -0.2)[:, points])
-    assert np.array_equal(some.distances(0.3, -0.2), model.distances(0.3, -0.2)[points])
-    assert model.mu_at(1.0) == pytest.approx(1e-2 / np.e)
-
-
 # ---- steps of a wall
 
 
@@ -207,22 +189,6 @@ def test_smaller_limit_leads_less_far_and_the_same_one_to_the_same_place(place):
     assert made.model.laws.distances(near.states, place.mu * np.exp(-near.s)).max() <= 0.06 * 1.001
     assert again.s == pytest.approx(far.s, rel=0.3)
     assert again.moved.load_factor == pytest.approx(far.moved.load_factor, rel=1e-2)
-
-
-def test_step_only_to_the_path(place):
-    made = place.elimination(0.0)
-    step = made.step(None, place.linear.orientation, 0.3)
-    assert step.reached
-    assert step.s == pytest.approx(made.back, abs=1e-9)
-
-
-@pytest.mark.parametrize("noticed", [1e-9, 10.0], ids=["all", "none"])
-def test_points_that_were_not_watched_are_found_where_a_curve_ends(place, noticed):
-    """No point ends further from its law than the limit, however few are watched at first."""
-    made = place.elimination(place.linear.orientation, EliminationOptions(noticed=noticed))
-    step = made.step((-3.0, 3.0), place.linear.orientation, 0.3)
-    distances = made.model.laws.distances(step.states, place.mu * np.exp(-step.s))
-    assert 0.0 < distances.max() <= 0.3 * (1.0 + 1e-6)
 
 
 def test_tangent_leaves_the_path_with_the_square_of_the_step(case):
