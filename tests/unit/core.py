@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from petsc4py import PETSc
 
 from fenics_contact import Scene
@@ -15,13 +17,13 @@ from fenics_contact.analysis.history import Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.solvers import nonlinear_elimination as elimination
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Products, Residual
-from fenics_contact.solvers.nonlinear_elimination import EliminationOptions, NonlinearElimination
-from fenics_contact.solvers.nonlinear_elimination import Step as PathStep
 from fenics_contact.solvers.problem import ContactProblem, SparseMap, State
-from tests.bank import Recipe, coulomb
+from tests.bank import PUSH, STONE, Recipe, coulomb
+from tests.drawing import Drawing
 
 Array = npt.NDArray[np.float64]
 
@@ -35,21 +37,36 @@ THREE_BLOCKS = Recipe(lambda n, quads: wall([[1.0], [0.5, 0.5]], elements=n), co
 BOND = Recipe(lambda n, quads: running_bond(2, 2, elements=n), coulomb(0.5))
 
 
+def on_an_inclined_roller(elements: int, left: str) -> Scene:
+    """The three blocks turned by 30 degrees, on a roller and with a support at their left."""
+    usual = THREE_BLOCKS.scene(elements)
+    turn = np.array([[np.sqrt(3.0), 1.0], [-1.0, np.sqrt(3.0)]]) / 2.0
+    drawn = Drawing.of(THREE_BLOCKS.draw(elements, False)).moved(lambda points: points @ turn)
+    mesh = type(usual.mesh).from_model(drawn.model(), usual.comm)
+    supports = {"base": "roller", "left": left}
+    return Scene(mesh, {"default": STONE}, PUSH, joints=usual.joints, supports=supports)
+
+
 @contextmanager
 def load_case(
     scene: Scene, kind: str = GENERAL, told: list[Step] | None = None
 ) -> Iterator[LoadCase]:
-    """A scene discretised, with its live load as given.
-
-    Args:
-        scene: The scene.
-        kind: Of factorisation.
-        told: Gets every iteration.
-    """
+    """A scene discretised, with its live load as given; `told` gets every iteration."""
     with Discretization(scene) as discretization:
         bonded = discretization.bonded(kind)
         monitor = ([] if told is None else told).append
         yield LoadCase.of(discretization, bonded, 1.0, kind, monitor)
+
+
+def prepared(recipe: Recipe, elements: int = 1) -> Any:
+    """A fixture: the load case of a recipe, for all tests of a module."""
+
+    @pytest.fixture(scope="module")
+    def made() -> Iterator[LoadCase]:
+        with load_case(recipe.scene(elements)) as case:
+            yield case
+
+    return made
 
 
 def conditions(case: LoadCase, ratio: float = FAR, given: Array | None = None) -> PerturbedKKT:
@@ -81,6 +98,13 @@ def sparse(matrix: Array) -> SparseMap:
     return SparseMap(PETSc.Mat().createAIJ(matrix.shape, csr=csr, comm=PETSc.COMM_SELF))
 
 
+def sprung(problem: ContactProblem, normal: Array, shear: Array, coupling: Array) -> Array:
+    """K with springs at all joint points, by dense algebra."""
+    b_n, b_t = dense(problem.normal), dense(problem.tangential)
+    matrix = dense(problem.stiffness) + b_n.T @ (normal[:, None] * b_n)
+    return matrix + b_t.T @ (shear[:, None] * b_t + coupling[:, None] * b_n)
+
+
 def whole(problem: ContactProblem, values: Array) -> Array:
     """All entries of a distributed array on every rank, in the order of the ranks."""
     return np.concatenate(problem.comm.allgather(values))
@@ -88,51 +112,36 @@ def whole(problem: ContactProblem, values: Array) -> Array:
 
 def part(problem: ContactProblem, values: Array, like: Array) -> Array:
     """This rank's part of an array that all ranks have; as many as `like` has."""
-    counts = problem.comm.allgather(len(like))
-    first = sum(counts[: problem.comm.rank])
+    first = sum(problem.comm.allgather(len(like))[: problem.comm.rank])
     return np.asarray(values[first : first + len(like)])
 
 
-def misses(case: LoadCase, state: State, bound: Array) -> dict[str, float]:
-    """What a state misses of equilibrium and the joint laws, by dense algebra, relative."""
-    problem = case.problem
-    b_n, b_t = dense(problem.normal), dense(problem.tangential)
-    u, pressure, shear, g, dead, live, origin = (
-        whole(problem, values)
-        for values in (
-            state.displacement,
-            state.pressure,
-            state.shear,
-            bound,
-            problem.dead,
-            problem.live,
-            problem.slip_origin,
-        )
-    )
-    forces = dead + state.load_factor * live
-    rest = dense(problem.stiffness) @ u - forces - b_n.T @ pressure - b_t.T @ shear
-    opening, slip = b_n @ u, b_t @ u - origin
-    force, moved = np.abs(forces).max(), np.abs(u).max()
+def misses(case: LoadCase, state: State, bound: Array | None = None) -> dict[str, float]:
+    """What a state misses of equilibrium and the joint laws, relative."""
+    problem, u, g = case.problem, state.displacement, bound
+    g = problem.bound(state.pressure) if g is None else g
+    pressure, shear, loads = state.pressure, state.shear, problem.dead
+    loads = loads + state.load_factor * problem.live
+    forces = loads + problem.joint_forces(pressure, shear)
+    opening, slip = problem.normal @ u, problem.tangential @ u
+    force, moved = np.abs(loads).max(), np.abs(u).max()
     return {
-        "equilibrium": np.abs(rest).max() / force,
+        "equilibrium": np.abs(problem.stiffness @ u - forces).max() / force,
         "penetration": max(0.0, -opening.min()) / moved,
         "tension": max(0.0, -pressure.min()) / force,
         "complementarity": np.abs(opening * pressure).max() / (force * moved),
         "friction": max(0.0, (np.abs(shear) - g).max()) / force,
         "slip": np.abs(g * np.abs(slip) + shear * slip).max() / (force * moved),
-        "work": abs(live @ u / state.work - 1.0),
+        "work": abs(problem.live @ u / state.work - 1.0),
     }
 
 
 def noisy(iterate: Iterate, seed: int, size: float = 0.3) -> Iterate:
-    """An iterate with every positive quantity multiplied by random numbers around one."""
-    random = np.random.default_rng(seed)
-    names = [item.name for item in fields(iterate)][3:]
-    values = {name: getattr(iterate, name) for name in names if name != "shear"}
-    return replace(
-        iterate,
-        **{n: v * np.exp(size * random.normal(size=len(v))) for n, v in values.items()},
-    )
+    """An iterate whose openings, forces and slips are multiplied by random numbers around one."""
+    random, names = np.random.default_rng(seed), ("y", "pressure", "s1", "s2", "z1", "z2")
+    values = {name: getattr(iterate, name) for name in names}
+    noise = {n: v * np.exp(size * random.normal(size=len(v))) for n, v in values.items()}
+    return replace(iterate, **noise, shear=0.5 * (noise["s2"] - noise["s1"]))
 
 
 @dataclass(frozen=True)
@@ -159,22 +168,21 @@ class Place:
         linear, zero = kkt.linearize(now), np.zeros_like(now.y)
         fall = np.full_like(zero, -mu * kkt.scales.force * kkt.scales.displacement)
         rest = Residual(np.zeros_like(now.u), zero, zero, 0.0)
-        asked = [
-            (kkt.residual(now), Products(zero, zero, zero)),
-            (rest, Products(fall, fall, fall)),
-        ]
-        return cls(kkt, mu, linear, *linear.directions(asked))
+        across = kkt.residual(now), Products(zero, zero, zero)
+        return cls(
+            kkt, mu, linear, *linear.directions([across, (rest, Products(fall, fall, fall))])
+        )
 
     def elimination(
-        self, ahead: float, options: EliminationOptions | None = None
-    ) -> NonlinearElimination:
+        self, ahead: float, options: elimination.EliminationOptions | None = None
+    ) -> elimination.NonlinearElimination:
         """A step from here, with points chosen."""
         here = self.linear, self.across, self.along
-        made = NonlinearElimination(*here, self.mu, -1.0, 1e-3, options)
+        made = elimination.NonlinearElimination(*here, self.mu, -1.0, 1e-3, options)
         made.choose(ahead)
         return made
 
-    def arrived(self, at: PathStep) -> tuple[Iterate, float]:
+    def arrived(self, at: elimination.Step) -> tuple[Iterate, float]:
         """The point with equal products where a step leads, and its products."""
         _, r, _, shear = at.states.values
         f, to, mu = self.kkt.scales.force, at.moved, self.mu * float(np.exp(-at.s))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,66 +14,55 @@ from fenics_contact.solvers.arclength import (
     RISING_WORK,
     ArclengthOptions,
     Continuation,
-    Path,
     PathPoint,
 )
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from fenics_contact.solvers.kkt import COLD, Linearization
+from fenics_contact.solvers.kkt import COLD
 from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import FAR, Place, conditions, dense, load_case, misses, noisy, solved
+from tests.unit.core import (
+    FAR,
+    Place,
+    conditions,
+    load_case,
+    misses,
+    noisy,
+    prepared,
+    solved,
+    sprung,
+)
+
+#: A wall with so much friction that its path turns back, and one whose path has no folds.
+folded, plain = (
+    prepared(wall_recipe(name, coulomb(friction)), elements)
+    for name, friction, elements in (("W1", 1.0, 2), ("W4", 0.4, 1))
+)
 
 
-@pytest.fixture(scope="module")
-def folded() -> Iterator[LoadCase]:
-    """A wall with so much friction that its path turns back."""
-    with load_case(wall_recipe("W1", coulomb(1.0)).scene(2)) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def plain() -> Iterator[LoadCase]:
-    """A wall whose path has no folds."""
-    with load_case(wall_recipe("W4", coulomb(0.4)).scene(1)) as made:
-        yield made
-
-
-def fallen(case: LoadCase, end: float, ratio: float = FAR, **options: float) -> PathPoint:
+def fallen(case: LoadCase, end: float, ratio: float = FAR, **options: object) -> PathPoint:
     """The point where products have fallen from 1 under constant work."""
     kkt = conditions(case, ratio)
     path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(**options))
     return path.follow(path.begin(case.bonded_state(kkt.work), 1.0), end)
 
 
-def finished(case: LoadCase, point: PathPoint, ratio: float = FAR) -> State:
+def finished(case: LoadCase, point: PathPoint) -> State:
     """The state next to a point."""
-    kkt = replace(conditions(case, ratio), work=point.work)
+    kkt = case.coulomb(point.work, case.scales_at(point.work))
     return solve_interior_point(kkt, point.state, point.mu, Tolerances(1e-9, 1e-9)).state
 
 
-# ---- points of the path
-
-
 def test_all_products_are_equal_along_the_path(plain):
-    kkt, point = conditions(plain), fallen(plain, 1e-4)
-    now, d, f = point.iterate, kkt.scales.displacement, kkt.scales.force
-    assert 1e-5 < point.mu <= 1e-4
-    for product in vars(kkt.products(now)).values():
-        assert product == pytest.approx(np.full_like(product, point.mu * d * f), rel=1e-9)
-    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.friction * now.pressure, rel=1e-12)
-    residual = kkt.residual(now)
-    close = ArclengthOptions().close
-    assert np.all(np.abs(residual.opening) / d <= close * (now.pressure / f + now.y / d) + 1e-4)
-    assert residual.work == pytest.approx(0.0, abs=1e-9 * kkt.work)
-    assert point.state.work == kkt.work
-
-
-def test_a_point_as_close_as_asked_solves_the_equations(plain):
     kkt, point = conditions(plain), fallen(plain, 1e-2, close=1e-6, corrections=20)
-    sizes = kkt.sizes(point.iterate, kkt.residual(point.iterate))
+    now, unit = point.iterate, kkt.scales.displacement * kkt.scales.force
+    for product in vars(kkt.products(now)).values():
+        assert product == pytest.approx(np.full_like(product, point.mu * unit), rel=1e-9)
+    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.friction * now.pressure, rel=1e-12)
+    sizes = kkt.sizes(now, kkt.residual(now))
     assert sizes.pop("complementarity") == pytest.approx(point.mu, rel=1e-9)
     assert max(sizes.values()) <= 1e-6
+    assert point.state.work == kkt.work
 
 
 @pytest.mark.parametrize("end", [0.5, 1e-2, 1e-5])
@@ -89,42 +77,26 @@ PASSES_THE_END = pytest.mark.xfail(strict=True, reason="a corrector may lead far
 def test_rising_work_ends_at_the_work_asked_for(plain, times):
     """With the products that it began with."""
     first = fallen(plain, 1e-2, ratio=10.0)
-    last = times * first.work
-    kkt = plain.coulomb(last, plain.scales_at(first.work))
-    risen = Continuation(kkt, RISING_WORK).follow(first, last)
+    last, scales = times * first.work, plain.scales_at(first.work)
+    risen = Continuation(plain.coulomb(last, scales), RISING_WORK).follow(first, last)
     assert risen.mu == first.mu
     assert risen.work == pytest.approx(last, rel=2e-3)
     work = plain.problem.dot(plain.problem.live, risen.iterate.u)
     assert work == pytest.approx(risen.work, rel=1e-9)
     assert risen.state.work == risen.work
-    scales = plain.scales_at(last)
-    there = plain.coulomb(risen.work, scales)
-    state = solve_interior_point(there, risen.state, 1e-2, Tolerances(1e-9, 1e-9)).state
-    exact = solved(plain, risen.work / plain.bonded_work).state
-    assert state.load_factor == pytest.approx(exact.load_factor, rel=1e-7)
-
-
-@pytest.mark.parametrize("path", [FALLING_PRODUCTS, RISING_WORK, Path(-0.5, 0.0)])
-def test_change_of_the_parameter_leads_where_it_says(path):
-    mu, work, s = 0.3, 2.0, 0.7
-    end = path.progress(path.mu(mu, s), path.work(work, s))
-    assert end > path.progress(mu, work)
-    if path.log_mu_rate in (0.0, -1.0):
-        assert path.change_to(mu, work, end) == pytest.approx(s, rel=1e-12)
+    exact = solved(plain, risen.work / plain.bonded_work).state.load_factor
+    assert finished(plain, risen).load_factor == pytest.approx(exact, rel=1e-7)
 
 
 # ---- folds
 
 
 def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
-    kkt, problem, found = conditions(folded), folded.problem, set()
-    b_n, b_t, live = dense(problem.normal), dense(problem.tangential), problem.live
+    kkt, live, found = conditions(folded), folded.problem.live, set()
     start = kkt.on_central_path(solved(folded, 0.1).state, 1e-3)
     for seed in range(6):
-        linear = Linearization(kkt, noisy(start, seed, 3.0))
-        normal, tangential, coupling = linear.springs
-        matrix = dense(problem.stiffness) + b_n.T @ (normal[:, None] * b_n)
-        matrix += b_t.T @ (tangential[:, None] * b_t + coupling[:, None] * b_n)
+        linear = kkt.linearize(noisy(start, seed, 3.0))
+        matrix = sprung(folded.problem, *linear.springs)
         border = np.block([[matrix, live[:, None]], [live[None], np.zeros((1, 1))]])
         scale = np.sqrt(np.append(np.diag(matrix), np.abs(matrix).max()))
         assert linear.orientation == -np.linalg.slogdet(border / np.outer(scale, scale))[0]
@@ -142,9 +114,8 @@ def test_products_rise_where_the_orientation_has_changed_its_sign(folded):
         places.append((mu, orientation))
         step = place.elimination(orientation).step((-1.0, 1.0), orientation, 0.3)
         now, mu = place.arrived(step)
-    assert places[0][1] == 1.0
     back = [k for k, (_, orientation) in enumerate(places) if orientation < 0.0]
-    assert len(back) >= 2 and len(places) - 1 not in back
+    assert len(back) >= 2 and 0 not in back and len(places) - 1 not in back
     for k in back:
         mu, (after, turned) = places[k][0], places[k + 1]
         assert after > mu or turned > 0.0
@@ -158,7 +129,7 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
         with pytest.raises(SolverError, match="interior point: residual"):
             solved(case)
         state = finished(case, fallen(case, 1e-5))
-        left = misses(case, state, case.problem.bound(state.pressure))
+        left = misses(case, state)
     assert max(left.values()) < 1e-6, left
     if wall == "W1":  # by an independent fixed point
         assert state.load_factor == pytest.approx(0.645963, abs=2e-6)
@@ -166,8 +137,7 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
 
 def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
     exact = solved(plain).state.load_factor
-    found = finished(plain, fallen(plain, 1e-4)).load_factor
-    assert found == pytest.approx(exact, rel=1e-7)
+    assert finished(plain, fallen(plain, 1e-4)).load_factor == pytest.approx(exact, rel=1e-7)
     assert fallen(plain, 1e-6).iterate.load_factor == pytest.approx(exact, rel=1e-3)
 
 
@@ -175,9 +145,6 @@ def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
     assert fallen(folded, 1e-6, max_steps=60).mu <= 1e-6
     with pytest.raises(SolverError, match="wanders|not at its end"):
         fallen(folded, 1e-6, max_steps=60, elimination=EliminationOptions(points=0))
-
-
-# ---- where it ends without an answer
 
 
 @pytest.mark.parametrize(
@@ -189,10 +156,8 @@ def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
     ],
 )
 def test_path_that_does_not_end(plain, options, message):
-    before = plain.discretization.tally.count
     with pytest.raises(SolverError, match=f"central path: {message}"):
         fallen(plain, 1e-4, **options)
-    assert plain.discretization.tally.count - before <= 40
 
 
 def test_path_of_what_is_not_a_number_is_lost(plain):

@@ -65,14 +65,6 @@ def test_loads_are_the_weights_of_the_blocks(case):
 
 
 @pytest.mark.mpi
-def test_values_of_all_points(case):
-    points = case.discretization.operators.points
-    everything = case.discretization.all_points(10.0 * points + 1.0)
-    expected = 10.0 * np.arange(len(case.discretization.joints.length)) + 1.0
-    assert np.array_equal(everything, expected)
-
-
-@pytest.mark.mpi
 def test_rigid_motions_open_no_joint_within_a_body_and_strain_nothing(case):
     problem, random = case.problem, np.random.default_rng(1)
     motion = random.normal(size=(case.block_count, 3))
@@ -98,16 +90,6 @@ def test_stiffnesses_are_made_once_and_counted():
             stiffness.factor(none, none)
         assert (made.tally.count, made.mode_tally.count, made.factorizations()) == (1, 1, 2)
         assert made.seconds > 0.0
-
-
-@pytest.mark.parametrize("modes", [False, True])
-def test_arrays_outlive_the_matrices(modes):
-    with Discretization(BOND.scene(1)) as made:
-        bonded = made.bonded(GENERAL)
-        reduced = made.block_modes.reduced.live if modes else made.problem.live
-        values = bonded.live.copy(), reduced.copy()
-    assert np.array_equal(bonded.live, values[0]) and np.array_equal(reduced, values[1])
-    assert len(made.joints.length) == len(made.problem.friction)
 
 
 def test_live_load_on_nothing_is_an_input_error():
@@ -142,13 +124,3 @@ def test_typical_sizes_without_a_dead_load_are_those_of_the_strength():
         assert case.scales.force == case.problem.strength.max() > 0.0
         force = case.scales.load_factor * case.problem.max(case.bonded.live_pressure)
         assert force == pytest.approx(case.scales.force, rel=1e-12)
-
-
-def test_typical_sizes_follow_the_units():
-    """Ten times the dead load: forces ten times as large, and the load factor."""
-    usual = BOND.scene(1)
-    heavy = replace(usual, dead=Load((0.0, -10.0 * GRAVITY)))
-    with load_case(usual) as one, load_case(heavy) as other:
-        assert other.scales.force == pytest.approx(10.0 * one.scales.force, rel=1e-9)
-        assert other.scales.load_factor == pytest.approx(10.0 * one.scales.load_factor, rel=1e-9)
-        assert typical_sizes(one.problem, one.bonded) == one.scales

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolveOptions, SolverError
-from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_load
-from fenics_contact.analysis.result import Collapse
+from fenics_contact.analysis.result import CapacityPoint, Collapse
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.solvers.problem import State
@@ -136,12 +135,6 @@ def test_nothing_under_the_dead_load_is_not_converged(block):
     found = raised(block, made_up(lambda factor, _: False, asked))
     assert (found.status, asked) == ("not_converged", [0.0])
     assert math.isnan(found.load_factor)
-
-
-def test_nothing_but_the_dead_load(block):
-    path = raised(block, made_up(lambda factor, _: factor == 0.0, [])).path
-    assert path.lower == 0.0 < path.upper <= 1e-6 * block.scales.load_factor
-    assert [step.load_factor for step in path.steps] == [0.0]
 
 
 def test_upper_bound_is_not_exceeded(block):

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.solvers.arclength import FALLING_PRODUCTS, ArclengthOptions, Continuation
 from fenics_contact.solvers.nonlinear_elimination import (
     ChosenPoints,
@@ -18,31 +16,24 @@ from fenics_contact.solvers.nonlinear_elimination import (
 )
 from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import FAR, Place, conditions, dense, load_case
-
-#: Products at which the tests' steps begin.
-MU = 1e-3
+from tests.unit.core import Place, conditions, dense, prepared
 
 #: All points are chosen, and solved for to many digits.
 ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9, newton_steps=20)
 
-
-@pytest.fixture(scope="module")
-def case() -> Iterator[LoadCase]:
-    """A wall with so much friction that its path turns back."""
-    with load_case(wall_recipe("W1", coulomb(1.0)).scene(2)) as made:
-        yield made
+#: A wall with so much friction that its path turns back.
+case = prepared(wall_recipe("W1", coulomb(1.0)), 2)
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.3], ids=["stiff", "compliant"])
 def place(case, request) -> Place:
     """Some way down the path, of points with and without a compliance of their own."""
-    kkt = conditions(case)
-    unit, count = kkt.scales.displacement / kkt.scales.force, len(case.problem.friction)
+    kkt, count = conditions(case), len(case.problem.friction)
+    unit = kkt.scales.displacement / kkt.scales.force
     compliance = request.param * unit * np.linspace(0.5, 1.0, 2 * count).reshape(2, -1)
     kkt = replace(kkt, problem=replace(case.problem, compliance=compliance))
     path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(corrections=2))
-    point = path.follow(path.begin(case.bonded_state(FAR * case.bonded_work), 1.0), MU)
+    point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-3)
     return Place.at(kkt, point.iterate, point.mu)
 
 
@@ -53,86 +44,54 @@ def place(case, request) -> Place:
 def model() -> TangentModel:
     """Six points of all laws, with forces that move all of them."""
     random, count = np.random.default_rng(1), 6
-    laws = SmoothedLaws(
-        np.array([0.6, 0.6, 0.0, 0.3, 0.0, 0.8]),
-        np.array([0.0, 0.0, 0.5, 0.1, 0.0, 0.0]),
-        np.array([True, True, True, True, False, True]),
-        smallest=1e-3,
-    )
+    friction, strength = [0.6, 0.6, 0.0, 0.3, 0.0, 0.8], [0.0, 0.0, 0.5, 0.1, 0.0, 0.0]
+    laws = SmoothedLaws(np.array(friction), np.array(strength), np.arange(6) != 4, smallest=1e-3)
     start = laws.states(random.normal(size=count), random.normal(size=count), 1e-2)
     root = random.normal(size=(2 * count, 2 * count))
-    c = root @ root.T
-    answers = np.array([c[:count].T, c[count:].T])  # for normal forces, then shear forces
-    answers = np.stack([answers[:, :count], answers[:, count:]], axis=2).reshape(2, -1, count)
+    c = (root @ root.T).reshape(2, count, 2, count)  # openings and slips at all points
     return TangentModel(
         laws,
         start.values,
-        0.1 * random.normal(size=(4, count)),
-        0.1 * random.normal(size=(4, count)),
-        random.uniform(0.1, 2.0, (3, count)),
-        random.uniform(0.0, 0.5, (2, count)),
-        answers,
-        1e-2,
-        -1.0,
+        correction=0.1 * random.normal(size=(4, count)),
+        tangent=0.1 * random.normal(size=(4, count)),
+        springs=random.uniform(0.1, 2.0, (3, count)),
+        compliance=random.uniform(0.0, 0.5, (2, count)),
+        answers=c.transpose(0, 3, 2, 1).reshape(2, -1, count),
+        mu=1e-2,
+        log_mu_rate=-1.0,
     )
 
 
-def test_start_solves_the_equations_without_forces(model):
-    curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, 0.3)), EliminationOptions())
-    start = JointStates(model.start)
+def test_curve_begins_without_forces_and_steps_along_it_stay_on_it(model):
+    options, start = EliminationOptions(solved=1e-8, newton_steps=20), JointStates(model.start)
+    curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, 0.3)), options)
     begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
-    assert begin.error < 1e-6
-    assert np.abs(begin.forces).max() < 1e-5
-    assert begin.tau == 0.0
+    assert begin.error < 1e-6 and np.abs(begin.forces).max() < 1e-5
+    along = curve.direction(begin, np.eye(len(begin.x))[-1])
+    assert np.abs(along / begin.sizes).max() == pytest.approx(1.0)
+    assert begin.slopes @ along == pytest.approx(np.zeros(len(begin.rest)), abs=1e-8)
+    new, _ = curve.step(begin, along, 0.1, (-1.0, 1.0))
+    assert new.error <= 1e-8 and 0.0 < new.tau < 1.0
+    end, _ = curve.step(new, curve.direction(new, along), 3.0, (-1.0, new.tau + 1e-3))
+    assert end.error <= 1e-8 and end.tau == pytest.approx(new.tau + 1e-3, rel=1e-12)
 
 
 @pytest.mark.parametrize("line", [Line((0.0, 0.0), (1.0, 0.3)), Line((1.0, 0.2), (0.0, 1.0))])
 def test_slopes_are_those_of_differences(model, line):
-    curve = ChosenPoints(model, line, EliminationOptions())
-    start = JointStates(model.start)
+    curve, start = ChosenPoints(model, line, EliminationOptions()), JointStates(model.start)
     x = 1.01 * np.concatenate([start.p, start.q, [0.4]])
-    here = curve.at(x)
-    for k in range(len(x)):
-        h = np.zeros_like(x)
-        h[k] = 1e-5 * max(abs(x[k]), 1e-2)
-        slope = (curve.at(x + h).rest - curve.at(x - h).rest) / (2.0 * h[k])
-        size = np.abs(here.slopes[:, k]).max()
-        assert here.slopes[:, k] == pytest.approx(slope, abs=1e-4 * size)
+    for k, slopes in enumerate(curve.at(x).slopes.T):
+        h = 1e-5 * max(abs(x[k]), 1e-2) * np.eye(len(x))[k]
+        difference = (curve.at(x + h).rest - curve.at(x - h).rest) / (2.0 * h[k])
+        assert slopes == pytest.approx(difference, abs=1e-4 * np.abs(slopes).max())
 
 
-def test_steps_along_a_curve_stay_on_it(model):
-    options = EliminationOptions(solved=1e-8, newton_steps=20)
-    curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, 0.3)), options)
-    start = JointStates(model.start)
-    begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
-    along = curve.direction(begin, np.eye(len(begin.x))[-1])
-    assert np.abs(along / begin.sizes).max() == pytest.approx(1.0)
-    assert along[-1] > 0.0
-    assert begin.slopes @ along == pytest.approx(np.zeros(len(begin.rest)), abs=1e-8)
-    new, _ = curve.step(begin, along, 0.1, (-1.0, 1.0))
-    assert new.error <= 1e-8
-    assert 0.0 < new.tau < 1.0
-    end, _ = curve.step(new, curve.direction(new, along), 3.0, (-1.0, new.tau + 1e-3))
-    assert end.tau == pytest.approx(new.tau + 1e-3, rel=1e-12)
-    assert end.error <= 1e-8
-
-
-def test_response_and_excess_belong_together(model):
-    """Displacements that springs answer leave no forces in excess."""
+def test_displacements_that_springs_answer_leave_no_forces_in_excess(model):
     opening, slip = np.random.default_rng(2).normal(size=(2, 6))
     states = model.response(opening, slip)
     moved = model.displacements(states)
     assert moved == pytest.approx(np.array([opening, slip]))
-    excess = model.excess(states, moved)
-    assert excess == pytest.approx(np.zeros((2, 6)), abs=1e-12)
-
-
-def test_model_of_some_points(model):
-    points = np.array([3, 1])
-    some = model.at(points)
-    assert np.array_equal(some.moved(0.3, -0.2), model.moved(0.3, -0.2)[:, points])
-    assert np.array_equal(some.distances(0.3, -0.2), model.distances(0.3, -0.2)[points])
-    assert model.mu_at(1.0) == pytest.approx(1e-2 / np.e)
+    assert model.excess(states, moved) == pytest.approx(np.zeros((2, 6)), abs=1e-12)
 
 
 # ---- steps of a wall
@@ -140,96 +99,61 @@ def test_model_of_some_points(model):
 
 def test_answers_are_displacements_that_do_no_work_on_the_live_load(place):
     made, problem = place.elimination(1.0), place.kkt.problem
-    assert 2 * EliminationOptions().points >= made.model.answers.shape[1] > 0
-    b = np.concatenate([dense(problem.normal), dense(problem.tangential)])
-    moved = np.array([place.linear.hold_work(place.linear.factor.solve(row))[0] for row in b]).T
-    work = np.abs(problem.live)[:, None] * np.abs(moved)
-    assert np.all(np.abs(problem.live @ moved) <= 1e-8 * work.sum(axis=0))
+    rows = np.concatenate([dense(problem.normal), dense(problem.tangential)])
+    moved = [place.linear.hold_work(place.linear.factor.solve(row))[0] for row in rows]
+    assert np.all(np.abs(moved @ problem.live) <= 1e-8 * (np.abs(moved) @ np.abs(problem.live)))
     unit = place.kkt.scales.force / place.kkt.scales.displacement
-    exact = unit * (b @ moved)  # openings and slips for unit normal and shear forces
+    exact = unit * (moved @ rows.T)  # openings and slips for unit normal and shear forces
     count = len(problem.friction)
-    found = np.concatenate([made.model.answers[0].T, made.model.answers[1].T])
-    for k in range(0, found.shape[1], 2):
-        missed = [
-            np.abs(found[:, [k, k + 1]] - exact[:, [point, count + point]]).max()
-            for point in range(count)
-        ]
-        assert min(missed) <= 1e-8 * np.abs(found[:, [k, k + 1]]).max()
+    found = np.concatenate([made.model.answers[0], made.model.answers[1]], axis=1)
+    assert 2 * EliminationOptions().points >= len(found) > 0
+    for pair in found.reshape(-1, 2, 2 * count):
+        missed = [np.abs(pair - exact[[point, count + point]]).max() for point in range(count)]
+        assert min(missed) <= 1e-8 * np.abs(pair).max()
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("reach", [None, (-0.5, 0.5), (-3.0, 3.0)])
 def test_step_with_all_points_chosen_is_exact(place, reach):
     """Whatever its length, it ends on the path."""
-    made = place.elimination(1.0, ALL)
-    step = made.step(reach, place.linear.orientation, 0.3)
-    assert step.reached
-    (now, mu), kkt = place.arrived(step), place.kkt
-    assert kkt.mean_product(now) == pytest.approx(mu, rel=1e-9)
-    sizes = kkt.sizes(now, kkt.residual(now))
-    sizes.pop("complementarity")
+    step = place.elimination(1.0, ALL).step(reach, place.linear.orientation, 0.3)
+    assert step.reached and (reach is None or abs(step.s) > 0.1)
+    now, mu = place.arrived(step)
+    sizes = place.kkt.sizes(now, place.kkt.residual(now))
+    assert sizes.pop("complementarity") == pytest.approx(mu, rel=1e-9)
     assert max(sizes.values()) <= 1e-7
-    if reach is not None:
-        assert abs(step.s) > 0.1
 
 
 def test_step_without_chosen_points_is_one_along_tangents(place):
     made = place.elimination(1.0, EliminationOptions(points=0))
     step = made.step((-3.0, 3.0), place.linear.orientation, 0.3)
-    assert made.model.answers.shape[1] == 0
-    assert step.reached
-    before = place.linear.now.load_factor
-    expected = before + place.across.load_factor + step.s * place.along.load_factor
-    assert step.moved.load_factor == pytest.approx(expected, rel=1e-12)
+    assert step.reached and made.model.answers.shape[1] == 0
+    moved = place.across.load_factor + step.s * place.along.load_factor
+    assert step.moved.load_factor == pytest.approx(place.linear.now.load_factor + moved, rel=1e-12)
 
 
-@pytest.mark.parametrize("solved", [1e-2, 1e-6])
-def test_no_point_is_farther_from_its_law_than_allowed(place, solved):
-    """Chosen points follow theirs; what is left of equilibrium is what their forces changed by."""
-    options = EliminationOptions(solved=solved, newton_steps=20)
-    made = place.elimination(place.linear.orientation, options)
-    step = made.step((-3.0, 3.0), place.linear.orientation, options.allowed)
-    assert step.reached
-    mu = place.mu * np.exp(-step.s)
-    distances = made.model.laws.distances(step.states, mu)
-    assert distances.max() <= options.allowed * (1.0 + 1e-6)
-    (now, _), kkt = place.arrived(step), place.kkt
-    sizes = kkt.sizes(now, kkt.residual(now))
-    assert sizes["equilibrium"] <= 0.1 * options.allowed
-    assert sizes["work"] <= 1e-9
-
-
-def test_smaller_limit_leads_less_far_and_the_same_one_to_the_same_place(place):
-    made, orientation = place.elimination(place.linear.orientation), place.linear.orientation
-    far, near, again = (made.step((-3.0, 3.0), orientation, limit) for limit in (0.3, 0.06, 0.3))
-    assert near.reached
-    assert 0.0 < abs(near.s - made.back) < abs(far.s - made.back)
-    assert made.model.laws.distances(near.states, place.mu * np.exp(-near.s)).max() <= 0.06 * 1.001
-    assert again.s == pytest.approx(far.s, rel=0.3)
-    assert again.moved.load_factor == pytest.approx(far.moved.load_factor, rel=1e-2)
-
-
-def test_step_only_to_the_path(place):
-    made = place.elimination(0.0)
-    step = made.step(None, place.linear.orientation, 0.3)
-    assert step.reached
-    assert step.s == pytest.approx(made.back, abs=1e-9)
-
-
-@pytest.mark.parametrize("noticed", [1e-9, 10.0], ids=["all", "none"])
-def test_points_that_were_not_watched_are_found_where_a_curve_ends(place, noticed):
-    """No point ends further from its law than the limit, however few are watched at first."""
-    made = place.elimination(place.linear.orientation, EliminationOptions(noticed=noticed))
-    step = made.step((-3.0, 3.0), place.linear.orientation, 0.3)
-    distances = made.model.laws.distances(step.states, place.mu * np.exp(-step.s))
-    assert 0.0 < distances.max() <= 0.3 * (1.0 + 1e-6)
+@pytest.mark.parametrize(("solved", "noticed"), [(1e-2, 0.02), (1e-6, 0.02), (1e-2, 10.0)])
+def test_no_point_is_farther_from_its_law_than_allowed(place, solved, noticed):
+    """However few are watched at first; and a smaller limit leads less far."""
+    options = EliminationOptions(solved=solved, noticed=noticed, newton_steps=20)
+    orientation, lengths = place.linear.orientation, []
+    made = place.elimination(orientation, options)
+    for limit in (options.allowed, 0.2 * options.allowed):
+        step = made.step((-3.0, 3.0), orientation, limit)
+        assert step.reached
+        lengths.append(abs(step.s - made.back))
+        distances = made.model.laws.distances(step.states, place.mu * np.exp(-step.s))
+        assert 0.0 < distances.max() <= limit * (1.0 + 1e-3)
+        now, _ = place.arrived(step)
+        sizes = place.kkt.sizes(now, place.kkt.residual(now))
+        assert sizes["equilibrium"] <= 0.1 * limit and sizes["work"] <= 1e-9
+    assert 0.0 < lengths[1] < lengths[0]
 
 
 def test_tangent_leaves_the_path_with_the_square_of_the_step(case):
     kkt = conditions(case)
-    path = Continuation(
-        kkt, FALLING_PRODUCTS, ArclengthOptions(close=1e-9, corrections=30, elimination=ALL)
-    )
+    options = ArclengthOptions(close=1e-9, corrections=30, elimination=ALL)
+    path = Continuation(kkt, FALLING_PRODUCTS, options)
     point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-1)
     model = Place.at(kkt, point.iterate, point.mu).elimination(0.0).model
     left = [case.problem.max(model.distances(1.0, s)) for s in (1e-1, 1e-2)]

@@ -2,58 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.solvers.problem import ContactProblem, Scales
-from tests.bank import wall_recipe
-from tests.unit.core import BOND, Array, dense, load_case, part, sparse, whole
+from fenics_contact.solvers.problem import Scales
+from tests.unit.core import BOND, dense, load_case, part, prepared, whole
 
 pytestmark = pytest.mark.mpi
 
-
-@pytest.fixture(scope="module")
-def case() -> Iterator[LoadCase]:
-    with load_case(BOND.scene(2)) as made:
-        yield made
-
-
-def made_up(problem: ContactProblem, **changes: Array) -> ContactProblem:
-    return replace(problem, **changes)
+case = prepared(BOND, 2)
 
 
 @pytest.mark.parametrize("name", ["stiffness", "normal", "tangential", "rigid"])
 def test_maps_multiply_like_dense_matrices(case, name):
     problem, matrix = case.problem, getattr(case.problem, name)
     exact, random = dense(matrix), np.random.default_rng(1)
-    rows, columns = (matrix.matrix.getLocalSize()[k] for k in (0, 1))
+    rows, columns = (np.empty(matrix.matrix.getLocalSize()[k]) for k in (0, 1))
     x, y = random.normal(size=exact.shape[1]), random.normal(size=exact.shape[0])
-    size = np.abs(exact).max() * len(x)
-    product = whole(problem, matrix @ part(problem, x, np.empty(columns)))
-    assert product == pytest.approx(exact @ x, abs=1e-14 * size)
-    product = whole(problem, matrix.T @ part(problem, y, np.empty(rows)))
-    assert product == pytest.approx(exact.T @ y, abs=1e-14 * size)
-
-
-def test_diagonal_and_first_row(case):
-    problem, stiffness = case.problem, case.problem.stiffness
-    assert np.array_equal(whole(problem, stiffness.diagonal()), np.diag(dense(stiffness)))
-    counts = problem.comm.allgather(len(problem.dead))
-    assert stiffness.first_row == sum(counts[: problem.comm.rank])
-    assert problem.size == sum(counts)
-
-
-def test_products_are_new_arrays():
-    double = sparse(np.diag([2.0, 3.0]))
-    x = np.ones(2)
-    first, second = double @ x, double @ (2.0 * x)
-    assert first == pytest.approx([2.0, 3.0]) and second == pytest.approx([4.0, 6.0])
-    assert x == pytest.approx([1.0, 1.0])
-    double.close()
+    size = 1e-14 * np.abs(exact).max() * len(x)
+    product = whole(problem, matrix @ part(problem, x, columns))
+    assert product == pytest.approx(exact @ x, abs=size)
+    product = whole(problem, matrix.T @ part(problem, y, rows))
+    assert product == pytest.approx(exact.T @ y, abs=size)
+    first = sum(problem.comm.allgather(len(rows))[: problem.comm.rank])
+    assert matrix.first_row == first
+    if name == "stiffness":
+        assert np.array_equal(whole(problem, matrix.diagonal()), np.diag(exact))
+        assert problem.size == len(exact)
 
 
 def test_reductions_are_those_of_whole_arrays(case):
@@ -64,56 +41,28 @@ def test_reductions_are_those_of_whole_arrays(case):
     assert problem.sum(problem.live) == pytest.approx(live.sum(), rel=1e-13)
     assert problem.max(problem.live) == live.max()
     assert problem.max(np.zeros(0)) == 0.0
-    assert problem.max(np.zeros(0), initial=-3.0) == -3.0
-
-
-def test_maximum_of_what_is_not_a_number_is_none(case):
-    values = np.zeros(3)
-    if case.problem.comm.rank == case.problem.comm.size - 1:
-        values[1] = np.nan
-    assert np.isnan(case.problem.max(values))
-
-
-def test_slip_and_compliance_start_from_none(case):
-    points = len(case.problem.friction)
-    assert np.array_equal(case.problem.slip_origin, np.zeros(points))
-    assert np.array_equal(case.problem.compliance, np.zeros((2, points)))
+    last = problem.comm.rank == problem.comm.size - 1  # the only rank that has no number
+    assert np.isnan(problem.max(np.array([1.0, np.nan if last else 0.0])))
 
 
 def test_bound_on_friction_is_that_of_both_laws(case):
     count = len(case.problem.friction)
     friction, strength = np.where(np.arange(count) % 2, 0.3, 0.0), np.full(count, 2.0)
-    problem = made_up(case.problem, friction=friction, strength=strength)
+    problem = replace(case.problem, friction=friction, strength=strength)
     assert problem.bound(np.full(count, 10.0)) == pytest.approx(10.0 * friction + 2.0)
     assert np.all(problem.frictional) and problem.coulomb
-    smooth = made_up(problem, friction=np.zeros(count), strength=0.0 * strength)
+    smooth = replace(problem, friction=np.zeros(count), strength=0.0 * strength)
     assert not np.any(smooth.frictional) and not smooth.coulomb
-    assert not made_up(problem, friction=np.zeros(count)).coulomb
-
-
-def test_joint_forces_are_in_balance_with_each_other(case):
-    """Those of joints between blocks sum up to nothing; the rest is the ground's."""
-    problem, random = case.problem, np.random.default_rng(2)
-    pressure, shear = random.normal(size=(2, len(problem.friction)))
-    forces = problem.joint_forces(pressure, shear)
-    b_n, b_t = dense(problem.normal), dense(problem.tangential)
-    expected = b_n.T @ whole(problem, pressure) + b_t.T @ whole(problem, shear)
-    assert whole(problem, forces) == pytest.approx(expected, abs=1e-12)
-    discretization = case.discretization
-    ground = discretization.joints.bodies[discretization.operators.points, 0] < 0
-    total = problem.sum((forces).reshape(-1, 2)[:, 1])
-    assert total == pytest.approx(problem.sum(pressure[ground]), abs=1e-10)
 
 
 def test_rigid_motions_strain_nothing(case):
-    problem = case.problem
+    problem, rigid = case.problem, dense(case.problem.rigid)
     columns = problem.rigid.matrix.getLocalSize()[1]
     motion = problem.rigid @ np.random.default_rng(3).normal(size=columns)
     size = problem.max(np.abs(motion))
     assert problem.max(np.abs(problem.elastic_part(motion))) <= 1e-15 * size
     forces = problem.max(np.abs(problem.stiffness @ motion))
     assert forces <= 1e-12 * problem.max(problem.stiffness.diagonal()) * size
-    rigid = dense(problem.rigid)
     assert rigid.T @ rigid == pytest.approx(np.eye(rigid.shape[1]), abs=1e-13)
 
 
@@ -130,23 +79,8 @@ def test_strains_beside_motions_of_many_nodes():
 
 
 def test_state_of_displacements(case):
-    problem, u = case.problem, case.bonded.live
-    none = np.zeros_like(problem.friction)
+    problem, u, none = case.problem, case.bonded.live, np.zeros_like(case.problem.friction)
     state = problem.state(u, 0.3, none, none)
     assert state.work == pytest.approx(problem.dot(problem.live, u), rel=1e-14)
     assert np.array_equal(state.elastic, problem.elastic_part(u))
-    assert state.load_factor == 0.3
-
-
-def test_elastic_part_of_scales_is_at_most_one():
-    assert Scales(2.0, 1.0, 1.0, 0.5).elastic_part == 0.25
-    assert Scales(2.0, 1.0, 1.0, 5.0).elastic_part == 1.0
-
-
-def test_arrays_and_maps_fit(case):
-    with load_case(wall_recipe("W1", BOND.law).scene(1)) as other:
-        problem = other.problem
-        points = len(problem.friction)
-        assert problem.normal.matrix.getLocalSize() == (points, len(problem.dead))
-        assert (problem.normal @ problem.live).shape == (points,)
-        assert (problem.normal.T @ problem.friction).shape == problem.dead.shape
+    assert [Scales(2.0, 1.0, 1.0, x).elastic_part for x in (0.5, 5.0)] == [0.25, 1.0]

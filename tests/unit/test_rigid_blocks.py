@@ -117,16 +117,6 @@ def test_directions_of_the_live_load(friction, live, expected):
             assert blocks.collapse(strength)[0] is not None
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e6])
-def test_unit_of_force_does_not_matter(unit):
-    factors = []
-    for scale in (1.0, unit):
-        loads = {"dead": Load((0.0, -GRAVITY * scale)), "live": Load((GRAVITY * scale, 0.0))}
-        with programs(replace(bond(coulomb(0.6)), parts=loads)) as (blocks, _):
-            factors.append(blocks.limit())
-    assert factors[1] == pytest.approx(factors[0], rel=1e-9)
-
-
 @pytest.mark.parametrize("held", ["fixed sill", "roller at the back"])
 def test_blocks_on_supports_take_part(held):
     """A roller takes no shear: a push up along it lifts the whole weight."""
@@ -144,14 +134,6 @@ def test_blocks_on_supports_take_part(held):
 
 
 # ---- bounds
-
-
-def test_bounds_of_a_block():
-    with programs(block(coulomb(0.3))) as (blocks, _):
-        bounds = blocks.bounds()
-        assert bounds.upper == pytest.approx(0.3, rel=1e-9)
-        assert (bounds.lower, bounds.stands, bounds.stands_frictionless) == (0.0, True, True)
-        assert blocks.limit(friction=False) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(("degrees", "stands"), [(10.0, True), (16.0, True), (17.5, False)])
@@ -252,15 +234,6 @@ def test_straight_faces_are_the_joints_between_two_blocks():
     assert np.all(faces.friction == 0.5)
 
 
-def test_faces_of_one_block_pair_on_two_lines_are_two():
-    angle_iron = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-    recipe = outlined([angle_iron, [(1, 1), (2, 1), (2, 2), (1, 2)]], coulomb(0.5), 0.5)
-    with programs(recipe) as (_, made):
-        between = made.joints.bodies[:, 0] != GROUND
-        faces = straight_faces(made.joints, np.ones(len(between)))
-        assert len(np.unique(faces.of_point[between])) == 2
-
-
 # ---- normal forces of the associative limit state
 
 
@@ -275,18 +248,6 @@ def test_associative_pressure_of_a_block_balances_it(law):
     assert pressure.sum() == pytest.approx(BLOCK_WEIGHT, rel=1e-9)
     assert pressure @ (x - x.min()) == pytest.approx(moment, rel=1e-7)
     assert np.all(pressure[(x > x.min() + 1e-9) & (x < x.max() - 1e-9)] == 0.0)
-
-
-def carried(pressure: Array, y: Array, level: float) -> float:
-    return float(pressure[np.abs(y - level) < 1e-9].sum())
-
-
-def test_associative_pressure_of_a_stack_grows_downwards():
-    with programs(stack_recipe(4, 0.3), elements=2) as (blocks, made):
-        pressure, y = blocks.associative_pressure(), made.joints.position[:, 1]
-    weight = STONE.density * GRAVITY * 0.5 * 0.2
-    found = [carried(pressure, y, 0.2 * course) for course in range(4)]
-    assert found == pytest.approx([4 * weight, 3 * weight, 2 * weight, weight], rel=1e-8)
 
 
 def test_no_associative_pressure_without_equilibrium():

@@ -73,17 +73,6 @@ def test_derivatives_are_those_of_differences(name):
     assert getattr(found, name) == pytest.approx(slope, rel=1e-5, abs=1e-7)
 
 
-def test_part_of_the_points():
-    points = np.array([4, 1])
-    states = LAWS.states(P, Q, MU)
-    some = LAWS.at(points).states(P[points], Q[points], MU)
-    assert np.array_equal(some.values, states.values[:, points])
-    sizes = LAWS.sizes(states)
-    assert np.array_equal(LAWS.at(points).sizes(some), sizes[:, points])
-    assert np.all(sizes >= LAWS.smallest)
-    assert sizes[0] == pytest.approx(states.values[0] + states.values[1])
-
-
 @pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-12])
 def test_normal_law_keeps_digits_of_both(mu):
     p = np.array([-9.0, -1e-3, 0.0, 1e-3, 9.0])

@@ -122,19 +122,6 @@ def test_states_at_rising_work_have_rising_load_factors(wall):
         assert state.work == pytest.approx(work, rel=1e-2)
 
 
-def test_tolerances_of_a_task_follow_what_is_asked_for(wall):
-    for tolerance in (1e-3, 1e-6, 1e-9):
-        exact = task_of(wall, tolerance=tolerance).tolerances
-        assert 1e-12 <= exact.residual <= min(1e-9, tolerance)
-        assert exact.load_factor < tolerance
-
-
-def test_products_while_the_work_rises_grow_with_the_number_of_blocks():
-    found = [OPTIONS.products(count) for count in (1, 100, 800, 10_000)]
-    assert found[0] == found[1] == OPTIONS.rising_work
-    assert found[3] > found[2] > found[1]
-
-
 @pytest.mark.parametrize("method", COULOMB)
 def test_strategy_of_a_scene(method):
     recipe = block_recipe(0.4, 0.4, 0.5)

@@ -10,9 +10,8 @@ import pytest
 
 from fenics_contact import Load, SolverError
 from fenics_contact.analysis.certificate import state_residuals
-from fenics_contact.analysis.history import History
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Collapse
+from fenics_contact.analysis.result import Collapse, History
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, Attempt, Strategy, Task, interior_point
 from fenics_contact.analysis.work_control import WorkOptions, find_collapse, find_lowest
 from fenics_contact.meshing import running_bond
@@ -34,16 +33,6 @@ def block() -> Iterator[LoadCase]:
 
 def finds_nothing(task: Task) -> Answer:
     raise SolverError("made up")
-
-
-def changed(change: Callable[[Solution], Solution]) -> Attempt:
-    """An attempt whose answer is not what it should be."""
-
-    def attempt(task: Task) -> Answer:
-        solution, history = interior_point(task)
-        return change(solution), history
-
-    return attempt
 
 
 def with_load_factor(times: float) -> Attempt:
@@ -105,14 +94,6 @@ def test_wrong_load_factors_are_never_limit_loads(block, times):
     assert found.status == "not_converged"
     assert not found.certificate.passed
     assert "equilibrium" in found.certificate.failures
-
-
-def test_states_that_are_not_converged_are_no_limit_loads(block):
-    def attempt(task: Task) -> Answer:
-        solution, history = interior_point(task)
-        return solution, replace(history, converged=False)
-
-    assert collapse(block, attempt).status == "not_converged"
 
 
 def test_states_on_the_way_are_no_limit_loads(block):
