@@ -13,7 +13,6 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.discretization.discretization import (
     BONDED_SPRING,
     Discretization,
-    typical_sizes,
 )
 from fenics_contact.meshing import wall
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC

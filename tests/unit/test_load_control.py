@@ -30,7 +30,7 @@ def block() -> Iterator[LoadCase]:
 
 def raised(case: LoadCase, strategy: Strategy | None = None, **options: object) -> Collapse:
     asked = SolveOptions(control="load", **options)
-    return raise_load(case, strategy or COULOMB["auto"], asked)
+    return raise_load(case, strategy or COULOMB["auto"], asked, find_collapse)
 
 
 @pytest.mark.parametrize("slip", ["stress-free", "load-steps"])

@@ -12,7 +12,6 @@ import pytest
 from fenics_contact import JointLaw, Load
 from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks, straight_faces
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.joints import GROUND
 from fenics_contact.meshing import running_bond, wall
 from tests.bank import (
     BANK,
@@ -26,11 +25,10 @@ from tests.bank import (
     coulomb,
     known,
     on_slope,
-    outlined,
     stack_recipe,
     tresca,
 )
-from tests.unit.core import Array, dense
+from tests.unit.core import dense
 
 WIDTH, HEIGHT = 0.4, 1.0
 BLOCK_WEIGHT = STONE.density * GRAVITY * WIDTH * HEIGHT
