@@ -192,7 +192,8 @@ class BoundQP(Closing):
             tao.setSolution(x)
             tao.setFromOptions()
             tao.solve()
-            return tao.getIterationNumber(), tao.getConvergedReason()
+            answer = tao.getIterationNumber(), tao.getConvergedReason()
+        return answer
 
     def _snes(self, options: BoundQPOptions) -> tuple[int, int]:
         """Iterations and reason of a SNES solver; x becomes its answer."""
@@ -211,7 +212,8 @@ class BoundQP(Closing):
             snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=most)
             snes.setFromOptions()
             snes.solve(None, x)
-            return snes.getIterationNumber(), snes.getConvergedReason()
+            answer = snes.getIterationNumber(), snes.getConvergedReason()
+        return answer
 
     def _objective(self, _solver: PETSc.TAO, at: PETSc.Vec) -> float:
         """1/2 x.A x - b.x."""

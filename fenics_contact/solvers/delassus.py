@@ -175,7 +175,7 @@ class DelassusOperator(Closing):
         row = np.concatenate([first + np.arange(len(sides)) for sides, first in parts])
         shift = np.concatenate([np.full(len(sides), len(sides)) for sides, _ in parts])
         places, table = _places(np.concatenate([sides for sides, _ in parts]))
-        place = places[np.searchsorted(row, start) :][:count]
+        place = places[int(np.searchsorted(row, start)) :][:count]
         with Owner() as owner:
             stiffness, force = self._problem.stiffness.matrix, self._vectors[0]
             sides = [owner.own(_one_side(points, side, stiffness)) for side in (0, 1)]
