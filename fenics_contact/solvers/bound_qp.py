@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -48,6 +48,18 @@ class Owner(ExitStack):
         """Take over an object."""
         self.callback(item.destroy)
         return item
+
+
+class Closing:
+    """Closes its owner of PETSc objects on leaving a `with`."""
+
+    _owner: Owner
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._owner.close()
 
 
 @dataclass(frozen=True)
@@ -83,7 +95,7 @@ class BoundSolution:
     reason: int
 
 
-class BoundQP:
+class BoundQP(Closing):
     """The programs of one operator, with any b and bounds; frees its objects in a `with`."""
 
     def __init__(self, operator: PETSc.Mat) -> None:
@@ -113,12 +125,6 @@ class BoundQP:
         # PETSc's own factorisation is the faster for small matrices on one rank.
         parallel = {"pc_factor_mat_solver_type": "mumps"} if operator.comm.size > 1 else {}
         self._factor = {"pc_type": "lu", **parallel}
-
-    def __enter__(self) -> BoundQP:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._owner.close()
 
     def solve(
         self,
@@ -186,7 +192,8 @@ class BoundQP:
             tao.setSolution(x)
             tao.setFromOptions()
             tao.solve()
-            return tao.getIterationNumber(), tao.getConvergedReason()
+            answer = tao.getIterationNumber(), tao.getConvergedReason()
+        return answer
 
     def _snes(self, options: BoundQPOptions) -> tuple[int, int]:
         """Iterations and reason of a SNES solver; x becomes its answer."""
@@ -205,7 +212,8 @@ class BoundQP:
             snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=most)
             snes.setFromOptions()
             snes.solve(None, x)
-            return snes.getIterationNumber(), snes.getConvergedReason()
+            answer = snes.getIterationNumber(), snes.getConvergedReason()
+        return answer
 
     def _objective(self, _solver: PETSc.TAO, at: PETSc.Vec) -> float:
         """1/2 x.A x - b.x."""

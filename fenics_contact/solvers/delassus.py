@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.solvers.bound_qp import BoundQP, Owner
+from fenics_contact.solvers.bound_qp import BoundQP, Closing, Owner
 from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap
 
 Integers = npt.NDArray[np.integer]
@@ -53,7 +53,7 @@ class JointPoints:
     tangential: Array
 
 
-class DelassusOperator:
+class DelassusOperator(Closing):
     """A + D for one rho, its programs, and displacements of joint forces; to use in a `with`.
 
     Attributes:
@@ -85,12 +85,6 @@ class DelassusOperator:
             owner.callback(self.matrix.close)
             self.hold = force_hold / (1.0 + force_hold) * self.matrix.diagonal()
             self._owner = owner.pop_all()
-
-    def __enter__(self) -> DelassusOperator:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._owner.close()
 
     def right(self, near: Array, held: Array, work: float) -> tuple[Array, Array]:
         """Right-hand side b + D x', and displacements u_0 without joint forces and live load.
@@ -181,7 +175,7 @@ class DelassusOperator:
         row = np.concatenate([first + np.arange(len(sides)) for sides, first in parts])
         shift = np.concatenate([np.full(len(sides), len(sides)) for sides, _ in parts])
         places, table = _places(np.concatenate([sides for sides, _ in parts]))
-        place = places[np.searchsorted(row, start) :][:count]
+        place = places[int(np.searchsorted(row, start)) :][:count]
         with Owner() as owner:
             stiffness, force = self._problem.stiffness.matrix, self._vectors[0]
             sides = [owner.own(_one_side(points, side, stiffness)) for side in (0, 1)]

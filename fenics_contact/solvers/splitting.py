@@ -16,14 +16,13 @@ part in the solution.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import count
 
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.bound_qp import BoundQPOptions, Owner
+from fenics_contact.solvers.bound_qp import BoundQPOptions, Closing, Owner
 from fenics_contact.solvers.delassus import DelassusOperator, JointPoints
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
@@ -44,7 +43,8 @@ class JointForceOptions:
         hold: First rho, in units of typical joint force over displacement: larger ones take more
             proximal steps, smaller ones programs that are harder to solve.
         hold_factor: From one rho to the next.
-        least_hold: Smallest rho, in units of the mean diagonal of K: below, digits are lost.
+        holds: Number of different rho: with smaller ones digits are lost.
+        balance: Joint laws missed by this times more than equilibrium call for a larger rho.
         slow_step: A step that contracts less is followed by one with a smaller rho.
         force_hold: Hold on the forces, in units of A's diagonal: makes programs definite.
         patience: Steps without half the residual after which the best state is judged.
@@ -57,11 +57,12 @@ class JointForceOptions:
 
     hold: float = 0.1
     hold_factor: float = 0.2
-    least_hold: float = 1e-8
+    holds: int = 7
+    balance: float = 1e2
     slow_step: float = 0.3
     force_hold: float = 1e-7
     patience: int = 12
-    acceptable: float = 1e-8
+    acceptable: float = 1e-7
     solver: str = "faces"
     accuracy: tuple[float, float, float] = (1e-3, 1e-12, 1e-3)
     slow_sweep: float = 0.1
@@ -159,7 +160,7 @@ def alternately(step: ProximalStep, x: Array) -> Array:
     return x
 
 
-class JointForceSolver:
+class JointForceSolver(Closing):
     """Solves for states with given friction by joint forces; frees its objects in a `with`.
 
     Attributes:
@@ -188,15 +189,8 @@ class JointForceSolver:
         self.factorizations = 0
         self._problem, self._points, self._residuals = problem, points, residuals
         self._minimise, self._options = minimise, options or JointForceOptions()
-        self._mean_diagonal = problem.sum(problem.stiffness.diagonal()) / problem.size
         self._owner = Owner()
-        self._operators: dict[int, DelassusOperator] = {}
-
-    def __enter__(self) -> JointForceSolver:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._owner.close()
+        self._operators: dict[float, DelassusOperator] = {}
 
     def solve(
         self,
@@ -224,39 +218,43 @@ class JointForceSolver:
             SolverError: If neither the tolerance nor what is acceptable is reached.
         """
         state = self._within(start, bound, work, load_factor)
-        best, best_residuals, error, halved = state, {"none": np.inf}, np.inf, (np.inf, 0)
-        steps = self._steps(state, bound, scales, tolerance, load_factor is None)
-        for number, state in enumerate(steps, 1):
+        best: tuple[float, State, dict[str, float]] = np.inf, state, {}
+        errors: list[float] = []
+        level, last, patience = 0, 1.0, self._options.patience
+        while not best[0] <= tolerance:
+            near = state
+            state = self._step(level, near, bound, scales, last, load_factor is None)
             residuals = dict(self._residuals(self._problem, state, scales, bound))
-            worst = float(np.max(list(residuals.values())))
-            if worst < error:
-                best, best_residuals, error = state, residuals, worst
-            if worst < 0.5 * halved[0]:
-                halved = worst, number
-            if not worst > tolerance or number - halved[1] >= self._options.patience:
+            errors.append(float(np.max(list(residuals.values()))))
+            best = min(best, (errors[-1], state, residuals), key=lambda found: found[0])
+            if not min(errors[-patience:]) < 0.5 * min([np.inf, *errors[:-patience]]):
                 break
-        _log.debug("joint forces: residual %.1e after %d steps", error, number)
-        if not error <= max(tolerance, self._options.acceptable):
+            level, last = self._adapted(level, last, near, state, residuals)
+        self.history.steps += len(errors)
+        _log.debug("joint forces: residual %.1e after %d steps", best[0], len(errors))
+        if not best[0] <= max(tolerance, self._options.acceptable):
             raise SolverError(
-                f"joint forces: residual {error:.1e} after {number} steps, asked {tolerance:.1e}"
+                f"joint forces: residual {best[0]:.1e} after {len(errors)} steps, asked"
+                f" {tolerance:.1e}"
             )
-        return best, best_residuals
+        return best[1], best[2]
 
-    def _steps(
-        self, state: State, bound: Array, scales: Scales, tolerance: float, free: bool
-    ) -> Iterator[State]:
-        """States after one, two, ... proximal steps; `free`: the load factor is unknown."""
-        options, size = self._options, scales.displacement
-        level, last = self._level(options.hold * scales.force / size), 1.0
-        for number in count(1):
-            near, state = state, self._step(level, state, bound, size, last, free)
-            self.history.steps += 1
-            yield state
-            change = self._problem.max(np.abs(state.displacement - near.displacement))
-            change /= self._problem.max(np.abs(state.displacement)) or 1.0
-            if number > 1 and change > options.slow_step * last:
-                level = min(level + 1, self._level(options.least_hold * self._mean_diagonal))
-            last = float(np.clip(change, tolerance, last))
+    def _adapted(
+        self, level: int, last: float, near: State, state: State, residuals: Mapping[str, float]
+    ) -> tuple[int, float]:
+        """Level and accuracy for the next step, from those of the last one and what it changed.
+
+        rho falls where it delays equilibrium, and rises where programs, badly conditioned with a
+        small rho, miss the joint laws.
+        """
+        size = self._problem.max(np.abs(state.displacement)) or 1.0
+        change = self._problem.max(np.abs(state.displacement - near.displacement)) / size
+        joints = max(value for name, value in residuals.items() if name != "equilibrium")
+        if joints > self._options.balance * residuals["equilibrium"]:
+            level = max(level - 1, 0)
+        elif last < 1.0 and change > self._options.slow_step * last:
+            level = min(level + 1, self._options.holds - 1)
+        return level, min(change, last, joints + residuals["equilibrium"])
 
     def _within(self, start: State, bound: Array, work: float, load_factor: float | None) -> State:
         """A state with forces within bounds, at the work or load factor asked for."""
@@ -267,30 +265,26 @@ class JointForceSolver:
         return State(u, start.elastic, factor, pressure, shear, work)
 
     def _step(
-        self, level: int, near: State, bound: Array, size: float, change: float, free: bool
+        self, level: int, near: State, bound: Array, scales: Scales, change: float, free: bool
     ) -> State:
-        """The state one proximal step from another; `size` of displacements, last `change`."""
-        operator, none = self._operator(level), np.full_like(bound, np.inf)
+        """The state one proximal step from another, by a rho, after a change."""
+        options, history, size = self._options, self.history, scales.displacement
+        operator = self._operator(options.hold * scales.force / size * options.hold_factor**level)
+        none = np.full_like(bound, np.inf)
         held = operator.join(near.pressure, near.shear, near.load_factor)
         right, alone = operator.right(near.displacement, held, near.work)
         box = operator.join(0.0 * bound, -bound, -np.inf), operator.join(none, bound, np.inf)
-        options, history = self._options, self.history
         step = ProximalStep(operator, right, box, free, change, size, options, history)
         x = self._minimise(step, held)
         pressure, shear, factor = operator.split(x)
         state = self._problem.state(operator.displacement(x, alone), factor, pressure, shear)
         return replace(state, work=near.work) if free else state
 
-    def _level(self, rho: float) -> int:
-        """Number of the nearest rho."""
-        part = np.clip(rho / self._mean_diagonal, self._options.least_hold, 1.0)
-        return round(float(np.log(part) / np.log(self._options.hold_factor)))
-
-    def _operator(self, level: int) -> DelassusOperator:
-        """A + D for rho = mean diagonal of K times `hold_factor` to the power of a level."""
-        if level not in self._operators:
-            rho, hold = self._mean_diagonal * self._options.hold_factor**level, self._options
-            operator = DelassusOperator(self._problem, self._points, rho, hold.force_hold)
-            self._operators[level] = self._owner.enter_context(operator)
+    def _operator(self, rho: float) -> DelassusOperator:
+        """A + D."""
+        if rho not in self._operators:
+            hold = self._options.force_hold
+            operator = DelassusOperator(self._problem, self._points, rho, hold)
+            self._operators[rho] = self._owner.enter_context(operator)
             self.factorizations += 1
-        return self._operators[level]
+        return self._operators[rho]
