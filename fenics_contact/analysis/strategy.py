@@ -363,6 +363,33 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
 
 
 @dataclass(frozen=True)
+class WorkOptions:
+    """How the work grows.
+
+    Attributes:
+        first: First work, in units of that on the bonded structure.
+        first_of_many: The same per square of the number of blocks, if that is more: large walls
+            are still far from their plateau.
+        growth: Factor from one work to the next.
+        largest: Largest work, in units of the first.
+        missing: Works in a row without a state after which none is looked for.
+        gap: Of a collapse state, in units of the tolerance. It is that of the state's own friction
+            bound; as the bound follows, the load factor still changes by 10 to 40 times as much.
+        gap_falls: Factor by which the gap must fall for a verified state to be improved on.
+        unlimited: A load factor that grows like this power of the work is not limited.
+    """
+
+    first: float = 300.0
+    first_of_many: float = 0.2
+    growth: float = 10.0
+    largest: float = 1e10
+    missing: int = 2
+    gap: float = 2.5e-2
+    gap_falls: float = 0.7
+    unlimited: float = 0.9
+
+
+@dataclass(frozen=True)
 class Strategy:
     """How states of one kind of scene are found.
 
@@ -371,18 +398,24 @@ class Strategy:
         further: State from one at less work, tried first where there is one; None: nothing.
         kind: Of factorisation, see `JointStiffness`.
         equilibrium: State at a prescribed load factor, next to another one.
+        work: How the work grows.
     """
 
     attempts: tuple[Attempt, ...]
     kind: str
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
+    work: WorkOptions = field(default_factory=WorkOptions)
 
 
 #: Methods on joint forces, the same with Coulomb and with given friction.
 JOINT_FORCES: dict[str, Strategy] = {
     name: Strategy(
-        (partial(joint_forces, minimise=minimise),), SYMMETRIC, equilibrium=fixed_point_equilibrium
+        (partial(joint_forces, minimise=minimise),),
+        SYMMETRIC,
+        equilibrium=fixed_point_equilibrium,
+        # States far along the mode take many steps.
+        work=WorkOptions(first=100.0, first_of_many=0.0, gap=1.0),
     )
     for name, minimise in (("splitting", alternately), ("active-set", at_once))
 }

@@ -27,33 +27,6 @@ _log = logging.getLogger("fenics_contact")
 
 
 @dataclass(frozen=True)
-class WorkOptions:
-    """How the work grows.
-
-    Attributes:
-        first: First work, in units of that on the bonded structure.
-        first_of_many: The same per square of the number of blocks, if that is more: large walls
-            are still far from their plateau.
-        growth: Factor from one work to the next.
-        largest: Largest work, in units of the first.
-        missing: Works in a row without a state after which none is looked for.
-        gap: Of a collapse state, in units of the tolerance. It is that of the state's own friction
-            bound; as the bound follows, the load factor still changes by 10 to 40 times as much.
-        gap_falls: Factor by which the gap must fall for a verified state to be improved on.
-        unlimited: A load factor that grows like this power of the work is not limited.
-    """
-
-    first: float = 300.0
-    first_of_many: float = 0.2
-    growth: float = 10.0
-    largest: float = 1e10
-    missing: int = 2
-    gap: float = 2.5e-2
-    gap_falls: float = 0.7
-    unlimited: float = 0.9
-
-
-@dataclass(frozen=True)
 class _Found:
     verified: Verified
     history: History
@@ -77,7 +50,6 @@ def find_collapse(
     case: LoadCase,
     strategy: Strategy,
     tolerance: float,
-    options: WorkOptions | None = None,
 ) -> Collapse:
     """The collapse of a load case.
 
@@ -85,10 +57,9 @@ def find_collapse(
         case: The load case.
         strategy: How states are found.
         tolerance: On the load factor, relative.
-        options: How the work grows.
     """
-    options = options or WorkOptions()
-    search = _Search(case, strategy, tolerance, options)
+    options = strategy.work
+    search = _Search(case, strategy, tolerance)
     ratio = first = max(options.first, options.first_of_many * case.block_count**2)
     missing = 0
     while ratio <= options.largest * first and missing < options.missing:
@@ -133,10 +104,8 @@ def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
 class _Search:
     """States of a load case at different works, and the best of them."""
 
-    def __init__(
-        self, case: LoadCase, strategy: Strategy, tolerance: float, options: WorkOptions
-    ) -> None:
-        self.case, self.strategy, self.options = case, strategy, options
+    def __init__(self, case: LoadCase, strategy: Strategy, tolerance: float) -> None:
+        self.case, self.strategy, self.options = case, strategy, strategy.work
         self.tolerance = tolerance
         self.found: list[_Found] = []
 
@@ -180,13 +149,14 @@ class _Search:
     @property
     def best(self) -> _Found | None:
         """The state to be reported: verified rather than not, then the one with the least gap."""
-        return min(self.found, key=lambda one: (not one.passed, one.gap), default=None)
+        if not self.found:
+            return None
+        return min(self.found, key=lambda one: (not one.passed, one.gap))
 
     @property
     def verified(self) -> bool:
         """Whether the best state passes its certificate."""
-        best = self.best
-        return best is not None and best.passed
+        return self.best is not None and self.best.passed
 
     @property
     def settled(self) -> bool:

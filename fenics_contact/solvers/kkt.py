@@ -134,7 +134,7 @@ class Products:
 
 @dataclass(frozen=True)
 class PerturbedKKT:
-    """Conditions of one state, under prescribed work or load factor, with Coulomb or given friction.
+    """Conditions of one state under prescribed work or load, with Coulomb or given friction.
 
     Attributes:
         problem: The structure.

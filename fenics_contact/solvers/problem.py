@@ -24,6 +24,7 @@ class SparseMap:
 
     Attributes:
         matrix: The PETSc matrix, owned by this object.
+        comm: Its ranks.
     """
 
     def __init__(self, matrix: PETSc.Mat) -> None:
@@ -33,12 +34,8 @@ class SparseMap:
             matrix: Assembled; freed by `close`.
         """
         self.matrix = matrix
+        self.comm: MPI.Comm = matrix.comm.tompi4py()
         self._right, self._left = matrix.createVecs()
-
-    @property
-    def comm(self) -> MPI.Comm:
-        """Communicator of the matrix."""
-        return self.matrix.comm.tompi4py()
 
     @property
     def first_row(self) -> int:

@@ -143,7 +143,7 @@ def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
 
 def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
     assert fallen(folded, 1e-6, max_steps=60).mu <= 1e-6
-    with pytest.raises(SolverError, match="wanders|not at its end"):
+    with pytest.raises(SolverError, match=r"wanders|not at its end"):
         fallen(folded, 1e-6, max_steps=60, elimination=EliminationOptions(points=0))
 
 

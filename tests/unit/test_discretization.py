@@ -100,7 +100,7 @@ def test_live_load_on_nothing_is_an_input_error():
             {"live": Load((0.0, 0.0))},
         ),
     ):
-        with pytest.raises(InputError, match="loads.live: the live load is zero"):
+        with pytest.raises(InputError, match=r"loads.live: the live load is zero"):
             Discretization(recipe.scene(1))
 
 

@@ -12,8 +12,16 @@ from fenics_contact import Load, SolverError
 from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse, History
-from fenics_contact.analysis.strategy import COULOMB, GIVEN, Attempt, Strategy, Task, interior_point
-from fenics_contact.analysis.work_control import WorkOptions, find_collapse, find_lowest
+from fenics_contact.analysis.strategy import (
+    COULOMB,
+    GIVEN,
+    Attempt,
+    Strategy,
+    Task,
+    WorkOptions,
+    interior_point,
+)
+from fenics_contact.analysis.work_control import find_collapse, find_lowest
 from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
@@ -36,15 +44,19 @@ def finds_nothing(task: Task) -> Answer:
 
 
 def with_load_factor(times: float) -> Attempt:
-    def change(solution: Solution) -> Solution:
-        state = replace(solution.state, load_factor=times * solution.state.load_factor)
-        return replace(solution, state=state)
+    """An attempt whose load factor is not what it should be."""
 
-    return changed(change)
+    def attempt(task: Task) -> Answer:
+        solution, history = interior_point(task)
+        state = replace(solution.state, load_factor=times * solution.state.load_factor)
+        return replace(solution, state=state), history
+
+    return attempt
 
 
 def collapse(case: LoadCase, *attempts: Attempt, **options: float) -> Collapse:
-    return find_collapse(case, Strategy(attempts, GENERAL), TOLERANCE, WorkOptions(**options))
+    strategy = Strategy(attempts, GENERAL, work=WorkOptions(**options))
+    return find_collapse(case, strategy, TOLERANCE)
 
 
 # ---- the loop of attempts
@@ -132,7 +144,7 @@ def test_states_further_along_are_tried_before_those_from_afar(block):
         return interior_point(task)
 
     strategy = Strategy((afar,), GENERAL, further)
-    found = find_collapse(block, strategy, TOLERANCE, WorkOptions(gap=0.0))
+    found = find_collapse(block, replace(strategy, work=WorkOptions(gap=0.0)), TOLERANCE)
     assert order == ["afar", "further"]
     assert found.status == "limit"
 
