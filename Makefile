@@ -17,7 +17,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages demo test test-slow test-mpi lint meshes clean
+.PHONY: help setup packages demo test test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -61,6 +61,9 @@ lint: setup .venv/bin/ruff  ## ruff and mypy
 
 meshes: setup  ## make the meshes of meshes/ again
 	$(PYTHON) meshes/make_meshes.py
+
+benchmarks: setup  ## measure run times and errors, draw docs/time_error.png and docs/cost_size.png (hours)
+	$(PYTHON) benchmarks/run.py --pictures docs
 
 clean:  ## remove what was made
 	rm -rf .venv build *.egg-info demos/output .pytest_cache .mypy_cache .ruff_cache

@@ -49,8 +49,6 @@ PROBES = ("hasattr(", "inspect.", "dolfinx.__version__", "._mesh", "_cpp_object"
 #: What not all versions have.
 ONE_VERSION = {"dolfinx.cpp", "basix.ufl", "inspect", "importlib.metadata"}
 
-IN_WORK = pytest.mark.xfail(strict=False, reason="splitting and delassus look back")
-
 
 def imported(nodes: Iterable[ast.AST]) -> set[str]:
     """Full names of the modules imported by statements among nodes."""
@@ -117,7 +115,6 @@ def test_solvers_are_used_by_two_folders():
     assert roots(users) <= SOLVERS_USERS
 
 
-@IN_WORK
 def test_solvers_import_each_other_and_errors():
     others = {name: roots(own_imports(name)) - {SOLVERS, "errors"} for name in in_solvers()}
     assert {name: found for name, found in others.items() if found} == {}
@@ -161,7 +158,6 @@ def run_alone(program: str, *arguments: str) -> str:
     return done.stderr
 
 
-@IN_WORK
 def test_solvers_load_without_dolfinx():
     assert run_alone(SOLVERS_ALONE, str(PACKAGE), *in_solvers()) == ""
 
