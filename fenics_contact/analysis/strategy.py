@@ -24,7 +24,6 @@ from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
     Continuation,
-    Path,
     PathPoint,
 )
 from fenics_contact.solvers.delassus import JointPoints
@@ -65,6 +64,10 @@ class Task:
     tolerance: float
     last: State | None = None
 
+    def mu(self, products: float) -> float:
+        """Products in units of force times displacement, given those by elastic displacement."""
+        return products * self.scales.elastic_part
+
     @property
     def tolerances(self) -> Tolerances:
         """How exact the state has to be for that.
@@ -84,6 +87,7 @@ class Task:
 
 
 Attempt = Callable[[Task], tuple[Solution, History]]
+Approach = Callable[[Task, PerturbedKKT, Callable[[State], State]], PathPoint]
 Minimiser = Callable[[ProximalStep, Array], Array]
 
 
@@ -129,7 +133,7 @@ def further_along_rising_work(task: Task) -> tuple[Solution, History]:
     """State by continuation of the structure from the last state, as the work rises."""
     if task.last is None:
         raise SolverError("no state at less work")
-    mu = OPTIONS.ends[0] * task.scales.elastic_part
+    mu = task.mu(OPTIONS.ends[0])
     continuation = Continuation(task.kkt, RISING_WORK)
     begin = continuation.begin(task.last, mu)
 
@@ -140,12 +144,12 @@ def further_along_rising_work(task: Task) -> tuple[Solution, History]:
     return _once(task, solve)
 
 
-def along_block_modes(task: Task, path: Path) -> tuple[Solution, History]:
+def along_block_modes(task: Task, approach: Approach) -> tuple[Solution, History]:
     """State by continuation of the structure that moves in the modes of its blocks, to its end.
 
     Args:
         task: What is asked for.
-        path: What varies first; then the products fall.
+        approach: Leads to a point under the whole work; from there the products fall.
     """
 
     def solve() -> Solution:
@@ -154,16 +158,29 @@ def along_block_modes(task: Task, path: Path) -> tuple[Solution, History]:
         with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
             problem = modes.under(case.problem)
             kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
-            if path is RISING_WORK:
-                point = _rising_work(task, kkt, modes.restricted)
-            else:
-                start = modes.restricted(case.bonded_state(task.work))
-                point = Continuation(kkt, path).begin(start, 1.0)
+            point = approach(task, kkt, modes.restricted)
             falling = Continuation(replace(kkt, work=point.work), FALLING_PRODUCTS)
-            point = falling.follow(point, OPTIONS.ends[0] * task.scales.elastic_part)
+            point = falling.follow(point, task.mu(OPTIONS.ends[0]))
         return _to_end(task, modes.prolonged(point.state), point.mu)
 
     return _once(task, solve)
+
+
+def rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
+    """The point where the work has risen from that on the bonded structure to T."""
+    first = min(task.case.bonded_work, task.work)
+    start = restricted(task.case.bonded_state(first))
+    continuation = Continuation(kkt, RISING_WORK)
+    mu = task.mu(OPTIONS.products(task.case.block_count))
+    return continuation.follow(continuation.begin(start, mu), task.work)
+
+
+def large_products(
+    task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]
+) -> PathPoint:
+    """The point with products of 1 next to the bonded structure under the whole work."""
+    start = restricted(task.case.bonded_state(task.work))
+    return Continuation(kkt, FALLING_PRODUCTS).begin(start, 1.0)
 
 
 def along_falling_products(task: Task) -> tuple[Solution, History]:
@@ -240,15 +257,6 @@ def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]
     return solution, History((step,), 0, "monolithic", True)
 
 
-def _rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
-    """The point where the work has risen from that on the bonded structure to T."""
-    first = min(task.case.bonded_work, task.work)
-    start = restricted(task.case.bonded_state(first))
-    continuation = Continuation(kkt, RISING_WORK)
-    mu = OPTIONS.products(task.case.block_count) * task.scales.elastic_part
-    return continuation.follow(continuation.begin(start, mu), task.work)
-
-
 def _to_end(task: Task, state: State, mu: float) -> Solution:
     """The state at the end of the central path, from a point near it.
 
@@ -259,7 +267,7 @@ def _to_end(task: Task, state: State, mu: float) -> Solution:
     continuation = Continuation(kkt, FALLING_PRODUCTS)
     point = continuation.begin(state, mu)
     for end in OPTIONS.ends:
-        point = continuation.follow(point, end * task.scales.elastic_part)
+        point = continuation.follow(point, task.mu(end))
         try:
             return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
         except SolverError as error:
@@ -312,8 +320,7 @@ def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> Sta
 
 def _warm(kkt: PerturbedKKT, start: State, task: Task) -> Solution:
     """Solution next to a state, or else from afar."""
-    part = task.scales.elastic_part
-    for mu in (*(part * mu for mu in OPTIONS.next), 1.0):
+    for mu in (*map(task.mu, OPTIONS.next), 1.0):
         try:
             return solve_interior_point(kkt, start, mu, Tolerances())
         except SolverError as error:
@@ -351,7 +358,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
     """
     continuation = Continuation(task.kkt, RISING_WORK)
     first = min(task.case.bonded_work, works[0])
-    mu = OPTIONS.products(task.case.block_count) * task.scales.elastic_part
+    mu = task.mu(OPTIONS.products(task.case.block_count))
     point = continuation.begin(task.case.bonded_state(first), mu)
     for number, work in enumerate(works, 1):
         at = replace(task, work=work)
@@ -424,8 +431,8 @@ JOINT_FORCES: dict[str, Strategy] = {
 COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
         (
-            partial(along_block_modes, path=RISING_WORK),
-            partial(along_block_modes, path=FALLING_PRODUCTS),
+            partial(along_block_modes, approach=rising_work),
+            partial(along_block_modes, approach=large_products),
             interior_point,
         ),
         GENERAL,

@@ -23,11 +23,12 @@ from fenics_contact.analysis.strategy import (
     fixed_point_equilibrium,
     further_along_rising_work,
     interior_point,
+    large_products,
     next_to,
+    rising_work,
     states_along_rising_work,
     strategy_of,
 )
-from fenics_contact.solvers.arclength import FALLING_PRODUCTS, RISING_WORK
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import FAR, conditions, load_case, misses, solved
@@ -40,7 +41,7 @@ def wall() -> Iterator[LoadCase]:
         yield made
 
 
-BY_MODES = [partial(along_block_modes, path=path) for path in (RISING_WORK, FALLING_PRODUCTS)]
+BY_MODES = [partial(along_block_modes, approach=way) for way in (rising_work, large_products)]
 
 
 def task_of(case: LoadCase, ratio: float = FAR, tolerance: float = 1e-6) -> Task:
