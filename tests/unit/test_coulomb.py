@@ -10,8 +10,8 @@ import pytest
 
 from fenics_contact import SolverError
 from fenics_contact.analysis.coulomb import FixedPointOptions, solve_fixed_point
+from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import History, Step
 from fenics_contact.analysis.strategy import Task, fixed_point
 from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution

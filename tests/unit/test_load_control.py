@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolveOptions, SolverError
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_load
-from fenics_contact.analysis.result import CapacityPoint, Collapse
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.solvers.problem import State

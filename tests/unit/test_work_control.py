@@ -10,8 +10,9 @@ import pytest
 
 from fenics_contact import Load, SolverError
 from fenics_contact.analysis.certificate import state_residuals
+from fenics_contact.analysis.history import History
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Collapse, History
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import (
     COULOMB,
     GIVEN,
