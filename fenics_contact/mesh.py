@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -19,6 +19,9 @@ from fenics_contact.errors import InputError, raised_together
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Labels = npt.NDArray[np.int32]
+Flags = npt.NDArray[np.bool_]
+Tags = npt.NDArray[np.uint64]
+Names = frozenset[str]
 
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
@@ -64,12 +67,6 @@ class GmshMesh(TaggedMesh):
     points: Array
     cells: Indices
     cell_groups: Labels
-
-    def without_cells(self) -> GmshMesh:
-        """The share of the ranks that do not hold the mesh."""
-        return replace(
-            self, points=self.points[:0], cells=self.cells[:0], cell_groups=self.cell_groups[:0]
-        )
 
 
 @dataclass(frozen=True)
@@ -123,16 +120,17 @@ class BlockMesh(TaggedMesh):
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
-        mesh, body = None, np.empty(0, dtype=np.int32)
+        mesh, body, rank, empty = None, np.empty(0, dtype=np.int32), None, None
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
                 body = bodies_of_cells(mesh)
-        empty: GmshMesh = comm.bcast(None if mesh is None else mesh.without_cells())
-        rank = body if mesh is None else ranks_of_bodies(mesh, body, comm.size)
-        mesh = mesh or empty
-        if not comm.bcast(rank is not None):
-            rank = None  # on all ranks
+                rank = ranks_of_bodies(mesh, body, comm.size)
+                arrays = {name: getattr(mesh, name)[:0] for name in ("points", "cells")}
+                empty = replace(mesh, cell_groups=mesh.cell_groups[:0], **arrays)
+        rest, whole = comm.bcast((empty, rank is not None))
+        mesh = mesh or rest
+        rank = rank if comm.rank == 0 or not whole else body
         domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
         numbers = np.column_stack([body, mesh.cell_groups])
         input_cells = comm.gather(np.asarray(domain.topology.original_cell_index))
@@ -198,11 +196,14 @@ def extract(model: Any, source: str) -> GmshMesh:
         raise InputError(
             f"{source} has no two-dimensional physical group; put the blocks' surfaces into one"
         )
-    cell_name, cells, cell_groups, cell_sets = _cells(model, names, source)
-    facets, facet_groups, facet_sets = _facets(model, names, facet_names)
+    cell_name, cells, groups_of_cells = _cells(model, names, source)
     used, flat = np.unique(cells, return_inverse=True)
-    index = np.minimum(np.searchsorted(used, facets), len(used) - 1)
-    known = np.all(used[index] == facets, axis=1)
+    tagged = _facets(model, names)
+    nodes = np.array(list(tagged), dtype=cells.dtype).reshape(-1, 2)
+    index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
+    known = np.all(used[index] == nodes, axis=1)
+    cell_groups, cell_sets = _numbered(groups_of_cells)
+    facet_groups, facet_sets = _numbered(tagged.values())
     mesh = GmshMesh(
         source=source,
         facets=np.sort(index[known], axis=1),
@@ -213,14 +214,21 @@ def extract(model: Any, source: str) -> GmshMesh:
         facet_names=facet_names,
         cell_name=cell_name,
         points=_coordinates(model, used, source),
-        cells=flat.reshape(cells.shape).astype(np.int64),
+        cells=flat.reshape(cells.shape),
         cell_groups=cell_groups,
     )
     _check_areas(mesh)
     return mesh
 
 
-def _coordinates(model: Any, nodes: npt.NDArray[np.uint64], source: str) -> Array:
+def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
+    """The different sets among many, and every one as an index into these."""
+    index: dict[Names, int] = {}
+    labels = [index.setdefault(names, len(index)) for names in groups]
+    return np.array(labels, dtype=np.int32), tuple(index)
+
+
+def _coordinates(model: Any, nodes: Tags, source: str) -> Array:
     """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
     tags, coordinates, _ = model.mesh.getNodes()
     order = np.argsort(tags)
@@ -233,8 +241,8 @@ def _coordinates(model: Any, nodes: npt.NDArray[np.uint64], source: str) -> Arra
 
 
 def _elements(
-    model: Any, dim: int, names: dict[tuple[int, int], str]
-) -> Iterator[tuple[frozenset[str], int, npt.NDArray[np.uint64]]]:
+    model: Any, dim: int, names: Mapping[tuple[int, int], str]
+) -> Iterator[tuple[Names, int, Tags]]:
     """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
     for _, entity in model.getEntities(dim):
         tags = model.getPhysicalGroupsForEntity(dim, entity)
@@ -245,47 +253,36 @@ def _elements(
 
 
 def _cells(
-    model: Any, names: dict[tuple[int, int], str], source: str
-) -> tuple[str, npt.NDArray[np.uint64], Labels, tuple[frozenset[str], ...]]:
-    """Cell name, nodes of the cells, and their groups as an index into the sets that occur."""
-    sets: dict[frozenset[str], int] = {}
-    kinds, cells, groups = set(), [], []
-    for names_of_cell, kind, flat in _elements(model, 2, names):
-        kinds.add(kind)
-        cells.append(flat.reshape(-1, compat.CELL_TYPES.get(kind, ("", 1))[1]))
-        label = sets.setdefault(names_of_cell, len(sets))
-        groups.append(np.full(len(cells[-1]), label, np.int32))
-    if not cells:
+    model: Any, names: Mapping[tuple[int, int], str], source: str
+) -> tuple[str, Tags, list[Names]]:
+    """Cell name, nodes of the cells, and their groups."""
+    found = list(_elements(model, 2, names))
+    kinds = {kind for _, kind, _ in found}
+    if not kinds:
         raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
     if len(kinds) > 1 or not kinds <= set(compat.CELL_TYPES):
-        found = ", ".join(model.mesh.getElementProperties(kind)[0] for kind in sorted(kinds))
+        listed = ", ".join(model.mesh.getElementProperties(kind)[0] for kind in sorted(kinds))
         raise InputError(
-            f"{source} has cells of kind {found}; mesh it with straight triangles only, or with"
+            f"{source} has cells of kind {listed}; mesh it with straight triangles only, or with"
             " straight quadrilaterals only"
         )
-    name, _ = compat.CELL_TYPES[kinds.pop()]
-    return name, np.concatenate(cells), np.concatenate(groups), tuple(sets)
+    name, width = compat.CELL_TYPES[kinds.pop()]
+    groups = [one for one, _, flat in found for _ in range(len(flat) // width)]
+    return name, np.concatenate([flat for *_, flat in found]).reshape(-1, width), groups
 
 
-def _facets(
-    model: Any, names: dict[tuple[int, int], str], facet_names: tuple[str, ...]
-) -> tuple[npt.NDArray[np.uint64], Labels, tuple[frozenset[str], ...]]:
-    """Nodes of tagged facets, each once, and their groups as an index into the sets that occur."""
-    pairs = [np.empty((0, 2), dtype=np.uint64)]
-    flags = [np.empty((0, len(facet_names)), dtype=bool)]
-    for groups, kind, flat in _elements(model, 1, names):
-        if kind == _LINE:
-            pairs.append(np.sort(flat.reshape(-1, 2), axis=1))
-            flags.append(np.tile([name in groups for name in facet_names], (len(pairs[-1]), 1)))
-    facets, row = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
-    member = np.zeros((len(facets), len(facet_names)), dtype=bool)
-    np.logical_or.at(member, row.ravel(), np.concatenate(flags))
-    sets, label = np.unique(member, axis=0, return_inverse=True)
-    named = tuple(frozenset(np.array(facet_names)[one].tolist()) for one in sets)
-    return facets, label.ravel().astype(np.int32), named
+def _facets(model: Any, names: Mapping[tuple[int, int], str]) -> dict[tuple[int, int], Names]:
+    """Groups of the tagged facets by their nodes, smaller first."""
+    groups: dict[tuple[int, int], Names] = {}
+    for more, kind, flat in _elements(model, 1, names):
+        lines = flat.reshape(-1, 2) if kind == _LINE else flat[:0].reshape(0, 2)
+        for first, second in np.sort(lines, axis=1).tolist():
+            groups[first, second] = groups.get((first, second), frozenset()) | more
+    return groups
 
 
 def _check_areas(mesh: GmshMesh) -> None:
+    """Refuse cells without area."""
     corners = mesh.points[mesh.cells]
     # Relative to the first corner, so that far-away origins cost no digits.
     shifted = corners - corners[:, :1]
@@ -307,8 +304,8 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
     Raises:
         InputError: If a body hangs together at a single node only, which would be a hinge.
     """
-    sides = np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    key = sides.min(axis=1) * len(mesh.points) + sides.max(axis=1)
+    following = np.roll(mesh.cells, -1, axis=1)
+    key = np.minimum(mesh.cells, following) * len(mesh.points) + np.maximum(mesh.cells, following)
     _, side = np.unique(key, return_inverse=True)
     by_node = _connected(mesh.cells)
     by_side = _connected(side.reshape(mesh.cells.shape))
@@ -334,13 +331,7 @@ def _connected(entities: Indices) -> Labels:
 
 
 def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:
-    """Rank of every cell such that bodies stay whole, or None where that would not balance.
-
-    Args:
-        mesh: The cells.
-        body: Body of every cell.
-        ranks: Number of ranks.
-    """
+    """Rank of every cell such that bodies stay whole, or None where that would not balance."""
     cells = np.bincount(body)
     centre = mesh.points[mesh.cells].mean(axis=1)
     position = np.column_stack([np.bincount(body, centre[:, d]) / cells for d in range(2)])

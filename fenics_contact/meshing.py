@@ -1,14 +1,15 @@
 """gmsh builders: walls in courses, arches, and blocks given by their corners.
 
 Every builder returns `gmsh.model`, meshed; its model is gmsh's current one and replaces an earlier
-model of the same name, so that drawing many does not fill the memory. `quadrilaterals` asks for
-quadrilateral cells in place of triangles.
+model of the same name, so that drawing many does not fill the memory. Arguments in common: `size`,
+the largest length of an element along the sides in m, and `quadrilaterals`, for quadrilateral cells
+in place of triangles. Builders raise `InputError` for sizes or numbers that are not positive.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,10 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import extract, gmsh_session
+from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+Segments = Mapping[str, Sequence[npt.ArrayLike]]
 
 _ELEMENT_TYPES = {2: 1, 3: 2, 4: 3}  # gmsh's, by number of nodes
 
@@ -46,21 +46,24 @@ def model_from_arrays(
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
         nodes = np.arange(1, len(coordinates) + 1)
-        next_element = 1
-        for dim, groups in ((2, cells), (1, facets)):
-            for group, connectivity in groups.items():
-                table = np.asarray(connectivity, dtype=np.int64)
-                if table.size == 0:
-                    continue
-                entity = model.addDiscreteEntity(dim)
-                if len(nodes):  # all nodes are classified on the first surface
-                    model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
-                    nodes = nodes[:0]
-                elements = np.arange(next_element, next_element + len(table))
-                next_element += len(table)
-                kind = _ELEMENT_TYPES[table.shape[1]]
-                model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
-                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        tables = [
+            (dim, group, np.asarray(table, dtype=np.int64))
+            for dim, groups in ((2, cells), (1, facets))
+            for group, table in groups.items()
+        ]
+        first = 1
+        for dim, group, table in tables:
+            if table.size == 0:
+                continue
+            entity = model.addDiscreteEntity(dim)
+            if len(nodes):  # all nodes are classified on the first surface
+                model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
+                nodes = nodes[:0]
+            elements = np.arange(first, first + len(table))
+            first += len(table)
+            kind = _ELEMENT_TYPES[table.shape[1]]
+            model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
+            model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
         return model
 
 
@@ -89,32 +92,30 @@ def wall(
             number is a void of that length.
         block: Length and height of one block, m.
         elements: Number of elements along half a block.
-        quadrilaterals: Quadrilateral cells.
-
-    Raises:
-        InputError: If a length is zero, or courses have no block.
+        quadrilaterals: See above.
     """
     length, height = block
     if length <= 0.0 or height <= 0.0 or elements < 1:
         raise InputError("wall: block sizes and elements must be positive")
-    ends = [np.concatenate([[0.0], np.cumsum(np.abs(row))]) for row in courses]
+    ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
     rectangles = [
         (left * length, level * height, right * length, (level + 1) * height)
         for level, (row, course) in enumerate(zip(ends, courses, strict=True))
-        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
+        for (left, right), size in zip(itertools.pairwise(row), course, strict=True)
         if size > 0.0
     ]
     if not rectangles:
         raise InputError("wall: there is no block, all lengths are negative")
-    on_grid = np.concatenate(ends) * 2.0 * elements
+    step, on_grid = 0.5 * length / elements, np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
-        steps = (0.5 * length / elements, height / max(1, round(2.0 * elements * height / length)))
-        points, cells = _grid_wall(rectangles, steps, quadrilaterals)
+        steps = (step, height / max(1, round(height / step)))
+        divide = _quadrilaterals if quadrilaterals else _triangles
+        points, cells = _grid_wall(rectangles, steps, divide)
     else:
         outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
-        free = polygons(outlines, size=0.5 * length / elements, quadrilaterals=quadrilaterals)
+        free = polygons(outlines, step, quadrilaterals=quadrilaterals)
         mesh = extract(free, "the wall")
         free.remove()
         points, cells = mesh.points, mesh.cells
@@ -131,9 +132,6 @@ def running_bond(
     """Mesh a `wall` in running bond with half bricks at the ends of every second course.
 
     The wall is `bricks` long and `courses` high; the other arguments are those of `wall`.
-
-    Raises:
-        InputError: If there is no brick or no course.
     """
     if bricks < 1 or courses < 1:
         raise InputError("running_bond: give at least one brick and one course")
@@ -144,32 +142,32 @@ def running_bond(
 def _grid_wall(
     rectangles: Sequence[tuple[float, float, float, float]],
     steps: tuple[float, float],
-    quadrilaterals: bool,
+    divide: Callable[[Indices], Indices],
 ) -> tuple[Array, Indices]:
     """Points and cells of rectangles (x0, y0, x1, y1) on one grid."""
-    points, cells = [], []
-    count = 0
+    points: list[Array] = []
+    cells, count = [], 0
     for x0, y0, x1, y1 in rectangles:
         nx, ny = round((x1 - x0) / steps[0]), round((y1 - y0) / steps[1])
-        x, y = np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1)
-        grid = count + np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
-        points.append(np.column_stack([np.tile(x, ny + 1), np.repeat(y, nx + 1)]))
-        cells.append(_grid_cells(grid, quadrilaterals))
-        count += grid.size
+        x, y = np.meshgrid(np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1))
+        points.append(np.column_stack([x.ravel(), y.ravel()]))
+        cells.append(divide(count + np.arange(x.size).reshape(x.shape)))
+        count += x.size
     return np.concatenate(points), np.concatenate(cells)
 
 
-def _grid_cells(grid: Indices, quadrilaterals: bool) -> Indices:
-    """Cells of a grid of nodes; diagonals alternate so that no side is preferred."""
+def _quadrilaterals(grid: Indices) -> Indices:
+    """Cells of a grid of nodes, anticlockwise from the lower left, shape (cells, 4)."""
     corners = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
-    a, b, c, d = (part.ravel() for part in corners)
-    if quadrilaterals:
-        return np.column_stack([a, b, c, d])
-    row, column = np.indices(corners[0].shape)
-    rising = ((row + column) % 2 == 0).ravel()[:, None]
-    lower = np.where(rising, np.column_stack([a, b, c]), np.column_stack([a, b, d]))
-    upper = np.where(rising, np.column_stack([a, c, d]), np.column_stack([b, c, d]))
-    return np.stack([lower, upper], axis=1).reshape(-1, 3)
+    return np.stack(corners, axis=2).reshape(-1, 4)
+
+
+def _triangles(grid: Indices) -> Indices:
+    """Triangles of a grid of nodes; diagonals alternate so that no side is preferred."""
+    row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))
+    rising = ((row + column) % 2 == 0).reshape(-1, 1)
+    pairs = np.where(rising, [0, 1, 2, 0, 2, 3], [0, 1, 3, 1, 2, 3])
+    return np.take_along_axis(_quadrilaterals(grid), pairs, axis=1).reshape(-1, 3)
 
 
 def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
@@ -204,7 +202,7 @@ def polygons(
     outlines: Sequence[npt.ArrayLike],
     size: float | None = None,
     names: Sequence[str] | None = None,
-    groups: Mapping[str, Sequence[npt.ArrayLike]] | None = None,
+    groups: Segments | None = None,
     quadrilaterals: bool = False,
 ) -> Any:
     """Mesh straight-sided blocks given by their corners, every block a body with its own nodes.
@@ -214,12 +212,11 @@ def polygons(
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: Largest length of an element along the sides, m; when not given a quarter of the side
-            of a square of the blocks' mean area.
+        size: See above; when not given a quarter of the side of a square of the blocks' mean area.
         names: Two-dimensional group of every block; "blocks" for all when not given.
         groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
             group. When not given, "base" is what lies at the lowest level of the drawing.
-        quadrilaterals: Quadrilateral cells.
+        quadrilaterals: See above.
 
     Raises:
         InputError: If a block has fewer than three corners or no area, or a group no side.
@@ -227,25 +224,21 @@ def polygons(
     blocks = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
     if not blocks or (size is not None and size <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
-    if size is None:
-        size = 0.25 * float(np.sqrt(np.mean([_area(block) for block in blocks])))
     names = ["blocks"] * len(blocks) if names is None else names
     if len(names) != len(blocks):
         raise InputError(f"polygons: {len(names)} names for {len(blocks)} blocks")
+    size = size or 0.25 * float(np.sqrt(np.mean([_area(block) for block in blocks])))
     corners = np.concatenate(blocks)
-    near = COINCIDENT * np.ptp(corners, axis=0).max()
-    if groups is None:
-        (left, low), right = corners.min(axis=0), corners[:, 0].max()
-        groups = {"base": [((left, low), (right, low))]}
-    with gmsh_session() as gmsh:
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    near = COINCIDENT * float(max(high - low))
+    groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
+    # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
+    subdivision = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
+    with gmsh_session() as gmsh, _mesh_options(gmsh, {"MeshSizeMax": size, **subdivision}):
         model = _new_model(gmsh, "polygons")
-        blocks = [_with_t_joints(block, corners, near) for block in blocks]
-        _draw(model, blocks, size, names, groups, near)
-        # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
-        subdivision = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
-        with _mesh_options(gmsh, {"MeshSizeMax": size, **subdivision}):
-            model.mesh.generate(2)
-        return model
+        _draw(model, [_with_t_joints(b, corners, near) for b in blocks], size, names, groups, near)
+        model.mesh.generate(2)
+    return model
 
 
 @contextmanager
@@ -266,7 +259,7 @@ def _draw(
     blocks: Sequence[Array],
     size: float,
     names: Sequence[str],
-    groups: Mapping[str, Sequence[npt.ArrayLike]],
+    groups: Segments,
     near: float,
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
@@ -276,12 +269,10 @@ def _draw(
         lines = _add_sides(model.geo, block, size)
         surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(lines)])
         surfaces.setdefault(block_name, []).append(surface)
-        following = np.roll(block, -1, axis=0)
         for name, segments in groups.items():
-            on = np.zeros(len(block), dtype=bool)
-            for segment in segments:
-                on |= _on_segment(block, segment, near) & _on_segment(following, segment, near)
-            on_group[name] += [lines[side] for side in np.flatnonzero(on)]
+            on = [_on_segment(block, segment, near) for segment in segments]
+            sides = np.any([start & np.roll(start, -1) for start in on], axis=0)
+            on_group[name] += np.array(lines)[sides].tolist()
     model.geo.synchronize()
     for dim, members in ((2, surfaces), (1, on_group)):
         for name, tags in members.items():
@@ -307,7 +298,7 @@ def _area(corners: Array) -> float:
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> npt.NDArray[np.bool_]:
+def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
     """Which points lie on a segment, its ends included."""
     start, end = np.asarray(segment, dtype=float)
     length = float(np.linalg.norm(end - start))
@@ -361,10 +352,10 @@ def arch(
         radius: Of the middle of the ring, m.
         embrace: Angle between the springings, degrees, at most 360.
         elements: Number of elements through the thickness.
-        quadrilaterals: Quadrilateral cells.
+        quadrilaterals: See above.
 
     Raises:
-        InputError: If sizes are not positive, or the thickness reaches the centre.
+        InputError: If the thickness reaches the centre.
     """
     if voussoirs < 1 or elements < 1 or not 0.0 < embrace <= 360.0:
         raise InputError("arch: voussoirs, elements and embrace must be positive")
@@ -374,14 +365,13 @@ def arch(
     angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
     inner, outer = (radius - 0.5 * thickness) * ray, (radius + 0.5 * thickness) * ray
-    corners = [[inner[k], inner[k + 1], outer[k + 1], outer[k]] for k in range(voussoirs)]
+    corners = np.stack([inner[:-1], inner[1:], outer[1:], outer[:-1]], axis=1)
     groups = {
         "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
         "intrados": list(itertools.pairwise(inner)),
         "extrados": list(itertools.pairwise(outer)),
     }
-    size = thickness / elements
-    return polygons(corners, size, groups=groups, quadrilaterals=quadrilaterals)
+    return polygons(corners, thickness / elements, None, groups, quadrilaterals)
 
 
 def wedge(
@@ -400,11 +390,11 @@ def wedge(
         half_angle: Half the angle at the tip, degrees.
         height: Of wedge and blocks, m.
         length: Of a block along the ground, m.
-        size: Largest length of an element along the sides, m.
-        quadrilaterals: Quadrilateral cells.
+        size: See above.
+        quadrilaterals: See above.
 
     Raises:
-        InputError: If sizes are not positive or the wedge is wider than the blocks.
+        InputError: If the wedge is wider than the blocks.
     """
     half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
     if height <= 0.0 or not 0.0 < half < length:
@@ -442,11 +432,8 @@ def buttress(
         wall_width: Width of the wall, m.
         foot: Width of the buttress at the ground, m.
         height: Of a course, m.
-        size: Largest length of an element along the sides, m.
-        quadrilaterals: Quadrilateral cells.
-
-    Raises:
-        InputError: If a size is not positive.
+        size: See above.
+        quadrilaterals: See above.
     """
     if courses < 1 or min(wall_width, foot, height) <= 0.0:
         raise InputError("buttress: courses and sizes must be positive")
