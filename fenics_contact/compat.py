@@ -31,7 +31,7 @@ def create_mesh(
     points: npt.NDArray[np.float64],
     destinations: npt.NDArray[np.int32] | None,
 ) -> mesh.Mesh:
-    """Distribute a mesh given on one rank (the others pass empty arrays of the right width).
+    """Distribute a mesh given on one rank (the others pass empty arrays), without ghost cells.
 
     Args:
         comm: Communicator of the mesh.
@@ -39,25 +39,21 @@ def create_mesh(
         cells: Point indices of the cells in gmsh order, shape (cells, nodes).
         points: Coordinates, shape (points, 2).
         destinations: Rank of every cell given here, shape (cells,); None: graph partitioning.
-
-    Returns:
-        The distributed mesh, without ghost cells.
     """
     kind = getattr(mesh.CellType, cell_name)
     cells = cells[:, cpp.io.perm_gmsh(kind, cells.shape[1])]
-    ghost_mode_in_create_mesh = "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
+    given = list(inspect.signature(mesh.create_mesh).parameters)
+    with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
+    modes = () if with_ghost_mode else (mesh.GhostMode.none,)
     if destinations is not None:
         partitioner: Any = _given_partition(destinations)
-    elif ghost_mode_in_create_mesh:
-        partitioner = mesh.create_cell_partitioner()
     else:
-        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.none)
+        partitioner = mesh.create_cell_partitioner(*modes)
     domain = ufl.Mesh(_coordinate_element(cell_name))
-    if ghost_mode_in_create_mesh:
+    if with_ghost_mode:
         return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
-    if list(inspect.signature(mesh.create_mesh).parameters)[2] == "x":
-        return mesh.create_mesh(comm, cells, points, domain, partitioner)
-    return mesh.create_mesh(comm, cells, domain, points, partitioner)
+    geometry = (points, domain) if given[2] == "x" else (domain, points)
+    return mesh.create_mesh(comm, cells, *geometry, partitioner)
 
 
 def _coordinate_element(cell_name: str) -> Any:
@@ -78,13 +74,11 @@ def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
 
 
 def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
-    """Scalar, vector or tensor Lagrange ("Lagrange") or discontinuous ("DG") space."""
+    """Scalar or vector Lagrange ("Lagrange") or discontinuous ("DG") space."""
     if hasattr(fem, "functionspace"):
         return fem.functionspace(domain, (family, degree, shape) if shape else (family, degree))
-    if len(shape) == 1:
+    if shape:
         return fem.VectorFunctionSpace(domain, (family, degree), dim=shape[0])
-    if len(shape) == 2:
-        return fem.TensorFunctionSpace(domain, (family, degree), shape=shape)
     return fem.FunctionSpace(domain, (family, degree))
 
 
@@ -95,22 +89,27 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, nodes_of_cell(domain.topology.cell_type.name))
+    return _rows(domain.geometry.dofmap, _nodes_of_cell(domain.topology))
+
+
+def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
+    """Facets of every local cell, shape (cells, facets of a cell)."""
+    return _rows(topology.connectivity(2, 1), _nodes_of_cell(topology))
+
+
+def facet_vertices(topology: Any) -> npt.NDArray[np.int32]:
+    """Cell-local vertices of every facet of a cell, shape (facets of a cell, 2)."""
+    return _rows(cpp.mesh.get_entity_vertices(topology.cell_type, 1), 2)
+
+
+def _nodes_of_cell(topology: Any) -> int:
+    """Number of nodes of a straight-sided cell, which is also that of its facets."""
+    return dict(CELL_TYPES.values())[topology.cell_type.name]
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     """An adjacency list with rows of one width as an array, also where there is no row."""
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
-
-
-def nodes_of_cell(cell_name: str) -> int:
-    """Number of nodes of a straight-sided cell, which is also that of its facets."""
-    return dict(CELL_TYPES.values())[cell_name]
-
-
-def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
-    """Facets of every local cell, shape (cells, facets of a cell)."""
-    return topology.connectivity(2, 1).array.reshape(-1, nodes_of_cell(topology.cell_type.name))
 
 
 def add_ghosts(function: fem.Function) -> None:
@@ -141,20 +140,10 @@ def _tidy_pvtu(path: Path) -> None:
     """List every piece once: dolfinx 0.5 repeats the list for every function written."""
     tree = ElementTree.parse(path)
     for grid in tree.getroot():
-        seen: set[str] = set()
+        first = {piece.get("Source"): piece for piece in reversed(grid.findall("Piece"))}
         for piece in grid.findall("Piece"):
-            source = piece.get("Source", "")
-            if source in seen:
+            if piece is not first[piece.get("Source")]:
                 grid.remove(piece)
-            seen.add(source)
-        for array in grid.iter("PDataArray"):
-            if array.get("NumberOfComponents") == "0":
-                array.set("NumberOfComponents", "1")
+        for array in grid.iterfind(".//PDataArray[@NumberOfComponents='0']"):
+            array.set("NumberOfComponents", "1")
     tree.write(path, encoding="utf-8", xml_declaration=True)
-
-
-def facet_vertices(topology: Any) -> npt.NDArray[np.int32]:
-    """Cell-local vertices of every facet of a cell, shape (facets of a cell, 2)."""
-    kind = topology.cell_type
-    table = cpp.mesh.get_entity_vertices(kind, 1)
-    return np.asarray(table.array).reshape(table.num_nodes, 2)

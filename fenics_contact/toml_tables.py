@@ -19,6 +19,9 @@ from fenics_contact.errors import InputError, raised_together
 
 T = TypeVar("T")
 
+#: Names of the types that a value must have exactly.
+_EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
+
 
 def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a TOML file, read on rank 0.
@@ -31,19 +34,18 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
     Raises:
         InputError: On all ranks, if the file is missing or not TOML, or an assignment is wrong.
     """
-    text = ""
+    tables: dict[str, Any] = {}
     with raised_together(comm):
         if comm.rank == 0:
             try:
-                text = path.read_text()
+                tables = tomllib.loads(path.read_text())
             except FileNotFoundError:
                 raise InputError(f"file '{path}' does not exist") from None
+            except tomllib.TOMLDecodeError as error:
+                raise InputError(f"file '{path}' is not TOML: {error}") from None
             except (OSError, UnicodeDecodeError) as error:
                 raise InputError(f"file '{path}' cannot be read: {error}") from None
-    try:
-        tables = tomllib.loads(comm.bcast(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"file '{path}' is not TOML: {error}") from None
+    tables = comm.bcast(tables)
     for assignment in overrides:
         _override(tables, assignment)
     return tables
@@ -61,8 +63,7 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         key: Name of the table, for messages; empty for that of a whole file.
 
     Raises:
-        InputError: If a key is unknown or missing, or a value has the wrong type; and what the
-            dataclass raises itself about its fields.
+        InputError: If a key is unknown or missing, or a value is wrong for its type or dataclass.
     """
     prefix = f"{key}." if key else ""
     table = _as_table(key, table)
@@ -98,8 +99,10 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if kind is float:
         return _number(key, value)
     if get_origin(kind) is tuple:
-        return _pair(key, value)
-    if type(value) is not kind:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise InputError(f"{key} = {value!r} must be two numbers, [x, y]")
+        return _number(key, value[0]), _number(key, value[1])
+    if type(value) is not kind:  # a truth value is no whole number
         raise InputError(f"{key} = {value!r} must be {_EXACT[kind]}")
     return value
 
@@ -117,16 +120,6 @@ def _number(key: str, value: Any) -> float:
         return float(value)
     except OverflowError:
         raise InputError(f"{key} is too large a number") from None
-
-
-def _pair(key: str, value: Any) -> tuple[float, float]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise InputError(f"{key} = {value!r} must be two numbers, [x, y]")
-    return _number(key, value[0]), _number(key, value[1])
-
-
-#: Values of just one type: a truth value is no whole number.
-_EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
 
 
 def _override(table: dict[str, Any], assignment: str) -> None:
