@@ -14,11 +14,11 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from fenics_contact.console import Progress, counted, description, summary
+from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.limit_load import limit_load
-from fenics_contact.scene import read_scene
+from fenics_contact.scene import Scene
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -102,14 +102,14 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     if loud:
         print(f"reading {options.scene}", flush=True)
     folder = _output_folder(options, comm)
-    scene = read_scene(options.scene, comm, options.overrides)
+    scene = Scene.from_file(options.scene, comm, options.overrides)
     read = time.perf_counter() - start
     if loud:
         blocks = counted(scene.mesh.body_count, "block")
         print(f"{blocks} on {counted(comm.size, 'rank')}", flush=True)
     # mpirun passes a terminal on even where its own output goes to a file.
-    bar = comm.size == 1 and sys.stdout.isatty()
-    with contextlib.closing(Progress(scene.solve.tolerance, bar)) as progress:
+    shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
+    with contextlib.closing(shown(scene.solve.tolerance)) as progress:
         result = limit_load(scene, progress if loud else None)
     result.seconds["read"] = read
     result.seconds["total"] += read
@@ -123,11 +123,7 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
-    """Where to write; checked before the work is done.
-
-    Raises:
-        InputError: On all ranks, if a file is in the way or the folder cannot be made.
-    """
+    """Where to write; checked on all ranks before the work is done."""
     folder: Path = options.output or options.scene.with_suffix("")
     with raised_together(comm):
         if comm.rank == 0:
@@ -141,7 +137,7 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
-    with Discretization(read_scene(options.scene, comm, options.overrides)) as discretization:
+    with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
         text = description(discretization)
     if comm.rank == 0 and not options.quiet:
         print(text)

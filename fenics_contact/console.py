@@ -17,30 +17,19 @@ from fenics_contact.scene import JointLaw
 
 
 class Progress:
-    """Digits gained by the fixed point: a bar on a terminal, a line for every step elsewhere.
+    """Digits gained by the fixed point, a line for every step."""
 
-    The bar fills as the change of the friction bound falls from 1 to the tolerance.
-    """
-
-    def __init__(self, tolerance: float, bar: bool) -> None:
-        """Prepare to show.
-
-        Args:
-            tolerance: Change of the friction bound at which a solve ends.
-            bar: Whether output goes to a terminal that can draw a bar.
-        """
-        self._as_bar = bar
+    def __init__(self, tolerance: float) -> None:
+        """Count digits down to the change of the friction bound at which a solve ends."""
         self._digits = -math.log10(tolerance)
-        self._bar: Any = None
         self._name = ""
         self._count = 0
 
     def step(self, direction: str, step: Step) -> None:
         """Show one fixed-point iteration."""
         self._count = self._count + 1 if direction == self._name else 1
-        gained = self._digits
-        if step.bound_change > 0.0:
-            gained = min(max(-math.log10(step.bound_change), 0.0), self._digits)
+        change = max(step.bound_change, 1e-300)
+        gained = min(max(-math.log10(change), 0.0), self._digits)
         text = (
             f"iteration {self._count:3d}  load factor {step.load_factor:.8g}"
             f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
@@ -52,13 +41,23 @@ class Progress:
         self._show("capacity", done, total, f"{done} of {total}  {point.load_factor:.6g}")
 
     def _show(self, name: str, gained: float, total: float, text: str) -> None:
+        self._name = name
+        sys.stdout.write(f"{name}: {text}\n")
+        sys.stdout.flush()
+
+    def close(self) -> None:
+        """Leave the console clean."""
+
+
+class ProgressBar(Progress):
+    """A bar that fills as the change of the friction bound falls from 1 to the tolerance."""
+
+    _bar: Any = None
+
+    def _show(self, name: str, gained: float, total: float, text: str) -> None:
         if name != self._name:
             self.close()
             self._name = name
-        if not self._as_bar:
-            sys.stdout.write(f"{name}: {text}\n")
-            sys.stdout.flush()
-            return
         if self._bar is None:
             from tqdm import tqdm
 
@@ -112,12 +111,11 @@ def _end_lines(name: str, end: Collapse) -> list[str]:
         return [first, f"NOT CONVERGED: this is not a limit load ({names})"]
     if certificate is None:
         return [first]
-    residuals = certificate.residuals
+    equilibrium, friction = (certificate.residuals[name] for name in ("equilibrium", "friction"))
     return [
         first,
-        f"verified: equilibrium {residuals['equilibrium']:.0e}, friction"
-        f" {residuals['friction']:.0e}, error of the load factor at most"
-        f" {certificate.error_estimate:.0e}",
+        f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, error of the load"
+        f" factor at most {certificate.error_estimate:.0e}",
     ]
 
 

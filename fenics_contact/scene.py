@@ -17,11 +17,18 @@ from fenics_contact.toml_tables import from_table, read_toml
 LAWS = ("coulomb", "tresca", "frictionless")
 SUPPORTS = ("fixed", "roller")
 PLANES = ("strain", "stress")
-METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
-CONTROLS = ("work", "load")
-SLIPS = ("stress-free", "load-steps")
-STATES = ("first", "lowest")
-DIRECTIONS = ("positive", "negative", "both")
+
+#: What `Scene` and its file have alike.
+SHARED = ("materials", "joints", "foundations", "supports", "title", "solve", "output")
+
+#: Values that options of `SolveOptions` take.
+CHOICES = {
+    "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
+    "direction": ("positive", "negative", "both"),
+    "control": ("work", "load"),
+    "slip": ("stress-free", "load-steps"),
+    "states": ("first", "lowest"),
+}
 
 
 def _require(condition: bool, message: str) -> None:
@@ -75,10 +82,8 @@ class JointLaw:
 
     def __post_init__(self) -> None:
         _require_choice("law", self.law, LAWS)
-        for name, value, owner in (
-            ("friction", self.friction, "coulomb"),
-            ("bound", self.bound, "tresca"),
-        ):
+        for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
+            value = getattr(self, name)
             if self.law != owner:
                 _require(value is None, f"law '{self.law}' takes no {name}")
             elif value is None:
@@ -135,23 +140,16 @@ class SolveOptions:
     states: str = "first"
 
     def __post_init__(self) -> None:
-        _require_choice("method", self.method, METHODS)
-        _require_choice("direction", self.direction, DIRECTIONS)
-        _require_choice("control", self.control, CONTROLS)
-        _require_choice("slip", self.slip, SLIPS)
-        _require_choice("states", self.states, STATES)
+        for name, known in CHOICES.items():
+            _require_choice(name, getattr(self, name), known)
+        tolerance, by_load = self.tolerance, self.control == "load"
         _require(
-            1e-12 <= self.tolerance <= 0.1,
-            f"tolerance = {self.tolerance} must lie between 1e-12 and 0.1",
+            1e-12 <= tolerance <= 0.1, f"tolerance = {tolerance} must lie between 1e-12 and 0.1"
         )
-        _require(
-            self.slip == "stress-free" or self.control == "load",
-            "slip = 'load-steps' needs control = 'load'",
-        )
-        _require(
-            self.states == "first" or self.control == "work",
-            "states = 'lowest' needs control = 'work'",
-        )
+        if self.slip == "load-steps" and not by_load:
+            raise InputError("slip = 'load-steps' needs control = 'load'")
+        if self.states == "lowest" and by_load:
+            raise InputError("states = 'lowest' needs control = 'work'")
 
 
 @dataclass(frozen=True)
@@ -223,9 +221,29 @@ class Scene:
         return self.mesh.comm
 
     @classmethod
-    def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> Scene:
-        """Read a scene file and its mesh; see `read_scene`."""
-        return read_scene(path, comm)
+    def from_file(
+        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+    ) -> Scene:
+        """Read a scene file and its mesh.
+
+        Args:
+            path: The TOML file; its mesh is found relative to it.
+            comm: Communicator; the one PETSc was started with when not given.
+            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
+
+        Raises:
+            InputError: On all ranks, if the file or its mesh is missing or wrong.
+        """
+        comm = compat.default_comm() if comm is None else comm
+        tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
+        return cls(
+            mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            live=tables.loads.live,
+            dead=tables.loads.dead,
+            plane=tables.plane.state,
+            degree=tables.mesh.degree,
+            **{name: getattr(tables, name) for name in SHARED},
+        )
 
     def material(self, groups: Iterable[str]) -> Material:
         """Material of the cells in a set of groups."""
@@ -307,35 +325,3 @@ class _SceneTables:
 
     def __post_init__(self) -> None:
         _require(bool(self.materials), "materials is missing; give [materials.default]")
-
-
-def read_scene(
-    path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-) -> Scene:
-    """Read a scene file and its mesh.
-
-    Args:
-        path: The TOML file; its mesh is found relative to it.
-        comm: Communicator; the one PETSc was started with when not given.
-        overrides: Assignments "joints.default.friction=0.5" made on top of the file.
-
-    Raises:
-        InputError: On all ranks, if the file or its mesh is missing or wrong.
-    """
-    comm = compat.default_comm() if comm is None else comm
-    path = Path(path)
-    tables = from_table(_SceneTables, read_toml(path, comm, overrides))
-    return Scene(
-        mesh=BlockMesh.from_file(path.parent / tables.mesh.file, comm),
-        materials=tables.materials,
-        live=tables.loads.live,
-        dead=tables.loads.dead,
-        joints=tables.joints,
-        foundations=tables.foundations,
-        supports=tables.supports,
-        plane=tables.plane.state,
-        degree=tables.mesh.degree,
-        title=tables.title,
-        solve=tables.solve,
-        output=tables.output,
-    )

@@ -18,8 +18,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import stress
 from fenics_contact.discretization.joints import Joints
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.mesh import Array
 
 #: VTK's number of a cell that is a line.
 VTK_LINE = 3
@@ -58,14 +57,15 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
     together = fem.Function(vector)
     together.interpolate(fem.Expression(components, compat.interpolation_points(vector)))
     columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]].T
-    names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
+    values = {
+        **dict(zip(("stress_xx", "stress_yy", "stress_xy", "von_mises"), columns, strict=True)),
+        "body": scene.mesh.body,
+    }
     scalar = compat.function_space(scene.mesh.domain, "DG", 0)
     cells = compat.cell_dofs(scalar)[:, 0]
-    fields = []
-    for name, column in zip(names, [*columns, scene.mesh.body], strict=True):
-        field = fem.Function(scalar, name=name)
+    fields = [fem.Function(scalar, name=name) for name in values]
+    for field, column in zip(fields, values.values(), strict=True):
         field.x.array[cells] = column
-        fields.append(field)
     return fields
 
 

@@ -127,10 +127,11 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record["continuation"] = {
             "equilibrium_up_to": collapse.path.lower,
             "none_found_at": collapse.path.upper,
-            "steps": _columns(collapse.path.steps, "load_factor", "displacement"),
+            "steps": [_record(step, "load_factor", "displacement") for step in collapse.path.steps],
         }
     if collapse.states:
-        record["states"] = _columns(collapse.states, "start", "status", "load_factor")
+        names = ("start", "status", "load_factor")
+        record["states"] = [_record(state, *names) for state in collapse.states]
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
     return record | {"iterations": _iteration_record(collapse)}
@@ -138,22 +139,17 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
     """Residuals, static and kinematic load factor, and the worst joint."""
-    worst = certificate.worst_joint
-    record: Record = {
-        "error_estimate": certificate.error_estimate,
+    worst, law = certificate.worst_joint, joints.law
+    record = _record(certificate, "error_estimate", "static_factor", "kinematic_factor")
+    record |= {
         "residuals": dict(certificate.residuals),
         "failures": sorted(certificate.failures),
-        "static_factor": certificate.static_factor,
-        "kinematic_factor": certificate.kinematic_factor,
-        "worst_joint": None,
+        "worst_joint": None if worst is None else _record(worst, "point", "law", "residual"),
     }
     if worst is not None:
-        record["worst_joint"] = {
-            "point": worst.point,
-            "position": [float(x) for x in joints.position[worst.point]],
-            "group": joints.names[joints.law[worst.point]],
-            "law": worst.law,
-            "residual": worst.residual,
+        record["worst_joint"] |= {
+            "position": joints.position[worst.point].tolist(),
+            "group": joints.names[law[worst.point]],
         }
     return record
 
@@ -168,20 +164,15 @@ def _iteration_record(collapse: Collapse) -> Record:
         "work_ratio": collapse.work_ratio,
     }
     if collapse.splitting is not None:
-        record["splitting"] = {
-            "proximal_steps": collapse.splitting.steps,
-            "sweeps": collapse.splitting.sweeps,
-            "joint_steps": collapse.splitting.joint_steps,
-            "contraction": collapse.splitting.contraction,
-        }
+        counts = _record(collapse.splitting, "steps", "sweeps", "joint_steps", "contraction")
+        record["splitting"] = {"proximal_steps": counts.pop("steps"), **counts}
     names = ("load_factor", "bound_change", "relaxation", "factorizations")
-    record["history"] = _columns(steps, *names)
-    return record
+    return record | {"history": [_record(step, *names) for step in steps]}
 
 
-def _columns(items: Sequence[Any], *names: str) -> list[Record]:
-    """Some attributes of every item."""
-    return [{name: getattr(item, name) for name in names} for item in items]
+def _record(item: Any, *names: str) -> Record:
+    """Some attributes of an item."""
+    return {name: getattr(item, name) for name in names}
 
 
 def _bounds_record(bounds: LimitBounds | None) -> Record:
@@ -201,9 +192,8 @@ def strict(value: Any) -> Any:
 
 
 def _write_capacity(points: Sequence[CapacityPoint], path: Path) -> None:
+    columns = ("displacement", "load_factor", "work", "converged")
     with path.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(["displacement_m", "load_factor", "work", "converged"])
-        for point in points:
-            row = [point.displacement, point.load_factor, point.work, int(point.converged)]
-            table.writerow(row)
+        table.writerow(["displacement_m", *columns[1:]])
+        table.writerows([+getattr(point, name) for name in columns] for point in points)

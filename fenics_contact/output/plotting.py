@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.analysis.joint_values import Contact, JointValues
@@ -15,8 +14,7 @@ from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import GROUND, Joints
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.mesh import Array, Indices
 
 #: Largest displacement in the picture, as a fraction of the structure's size.
 AMPLITUDE = 0.08
@@ -75,16 +73,14 @@ def draw_capacity(result: Result, path: Path) -> None:
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    displacement = [1e3 * point.displacement for point in result.capacity]
-    factor = [point.load_factor for point in result.capacity]
-    axes.plot(displacement, factor, "o-", color=BLUE, markersize=4, label="equilibrium states")
+    curve = [(1e3 * point.displacement, point.load_factor) for point in result.capacity]
+    axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
     collapse = result.collapse
     if collapse is not None and np.isfinite(collapse.load_factor):
         limit = collapse.load_factor
         axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
-    axes.set_xlabel("mean displacement along the live load (mm)")
-    axes.set_ylabel("load factor")
-    axes.set_title(result.scene.title or "Capacity curve")
+    labels = {"xlabel": "mean displacement along the live load (mm)", "ylabel": "load factor"}
+    axes.set(title=result.scene.title or "Capacity curve", **labels)
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     figure.savefig(path, dpi=150)
@@ -104,18 +100,15 @@ def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
     figure = Figure(figsize=(2.0 * WIDTH, tall + 1.4), layout="constrained")
     both = figure.subplots(1, 2)
     margin = 1.3 * AMPLITUDE * max(width, height)
-    low, high = (f(boundary.points.reshape(-1, 2), axis=0) for f in (np.min, np.max))
+    low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
     for axes in both:
-        axes.set_aspect("equal")
         axes.axis("off")
-        axes.set_xlim(low[0] - margin, high[0] + margin)
-        axes.set_ylim(low[1] - margin, high[1] + margin)
+        limits = np.column_stack([low - margin, high + margin])
+        axes.set(aspect="equal", xlim=limits[0], ylim=limits[1])
     return figure, both
 
 
-def _at_nodes(
-    discretization: Discretization, velocity: Array, nodes: npt.NDArray[np.int64]
-) -> Array:
+def _at_nodes(discretization: Discretization, velocity: Array, nodes: Indices) -> Array:
     """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
     first, end = discretization.elasticity.space.dofmap.index_map.local_range
     mine = (nodes >= first) & (nodes < end)
@@ -140,18 +133,16 @@ def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> 
     outlines = []
     for body in range(int(boundary.body.max()) + 1):
         leaving = {int(nodes[row, 0]): row for row in np.flatnonzero(boundary.body == body)}
-        corners: list[Array] = []
-        codes: list[int] = []
+        loops = []
         while leaving:  # a loop of facets; a body with a hole has more than one
-            node, row = next(iter(leaving.items()))
-            corners.append(points[row, 0])
-            codes.append(Outline.MOVETO)
+            node = next(iter(leaving))
+            corners = [points[leaving[node], 0]]
             while node in leaving:
                 row = leaving.pop(node)
                 node = int(nodes[row, 1])
                 corners.append(points[row, 1])
-                codes.append(Outline.LINETO)
-        outlines.append(Outline(np.array(corners), codes))
+            loops.append(Outline(np.array(corners)))
+        outlines.append(Outline.make_compound_path(*loops))
     axes.add_collection(PathCollection(outlines, **style))
 
 
