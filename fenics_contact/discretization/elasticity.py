@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
@@ -23,9 +22,8 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.supports import Supports
+from fenics_contact.mesh import Array, BlockMesh, Labels
 from fenics_contact.scene import Load, Scene
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Elasticity:
     dead_resultant: Array
     live_resultant: Array
     centre: Array
-    node_body: npt.NDArray[np.int32]
+    node_body: Labels
 
 
 def displacement_space(scene: Scene) -> Any:
@@ -79,27 +77,16 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     density = _material_field(scene, "density")
     loads = [_load(scene, space, boundary, load, density) for load in (scene.dead, scene.live)]
     node_body, centre = _bodies_of_nodes(scene, space)
-    resultants = [_resultants(scene, space, load, node_body, centre) for load in loads]
+    of_dead, of_live = (_resultants(scene, space, load, node_body, centre) for load in loads)
     first = space.dofmap.index_map.local_range[0]
     dead, live = (supports.constrain_vector(load, first) for load in loads)
-
     lame = _lame(scene)
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
     stiffness = fem_petsc.assemble_matrix(form)
     stiffness.assemble()
     supports.constrain_matrix(stiffness)
-    return Elasticity(
-        space=space,
-        stiffness=stiffness,
-        dead=dead,
-        live=live,
-        lame=lame,
-        dead_resultant=resultants[0],
-        live_resultant=resultants[1],
-        centre=centre,
-        node_body=node_body,
-    )
+    return Elasticity(space, stiffness, dead, live, lame, of_dead, of_live, centre, node_body)
 
 
 def strain(u: Any) -> Any:
@@ -112,13 +99,18 @@ def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
     return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
 
 
+def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
+    """Function that is constant in every cell, from the local cells' values."""
+    space = compat.function_space(mesh.domain, "DG", 0)
+    field = fem.Function(space, name=name)
+    field.x.array[compat.cell_dofs(space)[:, 0]] = values
+    return field
+
+
 def _material_field(scene: Scene, key: str) -> fem.Function:
     """A property of the materials, constant by cell."""
-    space = compat.function_space(scene.mesh.domain, "DG", 0)
     values = [getattr(scene.material(groups), key) for groups in scene.mesh.cell_sets]
-    field = fem.Function(space)
-    field.x.array[compat.cell_dofs(space)[:, 0]] = np.array(values)[scene.mesh.cell_groups]
-    return field
+    return cell_field(scene.mesh, key, np.array(values)[scene.mesh.cell_groups])
 
 
 def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
@@ -149,26 +141,27 @@ def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem
     return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 
 
-def _bodies_of_nodes(scene: Scene, space: Any) -> tuple[npt.NDArray[np.int32], Array]:
+def _bodies_of_nodes(scene: Scene, space: Any) -> tuple[Labels, Array]:
     """Body of every local node, and the mean node position of every body."""
     position = space.tabulate_dof_coordinates()[:, :2]
     node_body = np.zeros(len(position), dtype=np.int32)
     node_body[compat.cell_dofs(space)] = scene.mesh.body[:, None]
     owned = node_body[: space.dofmap.index_map.size_local]
-    sums = np.column_stack(
-        [np.bincount(owned, w, scene.mesh.body_count) for w in (None, *position[: len(owned)].T)]
-    )
-    sums = scene.comm.allreduce(sums)
+    ones = np.ones(len(owned))
+    sums = _sums_over_bodies(scene, owned, ones, *position[: len(owned)].T)
     return node_body, sums[:, 1:] / sums[:, :1]
 
 
-def _resultants(
-    scene: Scene, space: Any, load: Array, node_body: npt.NDArray[np.int32], centre: Array
-) -> Array:
+def _resultants(scene: Scene, space: Any, load: Array, node_body: Labels, centre: Array) -> Array:
     """Force and moment of nodal forces on every body, shape (bodies, 3)."""
     force = load.reshape(-1, 2)
     body = node_body[: len(force)]
     arm = space.tabulate_dof_coordinates()[: len(force), :2] - centre[body]
     moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-    columns = [np.bincount(body, w, scene.mesh.body_count) for w in (*force.T, moment)]
-    return scene.comm.allreduce(np.column_stack(columns))
+    return _sums_over_bodies(scene, body, *force.T, moment)
+
+
+def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:
+    """Sums of nodal values over every body on all ranks, shape (bodies, columns)."""
+    sums = [np.bincount(body, column, scene.mesh.body_count) for column in columns]
+    return scene.comm.allreduce(np.column_stack(sums))

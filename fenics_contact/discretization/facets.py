@@ -6,21 +6,17 @@ rank; only boundary data is exchanged, once.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx.mesh import exterior_facet_indices
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Labels = npt.NDArray[np.int32]
+from fenics_contact.mesh import Array, BlockMesh, Flags, Indices, Labels
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,7 @@ class Boundary:
     local_facets: Labels
     interior: Mapping[str, int]
 
-    def in_group(self, name: str) -> npt.NDArray[np.bool_]:
+    def in_group(self, name: str) -> Flags:
         """Which facets are in a physical group, shape (facets,)."""
         member = np.array([name in groups for groups in self.facet_sets] + [False])
         return member[self.groups]
@@ -94,13 +90,12 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     inputs = table.pop("inputs")
     order = np.lexsort((inputs[:, 1], inputs[:, 0]))
     groups, interior = _groups(mesh, inputs[order])
-    place = np.argsort(order)
     start = sum(len(part["length"]) for part in parts[: mesh.comm.rank])
     return Boundary(
         **{name: values[order] for name, values in table.items()},
         groups=groups,
         facet_sets=mesh.facet_sets,
-        local=place[start : start + len(local_facets)],
+        local=np.argsort(order)[start : start + len(local_facets)],
         local_facets=local_facets,
         interior=interior,
     )
@@ -116,12 +111,14 @@ def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
     corner = compat.facet_vertices(domain.topology)[side]
     geometry = compat.geometry_dofs(domain)[cell]
     ends = np.take_along_axis(geometry, corner, axis=1)
-    columns = _facet_dofs(space)[side]
-    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], columns, axis=1)
+    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], _facet_dofs(space)[side], axis=1)
     points = space.tabulate_dof_coordinates()[nodes][:, :, :2]
     global_nodes = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    along = points[:, 1] - points[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
     centre = domain.geometry.x[geometry][:, :, :2].mean(axis=1)
-    normal, length = _outward_normals(points, centre)
+    normal[np.sum(normal * (points[:, 0] - centre), axis=1) < 0.0] *= -1.0
     table = {
         "inputs": np.sort(np.asarray(domain.geometry.input_global_indices)[ends], axis=1),
         "nodes": np.asarray(global_nodes).reshape(nodes.shape),
@@ -135,13 +132,9 @@ def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
 
 def _facet_dofs(space: Any) -> Indices:
     """Cell-local dofs of every facet of a cell, its two ends first."""
-    layout = space.dofmap.dof_layout
-    vertices = compat.facet_vertices(space.mesh.topology)
+    dofs, sides = space.dofmap.dof_layout.entity_dofs, compat.facet_vertices(space.mesh.topology)
     return np.array(
-        [
-            [*(layout.entity_dofs(0, vertex)[0] for vertex in ends), *layout.entity_dofs(1, side)]
-            for side, ends in enumerate(vertices)
-        ]
+        [[*dofs(0, a), *dofs(0, b), *dofs(1, side)] for side, (a, b) in enumerate(sides)]
     )
 
 
@@ -157,28 +150,14 @@ def _exterior_facets(topology: Any) -> tuple[Labels, Labels, Indices]:
     return facets, cell, np.argmax(sides == facets[:, None], axis=1)
 
 
-def _outward_normals(points: Array, centre: Array) -> tuple[Array, Array]:
-    along = points[:, 1] - points[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-    inward = np.sum(normal * (points[:, 0] - centre), axis=1) < 0.0
-    normal[inward] *= -1.0
-    return normal, length
-
-
-def _groups(mesh: BlockMesh, inputs: Indices) -> tuple[Labels, dict[str, int]]:
+def _groups(mesh: BlockMesh, inputs: Indices) -> tuple[Labels, Counter[str]]:
     """Group of every boundary facet, found by its input nodes; and what is tagged elsewhere."""
     groups = np.full(len(inputs), -1, dtype=np.int32)
-    interior: dict[str, int] = {}
-    if len(mesh.facets) == 0:
-        return groups, interior
-    stride = 1 + max(int(inputs.max()), int(mesh.facets.max()))
+    stride = 1 + max(int(inputs.max()), int(mesh.facets.max(initial=0)))
     tagged = mesh.facets[:, 0] * stride + mesh.facets[:, 1]
     keys = inputs[:, 0] * stride + inputs[:, 1]  # sorted
     where = np.minimum(np.searchsorted(keys, tagged), len(keys) - 1)
     found = keys[where] == tagged
     groups[where[found]] = mesh.facet_groups[found]
-    for index in mesh.facet_groups[~found]:
-        for name in mesh.facet_sets[index]:
-            interior[name] = interior.get(name, 0) + 1
-    return groups, interior
+    inside = mesh.facet_groups[~found]
+    return groups, Counter(name for index in inside for name in mesh.facet_sets[index])

@@ -15,21 +15,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.pairing import (
-    GROUND,
-    JointFacets,
-    distances_of_ends,
-    joint_facets,
-)
+from fenics_contact.discretization.pairing import GROUND, distances_of_ends, joint_facets
 from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
+from fenics_contact.mesh import Array, Indices, Labels
 from fenics_contact.scene import JointLaw, Scene
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 #: Weights of a facet's nodes relative to each other, by number of nodes.
 NODAL_WEIGHTS = {2: (1, 1), 3: (1, 1, 4)}
@@ -52,7 +44,7 @@ class Joints:
     """
 
     nodes: Indices
-    bodies: npt.NDArray[np.int32]
+    bodies: Labels
     position: Array
     normal: Array
     length: Array
@@ -94,8 +86,8 @@ class JointOperators:
     normal: PETSc.Mat
     tangential: PETSc.Mat
     points: Indices
-    sides: npt.NDArray[np.int32]
-    dofs: npt.NDArray[np.int32]
+    sides: Labels
+    dofs: Labels
     normal_rows: Array
     tangential_rows: Array
 
@@ -111,15 +103,18 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     first, second = facets.sides.T
     ground = first == GROUND
     base = np.where(ground, second, first)  # gives the order of the nodes
-    nodes = _nodes_of_sides(boundary, facets, base)
+    per_facet = boundary.nodes.shape[1]
+    # Nodes of the second side in the order of the first's, shape (facets, nodes of a facet, 2).
+    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
+    order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])[:, :per_facet]
+    ours = np.where(ground[:, None], GROUND, boundary.nodes[base])
+    nodes = np.stack([ours, np.take_along_axis(boundary.nodes[second], order, axis=1)], axis=2)
     normal = np.where(ground, -1.0, 1.0)[:, None] * boundary.normal[base]
     facet, rows, point = _merge(nodes, facets.law, normal)
-    per_facet = boundary.nodes.shape[1]
     share = np.array(NODAL_WEIGHTS[per_facet]) / sum(NODAL_WEIGHTS[per_facet])
     weight = np.outer(boundary.length[base], share).ravel()
-    count = len(rows)
-    sums = [np.bincount(point, weight * normal[facet, d], count) for d in range(2)]
-    mean = np.column_stack(sums)
+    columns = (weight, *(weight[:, None] * normal[facet]).T)
+    length, *mean = (np.bincount(point, column, len(rows)).astype(float) for column in columns)
     bodies = np.column_stack(
         [np.where(ground, GROUND, boundary.body[first]), boundary.body[second]]
     )
@@ -127,26 +122,12 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         nodes=nodes.reshape(-1, 2)[rows],
         bodies=bodies[facet[rows]],
         position=boundary.points[base].reshape(-1, 2)[rows],
-        normal=mean / np.linalg.norm(mean, axis=1)[:, None],
-        length=np.bincount(point, weight, count).astype(float),
+        normal=np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None],
+        length=length,
         law=facets.law[facet[rows]],
         laws=(*scene.joints.values(), *scene.foundations.values()),
         names=(*scene.joints, *scene.foundations),
         segments=point.reshape(-1, per_facet)[:, :2],
-    )
-
-
-def _nodes_of_sides(boundary: Boundary, facets: JointFacets, base: Indices) -> Indices:
-    """Nodes of both sides of every facet, those of the second in the order of the first's.
-
-    Shape (facets, nodes of a facet, 2).
-    """
-    first, second = facets.sides.T
-    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
-    order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])
-    other = np.take_along_axis(boundary.nodes[second], order[:, : boundary.nodes.shape[1]], axis=1)
-    return np.stack(
-        [np.where((first == GROUND)[:, None], GROUND, boundary.nodes[base]), other], axis=2
     )
 
 
@@ -188,30 +169,23 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     dofs[np.repeat(nodes == GROUND, 2, axis=1)] = -1
     directions = np.stack([supports.free_directions(nodes[:, side]) for side in (0, 1)], axis=1)
     sign = np.where(nodes == GROUND, 0.0, np.array([-1.0, 1.0]))
-    rows = [
+    normal_rows, tangential_rows = (
         (np.einsum("nk,nskl->nsl", axis[points], directions) * sign[:, :, None]).reshape(-1, 4)
         for axis in (joints.normal, joints.tangent)
-    ]
-    matrices = [sparse_rows(stiffness, dofs, row) for row in rows]
+    )
     return JointOperators(
-        normal=matrices[0],
-        tangential=matrices[1],
+        normal=_sparse_rows(stiffness, dofs, normal_rows),
+        tangential=_sparse_rows(stiffness, dofs, tangential_rows),
         points=points,
         sides=joints.bodies[points],
         dofs=dofs.astype(PETSc.IntType),
-        normal_rows=rows[0],
-        tangential_rows=rows[1],
+        normal_rows=normal_rows,
+        tangential_rows=tangential_rows,
     )
 
 
-def sparse_rows(stiffness: PETSc.Mat, dofs: Indices, rows: Array) -> PETSc.Mat:
-    """A matrix on the displacements.
-
-    Args:
-        stiffness: Whose columns it has.
-        dofs: Global dofs of this rank's rows, shape (rows, n); -1: none.
-        rows: Coefficients, likewise.
-    """
+def _sparse_rows(stiffness: PETSc.Mat, dofs: Indices, rows: Array) -> PETSc.Mat:
+    """A matrix with the stiffness's columns from coefficients of global dofs, -1: none."""
     kept = dofs >= 0
     indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
     matrix = PETSc.Mat().createAIJ(

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError
+from fenics_contact.mesh import Array, Indices
 from fenics_contact.scene import Scene
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
 
 #: Facets face each other when their nodes agree to this fraction of their length.
 MATCHING = 1e-4
@@ -46,15 +43,13 @@ def joint_facets(scene: Scene, boundary: Boundary) -> JointFacets:
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[pairs] = True
     for position, name in enumerate(named):
-        alone = int(np.count_nonzero((joint_role == position) & ~paired))
-        if alone:
+        if alone := np.count_nonzero((joint_role == position) & ~paired):
             raise InputError(
                 f"joint group '{name}': {alone} facets have no facet opposite; mesh both sides"
                 " with the same nodes, or make the group a foundation or support"
             )
     for position, name in enumerate(scene.foundations):
-        both = int(np.count_nonzero((ground_role == position) & paired))
-        if both:
+        if both := np.count_nonzero((ground_role == position) & paired):
             raise InputError(
                 f"foundation '{name}': {both} facets touch another block; a foundation is rigid"
                 " ground, make the group a joint"
@@ -122,11 +117,9 @@ def _check_overlaps(boundary: Boundary, alone: Indices) -> None:
     off = np.abs(np.einsum("nek,nk->ne", arm, boundary.normal[other]))
     shorter = np.minimum(boundary.length[one], boundary.length[other])
     common = np.minimum(at.max(axis=1), 1.0) - np.maximum(at.min(axis=1), 0.0)
-    overlap = (common * np.sqrt(square[:, 0]) > 0.01 * shorter) & (
-        off.max(axis=1) <= MATCHING * shorter
-    )
-    if np.any(overlap):
-        bad = np.unique(one[overlap])
+    overlap = common * np.sqrt(square[:, 0]) > 0.01 * shorter
+    bad = np.unique(one[overlap & (off.max(axis=1) <= MATCHING * shorter)])
+    if len(bad):
         x, y = middle[bad[0]]
         raise InputError(
             f"{len(bad)} facets touch another block without matching nodes, the first at"
@@ -139,7 +132,7 @@ def _laws_of_pairs(
 ) -> Indices:
     """Law of every pair as a position in `scene.joints`: of the group either side is in."""
     order = list(scene.joints)
-    position = np.array([order.index(n) for n in order if n != "default"] + [-1])
+    position = np.array([k for k, name in enumerate(order) if name != "default"] + [-1])
     sides = position[joint_role[pairs]].reshape(-1, 2)
     differ = np.flatnonzero((sides.min(axis=1) >= 0) & (sides[:, 0] != sides[:, 1]))
     if len(differ):
@@ -149,12 +142,11 @@ def _laws_of_pairs(
             " put both sides into one group"
         )
     law = sides.max(axis=1, initial=-1)
+    if "default" in order:
+        return np.where(law < 0, order.index("default"), law)
     if np.any(law < 0):
-        if "default" not in scene.joints:
-            x, y = boundary.points[pairs[law < 0][0, 0]].mean(axis=0)
-            raise InputError(
-                f"blocks touch at ({x:g}, {y:g}) with no joint group of their own; add"
-                " [joints.default]"
-            )
-        law[law < 0] = order.index("default")
+        x, y = boundary.points[pairs[law < 0][0, 0]].mean(axis=0)
+        raise InputError(
+            f"blocks touch at ({x:g}, {y:g}) with no joint group of their own; add [joints.default]"
+        )
     return law

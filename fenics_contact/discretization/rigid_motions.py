@@ -8,15 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_contact.discretization.pairing import GROUND
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
-
-Array = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int32]
-Flags = npt.NDArray[np.bool_]
+from fenics_contact.mesh import Array, Flags, Labels
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
 FREE = 1e-13
@@ -73,16 +69,8 @@ def motions(arm: Array, size: float) -> Array:
     return motion
 
 
-def _held(motion: Array, frame: Array, held: Flags, label: Integers, count: int) -> Array:
-    """Gram matrices of the motions of points in the directions in which they are held.
-
-    Args:
-        motion: From `motions`, shape (points, 2, 3).
-        frame: Directions at the points as columns, shape (points, 2, 2).
-        held: Which directions are held, shape (points, 2).
-        label: What a point belongs to: 0, ..., count - 1.
-        count: Number of matrices.
-    """
+def _held(motion: Array, frame: Array, held: Flags, label: Labels, count: int) -> Array:
+    """Gram matrices, by label, of the motions of points in the directions that are held."""
     rows = np.einsum("nks,nkm->nsm", frame, motion) * held[:, :, None]
     gram = np.zeros((count, 3, 3))
     np.add.at(gram, label, np.einsum("nsi,nsj->nij", rows, rows))
@@ -97,7 +85,7 @@ def _null_space(gram: Array) -> Array:
 
 
 def check_held(
-    sides: Integers, position: Array, supports: Supports, bodies: RigidBodies, source: str
+    sides: Labels, position: Array, supports: Supports, bodies: RigidBodies, source: str
 ) -> None:
     """Check that the structure cannot move as a whole with all its joints closed.
 
@@ -111,23 +99,15 @@ def check_held(
     Raises:
         InputError: If some blocks touch nothing that holds them, or can move all together.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     on_ground = sides[:, 0] == GROUND
-    count = len(bodies.centre)
-    pairs = sides[~on_ground]
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    clusters, cluster = connected_components(graph, directed=False)
+    cluster = _clusters(sides[~on_ground], len(bodies.centre))
     stands = position[on_ground]
-    held_all = np.tile(np.eye(2), (len(stands), 1, 1)), np.ones((len(stands), 2), dtype=bool)
-    gram = np.zeros((clusters, 3, 3))
-    for points, body, frame, held in (
-        (supports.points, supports.body, supports.frame, supports.held),
-        (stands, sides[on_ground, 1], *held_all),
-    ):
-        motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
-        gram += _held(motion, frame, held, cluster[body], clusters)
+    points = np.concatenate([supports.points, stands])
+    body = np.concatenate([supports.body, sides[on_ground, 1]])
+    frame = np.concatenate([supports.frame, np.tile(np.eye(2), (len(stands), 1, 1))])
+    held = np.concatenate([supports.held, np.ones((len(stands), 2), dtype=bool)])
+    motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
+    gram = _held(motion, frame, held, cluster[body], int(cluster.max()) + 1)
     loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
     if not len(loose):
         return
@@ -140,3 +120,12 @@ def check_held(
         f"{where} touch neither a support nor a foundation, nor blocks that do; add [supports] or"
         " [foundations], or check that the blocks touch"
     )
+
+
+def _clusters(pairs: Labels, count: int) -> Labels:
+    """Number, from 0, of the set of connected bodies that every body is in."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
+    return connected_components(graph, directed=False)[1]

@@ -10,15 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.mesh import Array, Flags, Indices, Labels
 from fenics_contact.scene import Scene
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 #: Normals that differ by less than this angle are those of one (curved) boundary.
 SMOOTH_ANGLE = np.radians(15.0)
@@ -42,7 +38,7 @@ class Supports:
     nodes: Indices
     frame: Array
     held: Flags
-    body: npt.NDArray[np.int32]
+    body: Labels
     points: Array
 
     @property
@@ -134,14 +130,9 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     nodes, first, index = np.unique(boundary.nodes[rows], return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
     np.add.at(total, index.ravel(), np.repeat(gram, per_facet, axis=0))
-    frame, held = _principal_directions(total)
-    return Supports(
-        nodes=nodes,
-        frame=frame,
-        held=held,
-        body=np.repeat(boundary.body[rows], per_facet)[first],
-        points=boundary.points[rows].reshape(-1, 2)[first],
-    )
+    body = np.repeat(boundary.body[rows], per_facet)[first]
+    points = boundary.points[rows].reshape(-1, 2)[first]
+    return Supports(nodes, *_principal_directions(total), body, points)
 
 
 def _principal_directions(gram: Array) -> tuple[Array, Flags]:
@@ -151,10 +142,8 @@ def _principal_directions(gram: Array) -> tuple[Array, Flags]:
     both = size[:, 0] > np.tan(0.5 * SMOOTH_ANGLE) ** 2 * size[:, 1]
     normal = direction[:, :, 1]
     frame = np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=2)
-    held = np.tile([True, False], (len(gram), 1))
-    axis = np.argmax(np.abs(normal), axis=1)
     straight = both | (np.abs(normal).max(axis=1) > 1.0 - 1e-14)
     frame[straight] = np.eye(2)
-    held[straight] = np.arange(2) == axis[straight, None]
-    held[both] = True
-    return frame, held
+    # In a turned frame the first direction is held, in x and y that of the normal.
+    axis = np.where(straight, np.argmax(np.abs(normal), axis=1), 0)
+    return frame, both[:, None] | (axis[:, None] == np.arange(2))

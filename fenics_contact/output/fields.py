@@ -16,7 +16,7 @@ from fenics_contact import compat
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.elasticity import stress
+from fenics_contact.discretization.elasticity import cell_field, stress
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.mesh import Array
 
@@ -49,24 +49,17 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
     out_of_plane = ufl.as_ufl(0.0)
     if scene.plane == "strain":
         out_of_plane = lame_lambda / (2.0 * (lame_lambda + lame_mu)) * ufl.tr(sigma)
-    in_3d = [[sigma[0, 0], sigma[0, 1], 0.0], [sigma[1, 0], sigma[1, 1], 0.0], [0, 0, out_of_plane]]
-    deviator = ufl.dev(ufl.as_matrix(in_3d))
+    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+    deviator = ufl.dev(ufl.as_matrix([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, out_of_plane]]))
     von_mises = ufl.sqrt(1.5 * ufl.inner(deviator, deviator))
-    components = ufl.as_vector([sigma[0, 0], sigma[1, 1], sigma[0, 1], von_mises])
+    components = ufl.as_vector([xx, yy, xy, von_mises])
     vector = compat.function_space(scene.mesh.domain, "DG", 0, (4,))
     together = fem.Function(vector)
     together.interpolate(fem.Expression(components, compat.interpolation_points(vector)))
     columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]].T
-    values = {
-        **dict(zip(("stress_xx", "stress_yy", "stress_xy", "von_mises"), columns, strict=True)),
-        "body": scene.mesh.body,
-    }
-    scalar = compat.function_space(scene.mesh.domain, "DG", 0)
-    cells = compat.cell_dofs(scalar)[:, 0]
-    fields = [fem.Function(scalar, name=name) for name in values]
-    for field, column in zip(fields, values.values(), strict=True):
-        field.x.array[cells] = column
-    return fields
+    names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
+    values = zip(names, [*columns, scene.mesh.body], strict=True)
+    return [cell_field(scene.mesh, name, value) for name, value in values]
 
 
 def write_paraview(

@@ -192,8 +192,7 @@ def strict(value: Any) -> Any:
 
 
 def _write_capacity(points: Sequence[CapacityPoint], path: Path) -> None:
-    columns = ("displacement", "load_factor", "work", "converged")
     with path.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(["displacement_m", *columns[1:]])
-        table.writerows([+getattr(point, name) for name in columns] for point in points)
+        table.writerow(["displacement_m", "load_factor", "work", "converged"])
+        table.writerows([p.displacement, p.load_factor, p.work, int(p.converged)] for p in points)
