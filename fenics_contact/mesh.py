@@ -107,12 +107,8 @@ class BlockMesh(TaggedMesh):
     def from_model(cls, model: Any, comm: MPI.Comm | None = None) -> BlockMesh:
         """Distribute the current gmsh model of rank 0 (the other ranks' models are not looked at).
 
-        Args:
-            model: `gmsh.model` with a mesh, as the builders of `fenics_contact.meshing` return it.
-            comm: Communicator; the one PETSc was started with when not given.
-
-        Raises:
-            InputError: On all ranks, if the model is not a mesh of blocks.
+        The model is `gmsh.model` as the builders of `fenics_contact.meshing` return it, `comm` and
+        errors are those of `from_file`.
         """
         return cls._distribute(lambda: extract(model, "the gmsh model"), comm)
 
@@ -178,15 +174,14 @@ def _read(path: Path) -> GmshMesh:
 
 
 def extract(model: Any, source: str) -> GmshMesh:
-    """Take cells, tagged facets and group names out of the current gmsh model.
+    """Cells, tagged facets and group names of the current gmsh model.
 
     Args:
         model: `gmsh.model`.
         source: What to call the model in messages.
 
     Raises:
-        InputError: If there are no two-dimensional groups with cells, or cells of a kind we lack,
-            or without area, or out of the plane.
+        InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
     names = {(d, t): model.getPhysicalName(d, t) or str(t) for d, t in model.getPhysicalGroups()}
     cell_names, facet_names = (

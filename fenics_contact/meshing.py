@@ -2,7 +2,7 @@
 
 Every builder returns `gmsh.model`, meshed; its model is gmsh's current one and replaces an earlier
 model of the same name, so that drawing many does not fill the memory. Arguments in common: `size`,
-the largest length of an element along the sides in m, and `quadrilaterals`, for quadrilateral cells
+the largest length of an element along the sides, m, and `quadrilaterals`, for quadrilateral cells
 in place of triangles. Builders raise `InputError` for sizes or numbers that are not positive.
 """
 
@@ -175,10 +175,8 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     from scipy.spatial import cKDTree
 
     facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    _, first, count = np.unique(
-        np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    facets = facets[first[count == 1]]  # of one cell only: blocks share no nodes
+    facets, count = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
+    facets = facets[count == 1]  # of one cell only: blocks share no nodes
     ends = points[facets]
     middle = ends.mean(axis=1)
     near = 1e-6 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()
@@ -186,14 +184,10 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     joint[cKDTree(middle).query_pairs(near, output_type="ndarray").ravel()] = True
     level = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) <= near
     low, high = points.min(axis=0), points.max(axis=0)
-    masks = {
-        "bed": joint & level,
-        "head": joint & ~level,
-        "base": ~joint & level & (middle[:, 1] <= low[1] + near),
-        "top": ~joint & level & (middle[:, 1] >= high[1] - near),
-        "left": ~joint & ~level & (middle[:, 0] <= low[0] + near),
-        "right": ~joint & ~level & (middle[:, 0] >= high[0] - near),
-    }
+    (left, base), (right, top) = (middle <= low + near).T, (middle >= high - near).T
+    masks = {"bed": joint & level, "head": joint & ~level}
+    masks |= {"base": ~joint & level & base, "top": ~joint & level & top}
+    masks |= {"left": ~joint & ~level & left, "right": ~joint & ~level & right}
     masks["opening"] = ~np.any(list(masks.values()), axis=0)
     return {name: facets[mask] for name, mask in masks.items()}
 
@@ -386,30 +380,18 @@ def wedge(
     The groups are "blocks" and "wedge", and of facets "base" (under the blocks), "top" (of the
     wedge) and "flanks" (both sides of the joints).
 
-    Args:
-        half_angle: Half the angle at the tip, degrees.
-        height: Of wedge and blocks, m.
-        length: Of a block along the ground, m.
-        size: See above.
-        quadrilaterals: See above.
-
-    Raises:
-        InputError: If the wedge is wider than the blocks.
+    `half_angle` is half the angle at the tip, degrees, `height` that of wedge and blocks, m, and
+    `length` that of a block along the ground, m, at least half the width of the wedge.
     """
     half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
     if height <= 0.0 or not 0.0 < half < length:
         raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
     left, right, tip = (-half, height), (half, height), (0.0, 0.0)
-    blocks = [
-        [(-length, 0.0), tip, left, (-length, height)],
-        [tip, (length, 0.0), (length, height), right],
-        [tip, right, left],
-    ]
-    groups = {
-        "base": [((-length, 0.0), (length, 0.0))],
-        "top": [(left, right)],
-        "flanks": [(tip, left), (tip, right)],
-    }
+    start, end = (-length, 0.0), (length, 0.0)
+    blocks = [[start, tip, left, (-length, height)], [tip, end, (length, height), right]]
+    blocks.append([tip, right, left])
+    flanks = [(tip, left), (tip, right)]
+    groups = {"base": [(start, end)], "top": [(left, right)], "flanks": flanks}
     return polygons(blocks, size, ["blocks", "blocks", "wedge"], groups, quadrilaterals)
 
 
@@ -427,13 +409,8 @@ def buttress(
     and "buttress", and of facets "base", "left" (the wall's free face) and "back" (both sides of
     the joint between wall and buttress).
 
-    Args:
-        courses: Number of courses of either.
-        wall_width: Width of the wall, m.
-        foot: Width of the buttress at the ground, m.
-        height: Of a course, m.
-        size: See above.
-        quadrilaterals: See above.
+    There are `courses` of either, each `height` high; `wall_width` and `foot` are the widths of the
+    wall and of the buttress at the ground, m.
     """
     if courses < 1 or min(wall_width, foot, height) <= 0.0:
         raise InputError("buttress: courses and sizes must be positive")

@@ -63,13 +63,7 @@ def displacement_space(scene: Scene) -> Any:
 
 
 def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -> Elasticity:
-    """Assemble K, f_D and f_L of a scene.
-
-    Args:
-        scene: Materials and loads.
-        space: From `displacement_space`.
-        boundary: From `collect_boundary` on that space.
-        supports: From `find_supports`.
+    """Assemble K, f_D and f_L of a scene on its displacement space.
 
     Raises:
         InputError: If a traction acts inside a block.

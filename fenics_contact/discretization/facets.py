@@ -78,12 +78,7 @@ class Boundary:
 
 
 def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
-    """Exchange the boundary facets of all ranks.
-
-    Args:
-        mesh: The blocks.
-        space: Their displacement space, of degree 1 or 2.
-    """
+    """Boundary facets of all ranks, with the nodes of a displacement space of degree 1 or 2."""
     mine, local_facets = _local_facets(mesh, space)
     parts = mesh.comm.allgather(mine)
     table = {name: np.concatenate([part[name] for part in parts]) for name in mine}
@@ -102,9 +97,9 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
 
 
 def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
-    """Columns of the table for this rank's boundary facets, and their indices in the mesh.
+    """Columns of `Boundary` for this rank, and "inputs", its ends as sorted nodes of the input.
 
-    The columns are those of `Boundary`, and "inputs": the ends as nodes of the input, sorted.
+    Also returns the facets' indices in the mesh.
     """
     domain = mesh.domain
     facets, cell, side = _exterior_facets(domain.topology)

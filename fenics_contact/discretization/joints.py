@@ -93,12 +93,7 @@ class JointOperators:
 
 
 def find_joints(scene: Scene, boundary: Boundary) -> Joints:
-    """Pair the facets of the blocks and collect the points of all joints and foundations.
-
-    Raises:
-        InputError: If facets of a joint group have none opposite, touch without matching nodes,
-            or have no law or two.
-    """
+    """Points of all joints and foundations; raises as `joint_facets` does."""
     facets = joint_facets(scene, boundary)
     first, second = facets.sides.T
     ground = first == GROUND
@@ -134,10 +129,8 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
 def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:
     """Merge the nodes of facets into joint points: one per node pair, law and direction.
 
-    Returns:
-        Facet of every node of the facets in a row, the first such node of every joint point, and
-        the joint point of every node. Points are in order of appearance, which does not depend on
-        node numbers.
+    Returns the facet of every node, the first node of every joint point, and the joint point of
+    every node. Points are in order of appearance, which does not depend on node numbers.
     """
     facet = np.repeat(np.arange(len(law)), nodes.shape[1])
     keys = np.column_stack([nodes.reshape(-1, 2), law[facet]])

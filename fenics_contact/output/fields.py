@@ -25,13 +25,7 @@ VTK_LINE = 3
 
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
-    """Displacement field in x and y.
-
-    Args:
-        discretization: Supports and displacement space.
-        values: Displacements or mode in the supports' coordinates, this rank's part.
-        name: Name of the field.
-    """
+    """Displacement field in x and y, from this rank's part in the supports' coordinates."""
     function = fem.Function(discretization.elasticity.space, name=name)
     function.x.array[: len(values)] = discretization.cartesian(values).ravel()
     function.x.scatter_forward()
@@ -67,11 +61,8 @@ def write_paraview(
 ) -> None:
     """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
 
-    Args:
-        discretization: What was solved.
-        end: A collapse with a state and a mode; else nothing is written.
-        folder: An existing folder.
-        suffix: Added to the names of the files.
+    Nothing is written for a collapse without state or mode. The names of the files, in an existing
+    folder, get a suffix.
     """
     if end.state is None or end.mode is None or end.joints is None:
         return

@@ -27,13 +27,9 @@ Record = dict[str, Any]
 
 
 def write_result(result: Result, folder: Path) -> None:
-    """Write everything the scene's output options ask for.
+    """Write everything the scene's output options ask for; the folder is made if need be.
 
     Collective. result.json is written last, so that its presence says that all is there.
-
-    Args:
-        result: What to write.
-        folder: Where to; made if need be.
     """
     start = time.perf_counter()
     comm, options = result.scene.comm, result.scene.output

@@ -26,14 +26,10 @@ RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
 def draw_collapse(result: Result, direction: str, path: Path) -> None:
-    """Draw the collapse mode, and the joint forces at collapse.
+    """Draw the collapse mode, and the joint forces at collapse, into a .png file.
 
-    Collective; drawn on rank 0.
-
-    Args:
-        result: Result with a collapse in this direction.
-        direction: "positive" or "negative"; nothing is drawn where its collapse has no mode.
-        path: A file name ending in .png.
+    Collective; drawn on rank 0. Nothing is drawn where the collapse in the direction, "positive" or
+    "negative", has no mode.
     """
     discretization, end = result.discretization, result.ends[direction]
     if end.mode is None or end.joints is None:
@@ -63,12 +59,7 @@ def draw_collapse(result: Result, direction: str, path: Path) -> None:
 
 
 def draw_capacity(result: Result, path: Path) -> None:
-    """Draw load factor against displacement, on the rank that calls.
-
-    Args:
-        result: A result with a capacity curve.
-        path: A file name ending in .png.
-    """
+    """Draw the capacity curve, load factor over displacement, into a .png file, on this rank."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
@@ -195,7 +186,7 @@ def _draw_live_load(axes: Any, force: Array) -> None:
     if size <= 1e-9 * np.abs(force).max():
         return
     along = resultant / size
-    start = np.where(along > 0.3, 0.02, np.where(along < -0.3, 0.98, 0.06))
+    start = np.select([along > 0.3, along < -0.3], [0.02, 0.98], 0.06)
     if abs(along[0]) > 0.3:
         start[1] = 0.97
     end = start + 0.12 * along
