@@ -88,9 +88,7 @@ def _set_up_logging(options: argparse.Namespace, comm: MPI.Comm) -> None:
     logging.getLogger().setLevel(logging.WARNING)  # form compilers are talkative
     log = logging.getLogger("fenics_contact")
     log.propagate = False
-    handler = logging.StreamHandler(sys.stdout)
-    handler.setFormatter(logging.Formatter("%(message)s"))
-    log.handlers[:] = [handler]
+    log.handlers[:] = [logging.StreamHandler(sys.stdout)]
     level = logging.INFO if options.verbose else logging.WARNING
     log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
 

@@ -86,8 +86,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end)
-    bonded = result.seconds.get("bonded", 0.0)
-    if bonded:
+    if bonded := result.seconds.get("bonded", 0.0):
         ratio = result.seconds["solve"] / bonded
         lines.append(
             f"{result.factorizations} factorisations, {result.seconds['total']:.2f} s; solving took"

@@ -252,17 +252,17 @@ class Scene:
 
     def _check_names(self) -> None:
         source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names
-        for table, names, known, what in (
-            ("materials", set(self.materials) - {"default"}, cells, "two-dimensional"),
-            ("joints", set(self.joints) - {"default"}, facets, "one-dimensional"),
-            ("foundations", self.foundations, facets, "one-dimensional"),
-            ("supports", self.supports, facets, "one-dimensional"),
-            ("loads.dead.traction", self.dead.traction, facets, "one-dimensional"),
-            ("loads.live.traction", self.live.traction, facets, "one-dimensional"),
+        for table, names, known, number in (
+            ("materials", set(self.materials) - {"default"}, cells, "two"),
+            ("joints", set(self.joints) - {"default"}, facets, "one"),
+            ("foundations", self.foundations, facets, "one"),
+            ("supports", self.supports, facets, "one"),
+            ("loads.dead.traction", self.dead.traction, facets, "one"),
+            ("loads.live.traction", self.live.traction, facets, "one"),
         ):
             for name in sorted(set(names) - set(known)):
                 raise InputError(
-                    f"{table}.{name}: {source} has no {what} group '{name}'; it has"
+                    f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
         roles = [*self.joints, *self.foundations, *self.supports]

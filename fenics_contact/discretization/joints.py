@@ -94,8 +94,8 @@ class JointOperators:
 
 def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     """Points of all joints and foundations; raises as `joint_facets` does."""
-    facets = joint_facets(scene, boundary)
-    first, second = facets.sides.T
+    sides, law = joint_facets(scene, boundary)
+    first, second = sides.T
     ground = first == GROUND
     base = np.where(ground, second, first)  # gives the order of the nodes
     per_facet = boundary.nodes.shape[1]
@@ -105,7 +105,7 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     ours = np.where(ground[:, None], GROUND, boundary.nodes[base])
     nodes = np.stack([ours, np.take_along_axis(boundary.nodes[second], order, axis=1)], axis=2)
     normal = np.where(ground, -1.0, 1.0)[:, None] * boundary.normal[base]
-    facet, rows, point = _merge(nodes, facets.law, normal)
+    facet, rows, point = _merge(nodes, law, normal)
     share = np.array(NODAL_WEIGHTS[per_facet]) / sum(NODAL_WEIGHTS[per_facet])
     weight = np.outer(boundary.length[base], share).ravel()
     columns = (weight, *(weight[:, None] * normal[facet]).T)
@@ -119,7 +119,7 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         position=boundary.points[base].reshape(-1, 2)[rows],
         normal=np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None],
         length=length,
-        law=facets.law[facet[rows]],
+        law=law[facet[rows]],
         laws=(*scene.joints.values(), *scene.foundations.values()),
         names=(*scene.joints, *scene.foundations),
         segments=point.reshape(-1, per_facet)[:, :2],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fenics_contact.discretization.facets import Boundary
@@ -17,21 +15,12 @@ MATCHING = 1e-4
 GROUND = -1
 
 
-@dataclass(frozen=True)
-class JointFacets:
-    """Facets of all joints, and then of all foundations; the same on all ranks.
+def joint_facets(scene: Scene, boundary: Boundary) -> tuple[Indices, Indices]:
+    """Facets of all joints, and then of all foundations, with their laws; the same on all ranks.
 
-    Attributes:
-        sides: Facets of both sides, that of the lower body first, or `GROUND`, shape (facets, 2).
-        law: Position of their law among those of the scene's joints and then foundations.
-    """
-
-    sides: Indices
-    law: Indices
-
-
-def joint_facets(scene: Scene, boundary: Boundary) -> JointFacets:
-    """Pair the facets of the blocks and find their laws.
+    Returns:
+        Facets of both sides, that of the lower body first, or `GROUND`, shape (facets, 2), and the
+        position of their law among those of the scene's joints and then foundations.
 
     Raises:
         InputError: If facets of a joint group have none opposite, touch without matching nodes,
@@ -57,10 +46,9 @@ def joint_facets(scene: Scene, boundary: Boundary) -> JointFacets:
     _check_overlaps(boundary, np.flatnonzero(~paired))
     law = _laws_of_pairs(scene, boundary, pairs, joint_role)
     ground = np.flatnonzero(ground_role >= 0)
-    return JointFacets(
-        sides=np.concatenate([pairs, np.column_stack([np.full(len(ground), GROUND), ground])]),
-        law=np.concatenate([law, len(scene.joints) + ground_role[ground]]),
-    )
+    standing = np.column_stack([np.full(len(ground), GROUND), ground])
+    of_ground = len(scene.joints) + ground_role[ground]
+    return np.concatenate([pairs, standing]), np.concatenate([law, of_ground])
 
 
 def distances_of_ends(boundary: Boundary, first: Indices, second: Indices) -> tuple[Array, Array]:

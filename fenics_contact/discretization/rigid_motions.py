@@ -46,15 +46,7 @@ class RigidBodies:
 def rigid_bodies(
     centre: Array, dead: Array, live: Array, supports: Supports, size: float
 ) -> RigidBodies:
-    """Classify bodies as held or floating.
-
-    Args:
-        centre: Reference points, shape (bodies, 2), m.
-        dead: Force and moment of the dead load on every body, shape (bodies, 3).
-        live: Likewise of the live load.
-        supports: What is held.
-        size: Typical size of the structure, m.
-    """
+    """Motions that supports leave free; arguments as in `RigidBodies`, but moments not scaled."""
     scale = np.array([1.0, 1.0, 1.0 / size])
     motion = motions(supports.points - centre[supports.body], size)
     gram = _held(motion, supports.frame, supports.held, supports.body, len(centre))
