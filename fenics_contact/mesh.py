@@ -193,16 +193,12 @@ def extract(model: Any, source: str) -> GmshMesh:
         )
     cell_name, cells, groups_of_cells = _cells(model, names, source)
     used, flat = np.unique(cells, return_inverse=True)
-    tagged = _facets(model, names)
-    nodes = np.array(list(tagged), dtype=cells.dtype).reshape(-1, 2)
-    index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
-    known = np.all(used[index] == nodes, axis=1)
+    facets, facet_groups, facet_sets = _facets(model, names, used)
     cell_groups, cell_sets = _numbered(groups_of_cells)
-    facet_groups, facet_sets = _numbered(tagged.values())
     mesh = GmshMesh(
         source=source,
-        facets=np.sort(index[known], axis=1),
-        facet_groups=facet_groups[known],
+        facets=facets,
+        facet_groups=facet_groups,
         cell_sets=cell_sets,
         facet_sets=facet_sets,
         cell_names=cell_names,
@@ -266,14 +262,20 @@ def _cells(
     return name, np.concatenate([flat for *_, flat in found]).reshape(-1, width), groups
 
 
-def _facets(model: Any, names: Mapping[tuple[int, int], str]) -> dict[tuple[int, int], Names]:
-    """Groups of the tagged facets by their nodes, smaller first."""
+def _facets(
+    model: Any, names: Mapping[tuple[int, int], str], used: Tags
+) -> tuple[Indices, Labels, tuple[Names, ...]]:
+    """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
     groups: dict[tuple[int, int], Names] = {}
     for more, kind, flat in _elements(model, 1, names):
         lines = flat.reshape(-1, 2) if kind == _LINE else flat[:0].reshape(0, 2)
         for first, second in np.sort(lines, axis=1).tolist():
             groups[first, second] = groups.get((first, second), frozenset()) | more
-    return groups
+    nodes = np.array(list(groups), dtype=used.dtype).reshape(-1, 2)
+    index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
+    known = np.all(used[index] == nodes, axis=1)
+    labels, sets = _numbered(groups.values())
+    return np.sort(index[known], axis=1), labels[known], sets
 
 
 def _check_areas(mesh: GmshMesh) -> None:

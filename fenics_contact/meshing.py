@@ -100,14 +100,7 @@ def wall(
     ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
-    rectangles = [
-        (left * length, level * height, right * length, (level + 1) * height)
-        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
-        for (left, right), size in zip(itertools.pairwise(row), course, strict=True)
-        if size > 0.0
-    ]
-    if not rectangles:
-        raise InputError("wall: there is no block, all lengths are negative")
+    rectangles = _rectangles(courses, ends, block)
     step, on_grid = 0.5 * length / elements, np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
         steps = (step, height / max(1, round(height / step)))
@@ -120,6 +113,22 @@ def wall(
         free.remove()
         points, cells = mesh.points, mesh.cells
     return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
+
+
+def _rectangles(
+    courses: Sequence[Sequence[float]], ends: Sequence[Array], block: tuple[float, float]
+) -> list[tuple[float, float, float, float]]:
+    """Corners (x0, y0, x1, y1) of the blocks of a wall, m."""
+    length, height = block
+    rectangles = [
+        (left * length, level * height, right * length, (level + 1) * height)
+        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
+        for (left, right), size in zip(itertools.pairwise(row), course, strict=True)
+        if size > 0.0
+    ]
+    if not rectangles:
+        raise InputError("wall: there is no block, all lengths are negative")
+    return rectangles
 
 
 def running_bond(
