@@ -25,15 +25,29 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.rigid_motions import RigidBodies
+from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.errors import SolverError
 
 Array = npt.NDArray[np.float64]
 
 _log = logging.getLogger("fenics_contact")
 
-#: Directions and offsets of faces on one line agree to this fraction.
-COLLINEAR = 1e-6
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """Numbers of the linear programs.
+
+    Attributes:
+        collinear: Directions and offsets, over the structure's size, of faces on one line agree to
+            this fraction.
+        feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
+    """
+
+    collinear: float = 1e-6
+    feasibility: float = 1e-10
+
+
+OPTIONS = ProgramOptions()
 
 
 @dataclass(frozen=True)
@@ -54,7 +68,7 @@ class Faces:
 
 
 def straight_faces(joints: Joints, strength: Array) -> Faces:
-    """Group joint points by bodies, law and line.
+    """Faces: joint points grouped by bodies, law and line.
 
     Args:
         joints: All joint points.
@@ -65,12 +79,10 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
         return Faces(none.reshape(0, 2), np.empty(0), np.empty(0), none)
     size = np.ptp(joints.position, axis=0).max() or 1.0
     offset = np.sum(joints.normal * (joints.position - joints.position[0]), axis=1) / size
-    line = np.round(np.column_stack([joints.normal, offset]) / COLLINEAR).astype(np.int64)
+    line = np.round(np.column_stack([joints.normal, offset]) / OPTIONS.collinear).astype(np.int64)
     keys = np.column_stack([joints.bodies, joints.law, line])
-    _, face = np.unique(keys, axis=0, return_inverse=True)
-    face = face.ravel()
-    along = np.sum(joints.tangent * joints.position, axis=1)
-    order = np.lexsort((along, face))
+    face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+    order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     stops = np.append(starts[1:], len(order)) - 1
     ends = np.column_stack([order[starts], order[stops]])
@@ -96,12 +108,9 @@ class LimitBounds:
 
     def reversed(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
-        return LimitBounds(
-            lower=None if self.upper is None else -self.upper + 0.0,
-            upper=None if self.lower is None else -self.lower + 0.0,
-            stands=self.stands,
-            stands_frictionless=self.stands_frictionless,
-        )
+        lower = None if self.upper is None else -self.upper + 0.0
+        upper = None if self.lower is None else -self.lower + 0.0
+        return replace(self, lower=lower, upper=upper)
 
     def __str__(self) -> str:
         if self.lower is None and self.upper is None:
@@ -111,6 +120,18 @@ class LimitBounds:
         if self.upper is None:
             return f"at least {self.lower:.6g}"
         return f"between {self.lower:.6g} and {self.upper:.6g}"
+
+
+@dataclass(frozen=True)
+class _Optimum:
+    """Solution of a program: load factor, rigid motions with f_L.v = 1, pressure at joint points.
+
+    Without equilibrium all are None; if nothing limits the load only the factor is not.
+    """
+
+    factor: float | None = None
+    motion: Array | None = None
+    pressure: Array | None = None
 
 
 class RigidBlocks:
@@ -124,13 +145,10 @@ class RigidBlocks:
             bodies: Rigid motions and loads.
             comm: Ranks that share the results.
         """
-        self._joints = joints
-        self._bodies = bodies
-        self._comm = comm
+        self._joints, self._bodies, self._comm = joints, bodies, comm
         self._known: dict[tuple[bool, bool], float | None] = {}
-        force = np.abs(bodies.dead).max(initial=0.0) or joints.shear_strength.max(initial=0.0)
-        self._force = float(force) or float(np.abs(bodies.live).max(initial=0.0)) or 1.0
-        live = float(np.abs(bodies.live).max(initial=0.0))
+        dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
+        self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
 
     def limit(self, friction: bool = True) -> float | None:
@@ -144,6 +162,10 @@ class RigidBlocks:
         """
         return self._on_root(lambda: self._limit(friction))
 
+    def stands(self, friction: bool = True) -> bool:
+        """Whether the dead load alone has an equilibrium."""
+        return self._on_root(lambda: self._limit(friction, dead_only=True)) is not None
+
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
         """Limit load and collapse mode with given friction at all joint points.
 
@@ -156,44 +178,15 @@ class RigidBlocks:
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
-        return self._on_root(lambda: self._solve(faces)[:2])
+        found = self._on_root(lambda: self._solve(faces))
+        return found.factor, found.motion
 
     def associative_pressure(self) -> Array | None:
         """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
 
         They act at the ends of straight faces; None unless the load factor is finite.
         """
-        return self._on_root(self._associative_pressure)
-
-    def _associative_pressure(self) -> Array | None:
-        faces = self._faces(friction=True)
-        forces = self._solve(faces)[2]
-        if forces is None:
-            return None
-        pressure = np.zeros(len(self._joints.length))
-        count = len(faces.ends)
-        for side in (0, 1):
-            mine = forces[side * count : (side + 1) * count]
-            np.add.at(pressure, faces.ends[:, side], mine)
-        return pressure
-
-    def stands(self, friction: bool = True) -> bool:
-        """Whether the dead load alone has an equilibrium."""
-        return self._on_root(lambda: self._limit(friction, dead_only=True)) is not None
-
-    def _limit(self, friction: bool, dead_only: bool = False) -> float | None:
-        """Load factor of a program, solved once and on this rank alone."""
-        key = friction, dead_only
-        if key not in self._known:
-            self._known[key] = self._solve(self._faces(friction), dead_only)[0]
-        return self._known[key]
-
-    def _faces(self, friction: bool) -> Faces:
-        faces = straight_faces(self._joints, self._joints.shear_strength)
-        if friction:
-            return faces
-        none = np.zeros_like(faces.friction)
-        return replace(faces, friction=none, strength=none)
+        return self._on_root(lambda: self._solve(self._faces(friction=True)).pressure)
 
     def bounds(self) -> LimitBounds:
         """All bounds at once, solved on this rank alone, where and when they are shown.
@@ -219,6 +212,18 @@ class RigidBlocks:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
 
+    def _limit(self, friction: bool, dead_only: bool = False) -> float | None:
+        """Load factor of a program, solved once and on this rank alone."""
+        key = friction, dead_only
+        if key not in self._known:
+            self._known[key] = self._solve(self._faces(friction), dead_only).factor
+        return self._known[key]
+
+    def _faces(self, friction: bool) -> Faces:
+        faces = straight_faces(self._joints, self._joints.shear_strength)
+        none = np.zeros_like(faces.friction)
+        return faces if friction else replace(faces, friction=none, strength=none)
+
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""
         answer, message = None, ""
@@ -232,90 +237,84 @@ class RigidBlocks:
             raise SolverError(message)
         return answer
 
-    def _solve(
-        self, faces: Faces, dead_only: bool = False
-    ) -> tuple[float | None, Array | None, Array | None]:
-        """Load factor, rigid motions, and normal forces at the first and last ends of all faces.
+    def _solve(self, faces: Faces, dead_only: bool = False) -> _Optimum:
+        """Build a program and solve it.
 
-        Variables: load factor; at both ends of every face multiples of the edges (1, +-F) of
-        Coulomb's cone; and the shear force of every face that its strength bounds.
+        Variables: load factor; at both ends of every face multiples of the edges (1, F) and (1, -F)
+        of Coulomb's cone, one of them where F = 0; the shear force that a face's strength bounds.
         """
-        from scipy.sparse import coo_matrix, diags, hstack
+        from scipy.sparse import diags, hstack
 
         joints, bodies = self._joints, self._bodies
-        first, last = faces.ends.T
-        free = bodies.free
-        live = np.einsum("bmk,bm->bk", free, bodies.live).ravel() * self._load / self._force
-        dead = np.einsum("bmk,bm->bk", free, bodies.dead).ravel() / self._force
-        normal = hstack([self._columns(end, joints.normal[end]) for end in (first, last)])
-        shear = self._columns(first, joints.tangent[first])
-        sliding = hstack([shear @ diags(faces.friction)] * 2).tocsc()
-        rough = np.flatnonzero(np.tile(faces.friction, 2))  # elsewhere both edges are one
-        up, down = (normal + sliding).tocsc(), (normal - sliding).tocsc()[:, rough]
-        equilibrium = hstack([coo_matrix(live[:, None]), up, down, shear]).tocsr()
-        used = np.any(free != 0.0, axis=1).ravel()
+        ends = faces.ends.T.ravel()
+        friction = np.tile(faces.friction, 2)
+        rough = np.flatnonzero(friction)
+        normal = self._columns(ends, joints.normal)
+        sliding = self._columns(np.tile(faces.ends[:, 0], 2), joints.tangent) @ diags(friction)
+        shear = self._columns(faces.ends[:, 0], joints.tangent)
+        dead, live = (
+            np.einsum("bmk,bm->bk", bodies.free, load).ravel()
+            for load in (bodies.dead / self._force, bodies.live * self._load / self._force)
+        )
+        edges = normal + sliding, (normal - sliding)[:, rough]
+        equilibrium = hstack([live[:, None], *edges, shear]).tocsr()
+        used = np.any(bodies.free != 0.0, axis=1).ravel()
         strength = faces.strength / self._force
-        edges = up.shape[1] + len(rough)
-        limits = [(0.0, 0.0) if dead_only else (None, None), *[(0.0, None)] * edges]
+        limits = [(0.0, 0.0) if dead_only else (None, None)]
+        limits += [(0.0, None)] * (len(ends) + len(rough))
         limits += zip(-strength, strength, strict=True)
-        answer = self._linprog(equilibrium[used], -dead[used], limits)
-        if answer is None or np.isinf(answer.x[0]):
-            return (None if answer is None else np.inf), None, None
+        answer = _largest_first(equilibrium[used], -dead[used], limits, dead_only)
+        if answer.status != 0:
+            return _Optimum(np.inf if answer.status == 3 else None)
         motion = np.zeros(len(used))
         motion[used] = answer.eqlin.marginals
-        motion = np.einsum("bmk,bk->bm", free, motion.reshape(-1, 3))
+        motion = np.einsum("bmk,bk->bm", bodies.free, motion.reshape(-1, 3))
         work = float(np.sum(motion * bodies.live))
         motion[:, 2] /= bodies.size
-        pressure, more = np.split(answer.x[1 : 1 + edges] * self._force, [up.shape[1]])
-        pressure[rough] += more
+        forces = answer.x[1 : 1 + len(ends) + len(rough)] * self._force
+        points = np.append(ends, ends[rough])
+        pressure = np.bincount(points, forces, len(joints.length)).astype(float)
         factor = float(answer.x[0]) * self._load
-        return factor, motion / work if work else None, pressure
+        return _Optimum(factor, motion / work if work else None, pressure)
 
-    def _linprog(self, equilibrium: Any, right: Array, limits: list[Any]) -> Any:
-        """HiGHS' answer; None if there is no equilibrium, x infinite if nothing limits the load."""
-        from scipy.optimize import linprog
-
-        cost = np.zeros(equilibrium.shape[1])
-        cost[0] = -1.0
-        options: dict[str, Any] = {
-            "primal_feasibility_tolerance": 1e-10,
-            "dual_feasibility_tolerance": 1e-10,
-        }
-        # The interior point method is ten times as fast on large walls, but not where any
-        # equilibrium will do: there Dantzig's plain pricing does, at down to an eighth of the price
-        # of steepest edges. The simplex method tells infeasible from unbounded more surely.
-        any_will_do = limits[0] == (0.0, 0.0)
-        if any_will_do:
-            options["simplex_dual_edge_weight_strategy"] = "dantzig"
-        for method in ("highs-ds",) if any_will_do else ("highs-ipm", "highs-ds"):
-            answer = linprog(cost, None, None, equilibrium, right, limits, method, options=options)
-            if answer.status == 0:
-                return answer
-            if method == "highs-ipm":
-                continue
-            if answer.status == 2:
-                return None
-            if answer.status == 3:
-                answer.x = np.array([np.inf])
-                return answer
-        raise SolverError(f"rigid-block linear program failed: {answer.message}")
-
-    def _columns(self, points: npt.NDArray[np.int64], direction: Array) -> Any:
+    def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
         """Generalised forces on the bodies' free motions of unit forces at joint points."""
-        from scipy.sparse import coo_matrix
+        from scipy.sparse import coo_matrix, csc_matrix
 
         bodies, joints = self._bodies, self._joints
-        rows, columns, values = [], [], []
+        shape = 3 * len(bodies.centre), len(points)
+        total = csc_matrix(shape)
         for side, sign in ((0, -1.0), (1, 1.0)):
             kept = np.flatnonzero(joints.bodies[points, side] != GROUND)
-            body = joints.bodies[points[kept], side]
-            arm = joints.position[points[kept]] - bodies.centre[body]
-            force = sign * direction[kept]
-            moment = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / bodies.size
-            general = np.einsum("nmk,nm->nk", bodies.free[body], np.column_stack([force, moment]))
-            rows.append((3 * body[:, None] + np.arange(3)).ravel())
-            columns.append(np.repeat(kept, 3))
-            values.append(general.ravel())
-        shape = (3 * len(bodies.centre), len(points))
-        indices = (np.concatenate(rows), np.concatenate(columns))
-        return coo_matrix((np.concatenate(values), indices), shape)
+            point = points[kept]
+            body = joints.bodies[point, side]
+            motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+            force = sign * np.einsum("nim,ni->nm", motion, directions[point])
+            values = np.einsum("nmk,nm->nk", bodies.free[body], force)
+            rows = 3 * body[:, None] + np.arange(3)
+            indices = rows.ravel(), np.repeat(kept, 3)
+            total += coo_matrix((values.ravel(), indices), shape).tocsc()
+        return total
+
+
+def _largest_first(equilibrium: Any, right: Array, limits: list[Any], any_will_do: bool) -> Any:
+    """HiGHS' answer with the largest first variable: of status 0, 2 infeasible, or 3 unbounded."""
+    from scipy.optimize import linprog
+
+    cost = np.zeros(equilibrium.shape[1])
+    cost[0] = -1.0
+    names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
+    options: dict[str, Any] = dict.fromkeys(names, OPTIONS.feasibility)
+    program = cost, None, None, equilibrium, right, limits
+    # The interior point method is ten times as fast on large walls, but not where any equilibrium
+    # will do: there the simplex method with Dantzig's plain pricing is.
+    if any_will_do:
+        options["simplex_dual_edge_weight_strategy"] = "dantzig"
+    else:
+        answer = linprog(*program, "highs-ipm", options=options)
+        if answer.status == 0:
+            return answer
+    answer = linprog(*program, "highs-ds", options=options)  # tells infeasible from unbounded
+    if answer.status not in (0, 2, 3):
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+    return answer
