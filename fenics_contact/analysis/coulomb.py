@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -34,10 +34,13 @@ class FixedPointOptions:
         relaxation: Least and largest omega; the largest falls where the iteration cycles.
         aligned: Cosine of the angle between changes of one direction: growth, not a cycle.
         fast: Largest omega there.
-        cycle: Iterations without a smaller change of the bound that make a cycle.
+        smaller: A change of the bound counts as smaller below this part of the smallest so far.
+        cycle: Iterations without a smaller one that make a cycle.
         slowest: Contractions closer to one than this count as this in the estimate of the error.
         safety: The slowest direction hides among others: what secants promise is multiplied by it.
         centring: Products of a warm start, in units of the last change of the bound.
+        least_centring: Least products of a warm start.
+        further: Factor of the products where a warm start finds nothing.
         precision: Tolerance of a state, in units of a power of that change.
         order: The power.
         loosest: Largest tolerance of a state.
@@ -48,14 +51,20 @@ class FixedPointOptions:
     relaxation: tuple[float, float] = (0.05, 2.0)
     aligned: float = 0.9
     fast: float = 50.0
+    smaller: float = 0.9
     cycle: int = 6
     slowest: float = 0.999
     safety: float = 3.0
     centring: float = 1e-2
+    least_centring: float = 1e-8
+    further: float = 1e2
     precision: float = 1e-4
     order: float = 2.0
     loosest: float = 1e-4
     tightest: float = 1e-12
+
+
+OPTIONS = FixedPointOptions()
 
 
 class GivenFriction(Protocol):
@@ -84,75 +93,89 @@ def solve_fixed_point(
     tolerance: float,
     monitor: Callable[[Step], None],
     factorizations: Callable[[], int],
-    options: FixedPointOptions | None = None,
+    options: FixedPointOptions = OPTIONS,
 ) -> tuple[Solution, History]:
-    """The state whose friction bound is Coulomb's.
+    """State whose friction bound g is Coulomb's, and the history, which says if it converged.
 
     Args:
         problem: The structure.
-        solve: Finds states with given friction.
+        solve: Finds states with given friction; its `SolverError` is raised for the first one.
         start: State to start from.
         bound: First g at this rank's points, N per metre of thickness.
         tolerance: On the load factor and on the bound, relative.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
         options: Numbers of the iteration.
-
-    Returns:
-        The last state, and the history, which says whether it converged.
-
-    Raises:
-        SolverError: If not even the first state was found.
     """
-    options = options or FixedPointOptions()
-    relaxation = _Relaxation(problem.sum, options)
+    iteration = _Iteration(problem, solve, start, _Relaxation(problem.sum, options), options)
     steps: list[Step] = []
-    solution: Solution | None = None
-    change, converged = np.inf, False
-    for _ in range(options.max_iterations):
+    converged = False
+    while len(steps) < options.max_iterations and not converged:
         before = factorizations()
         try:
-            solution = _warm(solve, bound, start, change, options)
+            step, bound = iteration.next(bound)
         except SolverError as error:
-            if solution is None:
+            if not steps:
                 raise
             _log.info("  fixed point stops: no state for the next bound (%s)", error)
             break
-        start = solution.state
-        target = problem.bound(start.pressure)
-        difference = target - bound
-        norms = [float(np.sqrt(problem.sum(values**2))) for values in (difference, target)]
-        change = norms[0] / (norms[1] or 1.0)
-        omega = relaxation.next(difference, change)
-        spent = factorizations() - before
-        steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
+        steps.append(replace(step, factorizations=factorizations() - before))
         monitor(steps[-1])
-        left = steps[-1].bound_change * max(1.0, _series(steps, options))
-        allowed = tolerance * abs(start.load_factor)
-        if left <= tolerance and _load_factor_error(steps, options) <= allowed:
-            converged = True
-            break
-        bound = np.maximum(bound + omega * difference, 0.0)
-    if solution is None:
-        raise SolverError("fixed point: no iteration was made")
-    return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
+        converged = _converged(steps, tolerance, options)
+    cycles = iteration.relaxation.cycles
+    return iteration.solution, History(tuple(steps), cycles, "fixed-point", converged)
 
 
-def _warm(
-    solve: GivenFriction, bound: Array, start: State, change: float, options: FixedPointOptions
-) -> Solution:
-    """A state with given bound, as exact as the last change of the bound deserves."""
-    tolerance = options.precision * min(change, 1.0) ** options.order
-    tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
-    mu = options.centring * change if np.isfinite(change) else 1.0
-    mu = float(np.clip(mu, 1e-4 * options.loosest, 1.0))
-    while True:
-        try:
-            return solve(bound, start, mu, tolerance)
-        except SolverError:
-            if mu >= 1.0:
-                raise
-            mu = min(1.0, 1e2 * mu)
+class _Iteration:
+    """g^{k+1} = g^k + omega (F r_N - g^k), one step at a time."""
+
+    solution: Solution
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        solve: GivenFriction,
+        start: State,
+        relaxation: _Relaxation,
+        options: FixedPointOptions,
+    ) -> None:
+        self._problem, self._solve, self._options = problem, solve, options
+        self._start, self._change = start, float(np.inf)
+        self.relaxation = relaxation
+
+    def next(self, bound: Array) -> tuple[Step, Array]:
+        """The step at g^k, its factorisations not counted yet, and g^{k+1}."""
+        self.solution = self._state(bound)
+        self._start = state = self.solution.state
+        target = self._problem.bound(state.pressure)
+        self._change = self._norm(target - bound) / (self._norm(target) or 1.0)
+        omega = self.relaxation.next(target - bound, self._change)
+        step = Step(state.load_factor, self._change, omega, 0, self.relaxation.secant)
+        return step, np.maximum(bound + omega * (target - bound), 0.0)
+
+    def _state(self, bound: Array) -> Solution:
+        """State with given bound, as exact as the last change of the bound deserves."""
+        options, change = self._options, self._change
+        tolerance = options.precision * min(change, 1.0) ** options.order
+        tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
+        mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
+        while mu < 1.0:
+            try:
+                return self._solve(bound, self._start, mu, tolerance)
+            except SolverError:
+                mu *= options.further
+        return self._solve(bound, self._start, 1.0, tolerance)
+
+    def _norm(self, values: Array) -> float:
+        return float(np.sqrt(self._problem.sum(values**2)))
+
+
+def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptions) -> bool:
+    """Whether neither bound nor load factor will change by more than the tolerance."""
+    last = steps[-1]
+    if last.bound_change * max(1.0, _series(steps, options)) > tolerance:
+        return False
+    return _load_factor_error(steps, options) <= tolerance * abs(last.load_factor)
 
 
 def _series(steps: Sequence[Step], options: FixedPointOptions) -> float:
@@ -170,8 +193,7 @@ def _series(steps: Sequence[Step], options: FixedPointOptions) -> float:
 def _load_factor_error(steps: Sequence[Step], options: FixedPointOptions) -> float:
     """Estimate of the error of the load factor from its last changes.
 
-    Where these keep their sign they are a series of their own: what creeps may be hidden in the
-    bound by what converges faster.
+    Changes of one sign are a series of their own, which may creep where the bound converges fast.
     """
     last = steps[-4:]
     changes = np.diff([step.load_factor for step in last])
@@ -193,39 +215,26 @@ def _load_factor_error(steps: Sequence[Step], options: FixedPointOptions) -> flo
 class _Relaxation:
     """Irons and Tuck's omega, capped where the iteration cycles.
 
-    Changes that keep their direction are slow growth, not a cycle, whatever their size.
-
     Attributes:
         cycles: How often a cycle was recognised.
         secant: Change of F r_N - g over that of g, 1 - c for a contraction c.
     """
 
     def __init__(self, total: Callable[[Array], float], options: FixedPointOptions) -> None:
-        """Start without relaxation.
-
-        Args:
-            total: Sums an array over all ranks.
-            options: Numbers of the iteration.
-        """
+        """Start with omega = 1; `total` sums an array over all ranks."""
         self._total, self._options = total, options
         self._last: Array | None = None
         self._omega = 1.0
         self._cap = options.relaxation[1]
         self._best, self._since = np.inf, 0
-        self.cycles = 0
-        self.secant = 1.0
+        self.cycles, self.secant = 0, 1.0
 
     def next(self, difference: Array, change: float) -> float:
-        """Relaxation for the next step.
-
-        Args:
-            difference: F r_N - g of this one.
-            change: Its size relative to F r_N.
-        """
+        """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
         options, last = self._options, self._omega
         self._omega = self._irons_tuck(difference)
         aligned = self._aligned(difference)
-        if change < 0.9 * self._best:
+        if change < options.smaller * self._best:
             self._best, self._since = change, 0
         elif not aligned:
             self._since += 1
