@@ -8,7 +8,7 @@ in its sliding joints, the rigid-block program with the friction forces of the s
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,13 +44,7 @@ OPTIONS = ModeOptions()
 
 @dataclass(frozen=True)
 class Verified:
-    """A state with its mode and certificate.
-
-    Attributes:
-        state: The state.
-        mode: v in the supports' coordinates with f_L.v = 1, this rank's part.
-        certificate: Their residuals.
-    """
+    """A state, its mode v with f_L.v = 1 in the supports' coordinates, and their certificate."""
 
     state: State
     mode: Array
@@ -96,12 +90,7 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
 
 
 def elastic_mode(kkt: PerturbedKKT, state: State, options: ModeOptions = OPTIONS) -> Array:
-    """du/dT at a state, with f_L . du/dT = 1.
-
-    Args:
-        kkt: Its conditions: with Coulomb friction the bound follows, with a given one it stays.
-        state: The state.
-        options: Numbers of the mode.
+    """du/dT at a state, with f_L . du/dT = 1, by the conditions `kkt` with or without given bound.
 
     Raises:
         SolverError: If A is singular.
@@ -111,11 +100,16 @@ def elastic_mode(kkt: PerturbedKKT, state: State, options: ModeOptions = OPTIONS
     return linear.live_response / linear.flexibility
 
 
-def _best_elastic_mode(case, state, scales, certified, gap) -> Verified | None:  # type: ignore
+def _best_elastic_mode(
+    case: LoadCase,
+    state: State,
+    scales: Scales,
+    certified: Callable[[Array, float], Certificate],
+    gap: float,
+) -> Verified | None:
     """The better of the modes of a state with a friction bound that follows and one that stays.
 
-    A mode that dissipates at the state's load factor what the loads do bounds the given-friction
-    limit from above, and the state's forces bound it from below.
+    The mode bounds the limit with the state's friction from above, the state's forces from below.
     """
     best: Verified | None = None
     for kkt in _conditions(case, state, scales):
