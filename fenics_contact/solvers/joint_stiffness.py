@@ -8,8 +8,8 @@ A is symmetric positive definite. The sparsity of A does not depend on the sprin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -40,11 +40,8 @@ class MumpsOptions:
         minimum_fill_up_to: Unknowns up to which it is used; beyond the default needs less memory.
     """
 
-    plain: tuple[tuple[str, float], ...] = (
-        ("icntl_6", 0),
-        ("cntl_1", 0.0),
-        ("icntl_8", 0),
-        ("icntl_33", 1),
+    plain: Mapping[str, float] = field(
+        default_factory=lambda: {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1}
     )
     smallest_pivot: float = 1e-20
     minimum_fill: int = 2
@@ -139,10 +136,8 @@ class JointStiffness:
             tally: Counts the factorisations.
             options: Of MUMPS.
         """
-        self.tally = tally
-        self._kind = kind
+        self.tally, self._kind, self._rows = tally, kind, rows
         self._options = options or MumpsOptions()
-        self._rows = rows
         self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
         both = np.concatenate([rows.normal, rows.tangential], axis=1)
         self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
@@ -152,7 +147,7 @@ class JointStiffness:
         self._elastic = self._with_spring_pattern(stiffness.matrix)
         self._matrix = self._elastic.duplicate()
         self._vectors = self._matrix.createVecs()
-        self._dense: dict[int, tuple[PETSc.Mat, PETSc.Mat]] = {}
+        self._dense: dict[int, list[PETSc.Mat]] = {}
         self._made = 0
         self._solver = self._new_solver()
 
@@ -202,15 +197,15 @@ class JointStiffness:
         solver.setOperators(self._matrix)
         if self._kind == GENERAL:
             options = self._options
+            values = {**options.plain, "cntl_4": options.smallest_pivot * self.mean_diagonal}
             small = self._matrix.getSize()[0] <= options.minimum_fill_up_to
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
+            if small:
+                values["icntl_7"] = options.minimum_fill
             solver.setOptionsPrefix(prefix)
             table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
-            for name, value in options.plain:
+            for name, value in values.items():
                 table[f"mat_mumps_{name}"] = value
-            table["mat_mumps_cntl_4"] = options.smallest_pivot * self.mean_diagonal
-            if small:
-                table["mat_mumps_icntl_7"] = options.minimum_fill
         return solver
 
     def _add_springs(
@@ -228,12 +223,8 @@ class JointStiffness:
 
     def _with_spring_pattern(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """K, with zeros stored where springs add."""
-        springs = PETSc.Mat().create(stiffness.comm)
-        springs.setSizes(stiffness.getSizes())
-        springs.setType(PETSc.Mat.Type.AIJ)
-        # A node, or a block, is joined to a handful of others.
-        most = 6 * self._dofs.shape[1]
-        springs.setPreallocationNNZ((most, most))
+        most = 6 * self._dofs.shape[1]  # a node, or a block, is joined to a handful of others
+        springs = PETSc.Mat().createAIJ(stiffness.getSizes(), nnz=(most, most), comm=stiffness.comm)
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         zero = np.zeros(len(self._rows.place))
         self._add_springs(springs, zero, zero)
@@ -242,26 +233,27 @@ class JointStiffness:
         springs.destroy()
         return padded
 
-    def _dense_pair(self, count: int) -> tuple[PETSc.Mat, PETSc.Mat]:
+    def _dense_pair(self, count: int) -> list[PETSc.Mat]:
         """Dense matrices for so many right-hand sides and solutions."""
         if count not in self._dense:
-            comm, rows = self._elastic.comm, self._elastic.getSizes()[0]
-            columns = (count if comm.rank == 0 else 0, count)
-            first, second = (PETSc.Mat().createDense((rows, columns), comm=comm) for _ in "bx")
-            for matrix in (first, second):
-                matrix.setUp()
-                matrix.assemble()
-            self._dense[count] = first, second
+            self._dense[count] = [self._new_dense(count) for _ in "bx"]
         return self._dense[count]
+
+    def _new_dense(self, count: int) -> PETSc.Mat:
+        """Dense matrix with rows as those of A and so many columns, all on rank 0."""
+        comm, rows = self._elastic.comm, self._elastic.getSizes()[0]
+        sizes = rows, (count if comm.rank == 0 else 0, count)
+        matrix = PETSc.Mat().createDense(sizes, comm=comm)
+        matrix.setUp()
+        matrix.assemble()
+        return matrix
 
 
 class Factor:
     """A^-1 for one set of springs, until the next one is made."""
 
     def __init__(self, stiffness: JointStiffness, number: int) -> None:
-        """Remember which factorisation it is."""
-        self._stiffness = stiffness
-        self._number = number
+        self._stiffness, self._number = stiffness, number
 
     @property
     def current(self) -> bool:
@@ -306,21 +298,17 @@ class Factor:
         Returns:
             A dense matrix with all columns on rank 0 and rows as those of A; the caller frees it.
         """
-        matrix = self._factor_matrix()
-        (rows, size), comm = self._stiffness._elastic.getSizes()[0], self._stiffness._elastic.comm
-        first = comm.rank == 0
-        count, start = len(columns), np.cumsum([0, *(len(values) for _, values in columns)])
+        matrix, comm = self._factor_matrix(), self._stiffness._elastic.comm
         # MUMPS wants sparse right-hand sides as rows, all on the first rank.
-        places, values = (np.concatenate(part) for part in zip(*columns, strict=True))
-        csr = (start.astype(PETSc.IntType), places.astype(PETSc.IntType), values)
-        if not first:
-            csr = (np.zeros(1, dtype=PETSc.IntType), csr[1][:0], csr[2][:0])
-        sizes = (count if first else 0, count), (size if first else 0, size)
-        transposed = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
+        mine = columns if comm.rank == 0 else columns[:0]
+        start = np.cumsum([0, *(len(values) for _, values in mine)]).astype(PETSc.IntType)
+        places = np.concatenate([np.empty(0), *(rows for rows, _ in mine)]).astype(PETSc.IntType)
+        values = np.concatenate([np.empty(0), *(values for _, values in mine)])
+        size = self._stiffness._elastic.getSize()[0]
+        sizes = (len(mine), len(columns)), (size if comm.rank == 0 else 0, size)
+        transposed = PETSc.Mat().createAIJ(sizes, csr=(start, places, values), comm=comm)
         rights = PETSc.Mat().createTranspose(transposed)
-        solutions = PETSc.Mat().createDense(((rows, size), sizes[0]), comm=comm)
-        solutions.setUp()
-        solutions.assemble()
+        solutions = self._stiffness._new_dense(len(columns))
         matrix.matSolve(rights, solutions)
         rights.destroy()
         transposed.destroy()
