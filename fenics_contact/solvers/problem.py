@@ -23,16 +23,11 @@ class SparseMap:
     """A distributed sparse matrix that maps arrays: `A @ x` and `A.T @ y`.
 
     Attributes:
-        matrix: The PETSc matrix, owned by this object.
+        matrix: The assembled PETSc matrix, owned by this object and freed by `close`.
         comm: Its ranks.
     """
 
     def __init__(self, matrix: PETSc.Mat) -> None:
-        """Take over a matrix.
-
-        Args:
-            matrix: Assembled; freed by `close`.
-        """
         self.matrix = matrix
         self.comm: MPI.Comm = matrix.comm.tompi4py()
         self._right, self._left = matrix.createVecs()
@@ -51,13 +46,7 @@ class SparseMap:
     @property
     def T(self) -> _Transposed:
         """The transposed map."""
-        return _Transposed(self)
-
-    def transposed_product(self, y: Array) -> Array:
-        """A^T y, this rank's part."""
-        self._left.array[:] = y
-        self.matrix.multTranspose(self._left, self._right)
-        return self._right.array_r.copy()
+        return _Transposed(self.matrix, self._left, self._right)
 
     def diagonal(self) -> Array:
         """Diagonal of a square map, this rank's part."""
@@ -72,13 +61,17 @@ class SparseMap:
 
 @dataclass(frozen=True)
 class _Transposed:
-    """A^T of a map A."""
+    """A^T of a map A, with its vectors."""
 
-    of: SparseMap
+    matrix: PETSc.Mat
+    left: PETSc.Vec
+    right: PETSc.Vec
 
     def __matmul__(self, y: Array) -> Array:
-        """A^T y."""
-        return self.of.transposed_product(y)
+        """A^T y, this rank's part."""
+        self.left.array[:] = y
+        self.matrix.multTranspose(self.left, self.right)
+        return self.right.array_r.copy()
 
 
 @dataclass(frozen=True)
