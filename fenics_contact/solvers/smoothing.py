@@ -12,7 +12,7 @@ Appl. 17 (1996) 851). As mu falls to zero they become Signorini's and Coulomb's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -71,8 +71,7 @@ class SmoothedLaws:
     def at(self, points: Points) -> SmoothedLaws:
         """Laws of some of the points."""
         arrays = self.friction, self.strength, self.frictional
-        friction, strength, frictional = (array[points] for array in arrays)
-        return replace(self, friction=friction, strength=strength, frictional=frictional)
+        return SmoothedLaws(*(array[points] for array in arrays), self.smallest)
 
     def states(self, p: Array, q: Array, mu: float) -> JointStates:
         """States that belong to p and q."""
@@ -119,15 +118,10 @@ class SmoothedLaws:
         shear_p = shear_r * r_p
         shear_q = np.where(self.frictional, 1.0 / by_s, 0.0)
         shear_mu = shear_r * r_mu + side * (of_far - of_near) / by_s
-        states = JointStates(np.array((y, r, shear - q, shear)))
-        by_p, by_q, by_mu = (
-            np.array(rows)
-            for rows in (
-                (y_p, r_p, shear_p, shear_p),
-                (none, none, shear_q - 1.0, shear_q),
-                (r_mu, r_mu, shear_mu, shear_mu),
-            )
-        )
+        by_p = np.array([y_p, r_p, shear_p, shear_p])
+        by_q = np.array([none, none, shear_q - 1.0, shear_q])
+        by_mu = np.array([r_mu, r_mu, shear_mu, shear_mu])
+        states = JointStates(np.array([y, r, shear - q, shear]))
         return states, Derivatives(by_p, by_q, by_mu)
 
     def _bound(self, pressure: Array) -> Array:
