@@ -72,14 +72,7 @@ class Blocks:
     def numbered_by_rank(
         cls, comm: MPI.Comm, body: Integers, sides: Integers, count: int
     ) -> Blocks:
-        """Number the blocks by the rank that has most of their nodes.
-
-        Args:
-            comm: The ranks.
-            body: Block of every node of this rank, by any numbers.
-            sides: Blocks on both sides of this rank's joint points, by the same numbers.
-            count: Number of blocks.
-        """
+        """Number the blocks by the rank that has most of their nodes; they come by any numbers."""
         number, mine = numbered_by_rank(comm, body, count)
         return cls(number[body], np.where(sides < 0, -1, number[sides]), count, mine)
 
@@ -88,8 +81,8 @@ class BlockModes:
     """The structure that moves in the modes of its blocks alone.
 
     Attributes:
-        full: The structure that it reduces.
-        reduced: That of the modes.
+        full: The structure.
+        reduced: The structure of the modes.
     """
 
     def __init__(
@@ -111,33 +104,22 @@ class BlockModes:
         options = options or BlockModesOptions()
         self.full, self._blocks, self._modes = problem, blocks, shapes.shape[2]
         basis, is_mode = _orthonormal_columns(problem, shapes, blocks, options.dependent)
-        self._basis = SparseMap(basis)
         stiffness = problem.stiffness.matrix.ptap(basis)
         _set_diagonal_where_missing(stiffness, is_mode)
-        nodes = problem.comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
-        refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
-        #: C_ii of all displacements, m per N/m.
-        self._indentation = (
-            options.indentation * np.repeat(refinement, 2) / problem.stiffness.diagonal()
-        )
-        maps = (
-            stiffness,
-            problem.normal.matrix.matMult(basis),
-            problem.tangential.matrix.matMult(basis),
-            basis.transposeMatMult(problem.rigid.matrix),
-        )
-        self._maps = stiffness, normal, tangential, rigid = [SparseMap(m) for m in maps]
-        self.reduced = ContactProblem(
-            stiffness,
-            self._basis.T @ problem.dead,
-            self._basis.T @ problem.live,
-            normal,
-            tangential,
-            problem.friction,
-            problem.strength,
-            rigid,
-            problem.slip_origin,
-            self._point_compliance(),
+        self._basis, self._stiffness = SparseMap(basis), SparseMap(stiffness)
+        self._normal = SparseMap(problem.normal.matrix.matMult(basis))
+        self._tangential = SparseMap(problem.tangential.matrix.matMult(basis))
+        self._rigid = SparseMap(basis.transposeMatMult(problem.rigid.matrix))
+        self._indentation = _node_compliance(problem, blocks, options.indentation)
+        self.reduced = replace(
+            problem,
+            stiffness=self._stiffness,
+            dead=self._basis.T @ problem.dead,
+            live=self._basis.T @ problem.live,
+            normal=self._normal,
+            tangential=self._tangential,
+            rigid=self._rigid,
+            compliance=_point_compliance(problem, self._indentation),
         )
 
     def __enter__(self) -> BlockModes:
@@ -148,7 +130,8 @@ class BlockModes:
 
     def close(self) -> None:
         """Free the matrices, on all ranks together."""
-        for item in (*self._maps, self._basis):
+        maps = self._stiffness, self._normal, self._tangential, self._rigid, self._basis
+        for item in maps:
             item.close()
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
@@ -180,21 +163,6 @@ class BlockModes:
             elastic=self._basis @ state.elastic + self.full.elastic_part(indented),
         )
 
-    def _point_compliance(self) -> Array:
-        """diag(B C B^T) of this rank's joint points, normal and tangential."""
-        compliance = np.zeros((2, len(self.full.friction)))
-        for side, operator in enumerate((self.full.normal, self.full.tangential)):
-            start, columns, values = operator.matrix.getValuesCSR()
-            matrix = operator.matrix
-            squares = SparseMap(
-                PETSc.Mat().createAIJ(
-                    matrix.getSizes(), csr=(start, columns, values**2), comm=matrix.comm
-                )
-            )
-            compliance[side] = squares @ self._indentation
-            squares.close()
-        return compliance
-
 
 def modes(arm: Array) -> Array:
     """Displacements in every mode at points `arm` from a block's centre, shape (points, 2, 8).
@@ -213,18 +181,15 @@ def modes(arm: Array) -> Array:
 
 
 def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Integers, range]:
-    """Numbers of the bodies by which each rank's are in a row.
+    """New number of every body, by which each rank's are in a row, and the range of this rank's.
 
-    A body is that rank's which has most of its nodes. Unknowns of bodies numbered like this are
-    where those of their nodes and joints are.
+    A body belongs to the rank that has most of its nodes: its unknowns are where those of its
+    nodes and joints are.
 
     Args:
         comm: The ranks.
         body: Body of every node of this rank, by any numbers.
         count: Number of bodies.
-
-    Returns:
-        The new number of every body, and the range of this rank's.
     """
     home = np.argmax(comm.allgather(np.bincount(body, minlength=count)), axis=0)
     number = np.empty(count, dtype=np.int32)
@@ -250,8 +215,7 @@ def _orthonormal_columns(
     independent = size > dependent
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.matmul(shapes, columns[body])
-    displacements = len(problem.dead)
-    sizes = (displacements, PETSc.DETERMINE), (count * len(blocks.mine), count * blocks.count)
+    sizes = (values.shape[0] * 2, PETSc.DETERMINE), (count * len(blocks.mine), count * blocks.count)
     indices = np.repeat(count * body[:, None] + np.arange(count), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (count * np.arange(2 * len(body) + 1), indices.ravel())]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
@@ -261,23 +225,34 @@ def _orthonormal_columns(
 def _set_diagonal_where_missing(stiffness: PETSc.Mat, is_mode: npt.NDArray[np.bool_]) -> None:
     """Put the mean diagonal on rows of modes that are none."""
     diagonal = stiffness.getDiagonal()
-    mean = diagonal.sum() / diagonal.getSize()
-    diagonal.destroy()
-    stiffness.setOption(PETSc.Mat.Option.NEW_NONZERO_LOCATION_ERR, True)
     first, last = stiffness.getOwnershipRange()
-    for row in first + np.flatnonzero(~is_mode[first:last]):
-        stiffness.setValue(row, row, mean)
-    stiffness.assemble()
+    mean = diagonal.sum() / diagonal.getSize()
+    diagonal.array[~is_mode[first:last]] = mean
+    stiffness.setDiagonal(diagonal)
+    diagonal.destroy()
+
+
+def _node_compliance(problem: ContactProblem, blocks: Blocks, indentation: float) -> Array:
+    """C_ii of this rank's displacements, m per N/m."""
+    nodes = problem.comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
+    refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
+    return np.asarray(indentation * np.repeat(refinement, 2) / problem.stiffness.diagonal())
+
+
+def _point_compliance(problem: ContactProblem, compliance: Array) -> Array:
+    """diag(B C B^T) of this rank's joint points, normal and tangential, shape (2, points)."""
+    rows = []
+    for matrix in (problem.normal.matrix, problem.tangential.matrix):
+        start, columns, values = matrix.getValuesCSR()
+        csr = start, columns, values**2
+        squares = SparseMap(PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm))
+        rows.append(squares @ compliance)
+        squares.close()
+    return np.array(rows)
 
 
 def _rows(reduced: ContactProblem, sides: Integers, count: int) -> JointRows:
-    """Rows of B_P, joint by joint: the points between the same two blocks together.
-
-    Args:
-        reduced: The reduced structure.
-        sides: Blocks on both sides of this rank's joint points.
-        count: Modes per block.
-    """
+    """Rows of B_P, joint by joint: the points between the same two blocks together."""
     per_point = []
     for operator in (reduced.normal, reduced.tangential):
         start, columns, values = operator.matrix.getValuesCSR()
