@@ -70,8 +70,8 @@ class SmoothedLaws:
 
     def at(self, points: Points) -> SmoothedLaws:
         """Laws of some of the points."""
-        arrays = self.friction, self.strength, self.frictional
-        return SmoothedLaws(*(array[points] for array in arrays), self.smallest)
+        friction, strength = self.friction[points], self.strength[points]
+        return SmoothedLaws(friction, strength, self.frictional[points], self.smallest)
 
     def states(self, p: Array, q: Array, mu: float) -> JointStates:
         """States that belong to p and q."""
