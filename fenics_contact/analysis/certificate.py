@@ -40,22 +40,28 @@ TOLERANCES: Mapping[str, float] = {
     "bracket": 1e-6,
 }
 
-#: What strains the blocks may differ from the part of u that does by digits of u, relative.
-ROUNDING = 1e-13
 
-#: Load factors are judged relative to themselves, or to this fraction of the typical one.
-SMALL_FACTOR = 1e-3
+@dataclass(frozen=True)
+class CertificateOptions:
+    """Numbers of the residuals.
+
+    Attributes:
+        rounding: What strains the blocks may differ by this from the part of u that does: digits
+            of u, relative.
+        small_factor: Load factors are judged relative to themselves, or to this fraction of the
+            typical one.
+    """
+
+    rounding: float = 1e-13
+    small_factor: float = 1e-3
+
+
+OPTIONS = CertificateOptions()
 
 
 @dataclass(frozen=True)
 class WorstJoint:
-    """Where a state misses most of a joint law.
-
-    Attributes:
-        point: Number of the joint point.
-        law: Name of the residual.
-        residual: Its value.
-    """
+    """Number of the joint point that misses most of a joint law, and that law's residual."""
 
     point: int
     law: str
@@ -124,18 +130,15 @@ def certify(
         problem: Stiffness, loads and joints.
         state: Displacements, load factor and joint forces to be verified.
         mode: Collapse mode v.
-        scales: Typical sizes.
+        scales: Typical sizes, which residuals are relative to.
         rigid_limit: Limit load of the rigid blocks with the friction forces of the state; nan if
             it is not known.
         points: Numbers of this rank's joint points, by which to name the worst.
         tolerance: On the load factor, as asked for.
-
-    Returns:
-        Residuals relative to `scales`.
     """
     residuals = state_residuals(problem, state, scales)
     residuals |= _mode_residuals(problem, state, mode, scales)
-    factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
+    factor = _size(state, scales)
     missed = abs(rigid_limit - state.load_factor)
     residuals["limit"] = missed / factor
     worst = None if points is None else worst_joint(problem, state, scales, points)
@@ -146,10 +149,9 @@ def certify(
 def outside_bracket(
     load_factor: float, bracket: tuple[float | None, float | None], missed: float, size: float
 ) -> float:
-    """By how much more than it may be wrong a load factor lies outside its bracket, relative.
+    """Distance of a load factor from its bracket, beyond what it may be wrong by; relative.
 
-    The forces of a verified state solve the associative program, so that this is another check of
-    what the other residuals say already.
+    The forces of a verified state solve the associative program: this checks the other residuals.
 
     Args:
         load_factor: lambda.
@@ -175,32 +177,24 @@ def kinematic_factor(problem: ContactProblem, state: State, mode: Array) -> floa
 def state_residuals(
     problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
 ) -> dict[str, float]:
-    """What a state misses of equilibrium and joint laws.
+    """Residuals of equilibrium and joint laws, relative to `scales`.
 
     Args:
         problem: Stiffness, loads and joints.
         state: The state.
         scales: Typical sizes.
         bound: Given bound on friction; the problem's own when not given.
-
-    Returns:
-        Residuals relative to `scales`.
     """
-    d, f = scales.displacement, scales.force
-    rest = (
-        problem.stiffness @ _elastic_part(problem, state)
-        - problem.dead
-        - state.load_factor * problem.live
-        - problem.joint_forces(state.pressure, state.shear)
-    )
-    equilibrium = problem.max(np.abs(rest)) / f
+    forces = problem.dead + state.load_factor * problem.live
+    forces += problem.joint_forces(state.pressure, state.shear)
+    rest = problem.stiffness @ _elastic_part(problem, state) - forces
     joints = _joint_misses(problem, state, scales, bound)
     work = problem.dot(problem.live, state.displacement)
+    unit = scales.displacement * problem.sum(np.abs(problem.live))
     return {
-        "equilibrium": equilibrium,
+        "equilibrium": problem.max(np.abs(rest)) / scales.force,
         **{name: problem.max(values) for name, values in joints.items()},
-        "work": abs(work - state.work)
-        / max(abs(state.work), d * problem.sum(np.abs(problem.live))),
+        "work": abs(work - state.work) / max(abs(state.work), unit),
     }
 
 
@@ -225,16 +219,13 @@ def _joint_misses(
 def worst_joint(
     problem: ContactProblem, state: State, scales: Scales, points: npt.NDArray[np.int64]
 ) -> WorstJoint | None:
-    """The joint point that misses most of a joint law, in units of what may be missed.
+    """Joint point that misses most of a joint law, in units of what may be missed, on all ranks.
 
     Args:
         problem: Stiffness, loads and joints.
         state: The state.
         scales: Typical sizes.
-        points: Numbers of this rank's joint points.
-
-    Returns:
-        The same on all ranks; None without joints.
+        points: Numbers of this rank's joint points; without any on all ranks there is no worst.
     """
     worst: list[tuple[float, WorstJoint]] = []
     for name, values in _joint_misses(problem, state, scales).items():
@@ -250,9 +241,14 @@ def _elastic_part(problem: ContactProblem, state: State) -> Array:
     """Displacements that strain the blocks: those that the state brings, if they are those of u."""
     elastic = problem.elastic_part(state.displacement)
     largest = problem.max(np.abs(state.displacement))
-    if problem.max(np.abs(state.elastic - elastic)) <= ROUNDING * largest:
+    if problem.max(np.abs(state.elastic - elastic)) <= OPTIONS.rounding * largest:
         return state.elastic
     return elastic
+
+
+def _size(state: State, scales: Scales) -> float:
+    """Load factor that differences of load factors are relative to."""
+    return max(abs(state.load_factor), OPTIONS.small_factor * scales.load_factor)
 
 
 def _mode_residuals(
@@ -266,7 +262,7 @@ def _mode_residuals(
     power = state.load_factor * live_work + problem.dot(problem.dead, mode)
     straining = problem.elastic_part(mode)
     elastic = problem.dot(straining, problem.stiffness @ straining)
-    factor = max(abs(state.load_factor), SMALL_FACTOR * scales.load_factor)
+    factor = _size(state, scales)
     return {
         "mode_work": abs(live_work - 1.0),
         "mode_penetration": problem.max(-opening) / unit,
