@@ -14,11 +14,21 @@ from fenics_contact.solvers.problem import ContactProblem, State
 
 Array = npt.NDArray[np.float64]
 
-#: A joint point with less than this fraction of the largest normal force is open.
-NO_PRESSURE = 1e-6
 
-#: A joint point that moves faster than this fraction of the fastest one opens or slips.
-MOVES = 1e-4
+@dataclass(frozen=True)
+class ContactOptions:
+    """When a joint point is open or moves.
+
+    Attributes:
+        no_pressure: It is open with less than this fraction of the largest normal force.
+        moves: It opens or slips if it moves faster than this fraction of the fastest one.
+    """
+
+    no_pressure: float = 1e-6
+    moves: float = 1e-4
+
+
+OPTIONS = ContactOptions()
 
 
 class Contact(IntEnum):
@@ -65,20 +75,19 @@ class JointValues:
         """`Contact` of every point."""
         slips = np.abs(self.slip_rate) > self._moving_rate
         contact = np.where(slips, Contact.SLIP, Contact.STICK)
-        loaded = self.normal_force > NO_PRESSURE * self.normal_force.max(initial=0.0)
+        loaded = self.normal_force > OPTIONS.no_pressure * self.normal_force.max(initial=0.0)
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 
     def force(self, joints: Joints) -> Array:
         """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
-        return (
-            self.normal_force[:, None] * joints.normal + self.shear_force[:, None] * joints.tangent
-        )
+        normal, shear = self.normal_force[:, None], self.shear_force[:, None]
+        return normal * joints.normal + shear * joints.tangent
 
     @property
     def _moving_rate(self) -> float:
         rates = np.abs([self.opening_rate, self.slip_rate])
-        return MOVES * float(rates.max(initial=0.0))
+        return OPTIONS.moves * float(rates.max(initial=0.0))
 
 
 def joint_values(
