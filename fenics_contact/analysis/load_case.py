@@ -46,21 +46,15 @@ class LoadCase:
         kind: str,
         monitor: Callable[[Step], None],
     ) -> LoadCase:
-        """The live load as given (sign 1) or reversed (-1); the sign is applied here and only here.
+        """The live load as given (sign 1) or reversed (-1): the sign is applied here only.
 
-        Args:
-            discretization: The scene's matrices.
-            bonded: Response to the live load as given.
-            sign: 1 or -1.
-            kind: Of factorisation.
-            monitor: Told every iteration.
+        `bonded` is the response to the live load as given.
         """
-        scales = typical_sizes(discretization.problem, bonded)
-        problem = discretization.problem
-        problem = replace(problem, live=sign * problem.live)
+        problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
-        blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
+        scales = typical_sizes(discretization.problem, bonded)
         bonded = replace(bonded, live=sign * bonded.live)
+        blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
         return cls(discretization, problem, blocks, bonded, scales, kind, monitor)
 
     @property
@@ -86,13 +80,7 @@ class LoadCase:
         return self.bonded.live_pressure
 
     def scales_at(self, work: float, largest_factor: float = 0.0) -> Scales:
-        """Typical sizes at some work T of the live load.
-
-        Args:
-            work: T.
-            largest_factor: Largest load factor met so far; a structure that locks lets joint
-                forces grow with it.
-        """
+        """Typical sizes at a work T of the live load; joint forces grow with the largest factor."""
         displacement = work / self.problem.sum(np.abs(self.problem.live))
         larger = max(1.0, largest_factor / self.scales.load_factor)
         return replace(self.scales, displacement=displacement, force=larger * self.scales.force)
@@ -117,6 +105,5 @@ class LoadCase:
         self, bound: Array, work: float, scales: Scales, load_factor: float | None = None
     ) -> PerturbedKKT:
         """Conditions of a state with a given bound on friction, N per metre of thickness."""
-        return PerturbedKKT.given_friction(
-            self.problem, self.stiffness, scales, bound, work, load_factor
-        )
+        problem, stiffness = self.problem, self.stiffness
+        return PerturbedKKT.given_friction(problem, stiffness, scales, bound, work, load_factor)
