@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 from fenics_contact.solvers.splitting import SplittingHistory
-
-Item = TypeVar("Item", "Step", "LoadStep", "CollapseState")
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ class LoadStep:
     """State of equilibrium on the path of load control.
 
     Attributes:
-        load_factor: Prescribed lambda.
+        load_factor: lambda.
         displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
         work: T = f_L.u, N m per metre of thickness.
     """
@@ -92,20 +89,14 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
-class CapacityPoint:
+class CapacityPoint(LoadStep):
     """Point of the capacity curve: a state between rest and collapse.
 
     Attributes:
-        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
-        load_factor: lambda, not above zero where the curve is that of the live load reversed.
-        work: T = f_L.u, N m per metre of thickness.
         converged: Whether load factor and friction stand still there.
     """
 
-    displacement: float
-    load_factor: float
-    work: float
-    converged: bool
+    converged: bool = True
 
 
 @dataclass(frozen=True)
@@ -121,8 +112,3 @@ class CollapseState:
     start: str
     status: str
     load_factor: float
-
-
-def sign_reversed(item: Item) -> Item:
-    """Record of a state, with its load factor in multiples of the opposite live load."""
-    return replace(item, load_factor=-item.load_factor)

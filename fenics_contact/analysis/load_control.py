@@ -35,8 +35,11 @@ class LoadOptions:
         growth: Factor by which steps grow where the last one was found.
         width: The limit load is bracketed to this relative width, or the tolerance if larger.
         largest: Load factors beyond this multiple of the typical one are not looked at.
+        least: The width is relative to this part of the typical load factor at least.
         far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
+        margin: The collapse lies between the last two load factors to this multiple of the
+            tolerance: so close to the limit, load factors are less exact than states.
         beyond_onset: The capacity curve ends at this multiple of the work at which the collapse
             begins.
     """
@@ -45,8 +48,10 @@ class LoadOptions:
     growth: float = 1.5
     width: float = 1e-4
     largest: float = 1e3
+    least: float = 1e-3
     far: float = 1e6
     max_steps: int = 200
+    margin: float = 10.0
     beyond_onset: float = 1.4
 
 
@@ -79,8 +84,7 @@ def raise_load(
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
-    # States are as exact as the tolerance; so close to the limit their load factors are less.
-    margin = 10.0 * options.tolerance * max(abs(climb.lower), case.scales.load_factor)
+    margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
     if not climb.lower - margin <= found.load_factor <= climb.failed + margin:
         _log.warning(
             "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
@@ -108,9 +112,8 @@ class _Climb:
         self.case, self._strategy, self._tolerance = case, strategy, tolerance
         self._upper, self._by_steps = upper, by_steps
         self._unit = case.problem.sum(np.abs(case.problem.live))
-        dead = case.bonded.dead
         none = np.zeros_like(case.first_pressure)
-        self.state = case.problem.state(dead, 0.0, case.first_pressure, none)
+        self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
         self.lower, self.failed = 0.0, np.inf
@@ -122,6 +125,7 @@ class _Climb:
             SolverError: If no equilibrium is found under the dead load.
         """
         typical = self.case.scales.load_factor
+        width = max(OPTIONS.width, self._tolerance)
         step = OPTIONS.first_step * min(self._upper, typical)
         target, again = 0.0, False
         for _ in range(OPTIONS.max_steps):
@@ -138,8 +142,7 @@ class _Climb:
                 if again:
                     return
             end = min(self.failed, self._upper)
-            width = max(OPTIONS.width, self._tolerance)
-            narrow = width * max(self.lower, 1e-3 * typical)
+            narrow = width * max(self.lower, OPTIONS.least * typical)
             if self.lower > OPTIONS.largest * typical or self._upper - self.lower <= narrow:
                 return
             again = end - self.lower <= narrow
@@ -176,7 +179,7 @@ def capacity_curve(
     points: int,
     monitor: Callable[[int, int, CapacityPoint], None],
 ) -> list[CapacityPoint]:
-    """Load factors at rising work up to a collapse and a little beyond.
+    """Load factors at rising work up to a collapse and a little beyond; those found.
 
     Slip is measured from the stress-free state at every point.
 
@@ -185,18 +188,12 @@ def capacity_curve(
         end: Its collapse.
         points: Number of points; with load control its steps are the points.
         monitor: Called after every point with its number, the number of points, and the point.
-
-    Returns:
-        The points found; one that is not found is left out.
     """
-    unit = case.problem.sum(np.abs(case.problem.live))
     if end.path is not None:
-        return [
-            CapacityPoint(step.displacement, step.load_factor, step.work, converged=True)
-            for step in end.path.steps
-        ]
+        return [CapacityPoint(**vars(step)) for step in end.path.steps]
     if end.state is None:
         return []
+    unit = case.problem.sum(np.abs(case.problem.live))
     # Denser at first, where the path bends.
     fractions = (np.arange(1, points + 1) / points) ** 1.5
     works = [float(OPTIONS.beyond_onset * end.state.work * part) for part in fractions]
@@ -204,6 +201,6 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        curve.append(CapacityPoint(state.work / unit, state.load_factor, state.work, True))
+        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work))
         monitor(number, points, curve[-1])
     return curve

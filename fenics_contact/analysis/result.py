@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.analysis.certificate import Certificate, outside_bracket
-from fenics_contact.analysis.history import (
-    CapacityPoint,
-    CollapseState,
-    History,
-    LoadPath,
-    sign_reversed,
-)
+from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
@@ -75,41 +70,36 @@ class Collapse:
         """With the load factor's distance from its bracket in the certificate, and what follows."""
         if self.status != "limit" or self.certificate is None:
             return self
-        certificate = self.certificate
         bracket = self.bounds.lower, self.bounds.upper
-        outside = outside_bracket(
-            self.load_factor, bracket, certificate.error_estimate, certificate.size
-        )
-        residuals = {**certificate.residuals, "bracket": outside}
-        certificate = replace(certificate, residuals=residuals)
+        missed, size = self.certificate.error_estimate, self.certificate.size
+        outside = outside_bracket(self.load_factor, bracket, missed, size)
+        residuals = {**self.certificate.residuals, "bracket": outside}
+        certificate = replace(self.certificate, residuals=residuals)
         status = "limit" if certificate.passed else "not_converged"
         return replace(self, status=status, certificate=certificate)
 
     def reversed(self) -> Collapse:
         """Collapse under the reversed live load, in multiples of the live load as given."""
-        state, certificate, path = self.state, self.certificate, self.path
-        if state is not None:
-            state = replace(state, load_factor=-state.load_factor, work=-state.work)
-        if certificate is not None:
-            certificate = replace(
-                certificate,
-                static_factor=-certificate.static_factor,
-                kinematic_factor=-certificate.kinematic_factor,
-            )
-        if path is not None:
-            path = LoadPath(tuple(map(sign_reversed, path.steps)), -path.lower, -path.upper)
+
+        def with_steps(record: Any) -> Any:
+            return record and replace(record, steps=tuple(map(_negated, record.steps)))
+
         return replace(
             self,
             load_factor=-self.load_factor,
             program=lambda: self.program().reversed(),
-            state=state,
-            certificate=certificate,
-            history=tuple(
-                replace(one, steps=tuple(map(sign_reversed, one.steps))) for one in self.history
-            ),
-            path=path,
-            states=tuple(map(sign_reversed, self.states)),
+            state=_negated(self.state, "load_factor", "work"),
+            certificate=_negated(self.certificate, "static_factor", "kinematic_factor"),
+            history=tuple(map(with_steps, self.history)),
+            path=_negated(with_steps(self.path), "lower", "upper"),
+            states=tuple(map(_negated, self.states)),
         )
+
+
+def _negated(record: Any, *fields: str) -> Any:
+    """A record with the opposite sign of some fields, of its load factor by default."""
+    names = fields or ("load_factor",)
+    return record and replace(record, **{name: -getattr(record, name) for name in names})
 
 
 @dataclass
