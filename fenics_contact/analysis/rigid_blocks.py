@@ -55,7 +55,7 @@ class Faces:
     """Straight faces between two bodies.
 
     Attributes:
-        ends: Joint points at the two ends of every face, shape (faces, 2); equal if there is one.
+        ends: Joint points at their two ends, shape (faces, 2); equal if there is one.
         friction: Coulomb's coefficient, shape (faces,).
         strength: Given bound on the shear force of the whole face, shape (faces,), N/m.
         of_point: Face of every joint point.
@@ -108,8 +108,7 @@ class LimitBounds:
 
     def reversed(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
-        lower = None if self.upper is None else -self.upper + 0.0
-        upper = None if self.lower is None else -self.lower + 0.0
+        lower, upper = (None if b is None else -b + 0.0 for b in (self.upper, self.lower))
         return replace(self, lower=lower, upper=upper)
 
     def __str__(self) -> str:
@@ -154,11 +153,10 @@ class RigidBlocks:
     def limit(self, friction: bool = True) -> float | None:
         """Largest load factor in the direction of the live load.
 
+        Infinite where nothing limits it, None where there is no equilibrium.
+
         Args:
             friction: With the scene's friction, Coulomb's taken as associative, or without any.
-
-        Returns:
-            The load factor; infinite where nothing limits it, None where there is no equilibrium.
         """
         return self._on_root(lambda: self._limit(friction))
 
@@ -197,17 +195,14 @@ class RigidBlocks:
         stands = bare or self._limit(friction=True, dead_only=True) is not None
         lower = self._shown(friction=False) if bare else None
         upper = self._shown(friction=True) if stands else np.inf
-        return LimitBounds(
-            lower=None if lower is None else max(lower, 0.0) + 0.0,
-            upper=None if upper is None else upper + 0.0,
-            stands=stands,
-            stands_frictionless=bare,
-        )
+        lower = None if lower is None else max(lower, 0.0)
+        return LimitBounds(lower, upper, stands, bare)
 
     def _shown(self, friction: bool) -> float | None:
-        """A load factor to be shown; None if the program fails."""
+        """A load factor to be shown, no -0.0; None if the program fails."""
         try:
-            return self._limit(friction)
+            factor = self._limit(friction)
+            return None if factor is None else factor + 0.0
         except SolverError as error:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
@@ -250,18 +245,18 @@ class RigidBlocks:
         friction = np.tile(faces.friction, 2)
         rough = np.flatnonzero(friction)
         normal = self._columns(ends, joints.normal)
-        sliding = self._columns(np.tile(faces.ends[:, 0], 2), joints.tangent) @ diags(friction)
         shear = self._columns(faces.ends[:, 0], joints.tangent)
+        sliding = hstack([shear, shear]) @ diags(friction)
         dead, live = (
             np.einsum("bmk,bm->bk", bodies.free, load).ravel()
             for load in (bodies.dead / self._force, bodies.live * self._load / self._force)
         )
-        edges = normal + sliding, (normal - sliding)[:, rough]
-        equilibrium = hstack([live[:, None], *edges, shear]).tocsr()
+        edges = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough]])
+        points = np.append(ends, ends[rough])
+        equilibrium = hstack([live[:, None], edges, shear]).tocsr()
         used = np.any(bodies.free != 0.0, axis=1).ravel()
         strength = faces.strength / self._force
-        limits = [(0.0, 0.0) if dead_only else (None, None)]
-        limits += [(0.0, None)] * (len(ends) + len(rough))
+        limits = [(0.0, 0.0) if dead_only else (None, None), *[(0.0, None)] * len(points)]
         limits += zip(-strength, strength, strict=True)
         answer = _largest_first(equilibrium[used], -dead[used], limits, dead_only)
         if answer.status != 0:
@@ -271,8 +266,7 @@ class RigidBlocks:
         motion = np.einsum("bmk,bk->bm", bodies.free, motion.reshape(-1, 3))
         work = float(np.sum(motion * bodies.live))
         motion[:, 2] /= bodies.size
-        forces = answer.x[1 : 1 + len(ends) + len(rough)] * self._force
-        points = np.append(ends, ends[rough])
+        forces = answer.x[1 : 1 + len(points)] * self._force
         pressure = np.bincount(points, forces, len(joints.length)).astype(float)
         factor = float(answer.x[0]) * self._load
         return _Optimum(factor, motion / work if work else None, pressure)
