@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -126,48 +126,43 @@ def solve_fixed_point(
     return iteration.solution, History(tuple(steps), cycles, "fixed-point", converged)
 
 
+@dataclass
 class _Iteration:
     """g^{k+1} = g^k + omega (F r_N - g^k), one step at a time."""
 
-    solution: Solution
-
-    def __init__(
-        self,
-        problem: ContactProblem,
-        solve: GivenFriction,
-        start: State,
-        relaxation: _Relaxation,
-        options: FixedPointOptions,
-    ) -> None:
-        self._problem, self._solve, self._options = problem, solve, options
-        self._start, self._change = start, float(np.inf)
-        self.relaxation = relaxation
+    problem: ContactProblem
+    solve: GivenFriction
+    start: State
+    relaxation: _Relaxation
+    options: FixedPointOptions
+    change: float = float(np.inf)
+    solution: Solution = field(init=False)
 
     def next(self, bound: Array) -> tuple[Step, Array]:
         """The step at g^k, its factorisations not counted yet, and g^{k+1}."""
         self.solution = self._state(bound)
-        self._start = state = self.solution.state
-        target = self._problem.bound(state.pressure)
-        self._change = self._norm(target - bound) / (self._norm(target) or 1.0)
-        omega = self.relaxation.next(target - bound, self._change)
-        step = Step(state.load_factor, self._change, omega, 0, self.relaxation.secant)
+        self.start = state = self.solution.state
+        target = self.problem.bound(state.pressure)
+        self.change = self._norm(target - bound) / (self._norm(target) or 1.0)
+        omega = self.relaxation.next(target - bound, self.change)
+        step = Step(state.load_factor, self.change, omega, 0, self.relaxation.secant)
         return step, np.maximum(bound + omega * (target - bound), 0.0)
 
     def _state(self, bound: Array) -> Solution:
         """State with given bound, as exact as the last change of the bound deserves."""
-        options, change = self._options, self._change
+        options, change = self.options, self.change
         tolerance = options.precision * min(change, 1.0) ** options.order
         tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
         mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
         while mu < 1.0:
             try:
-                return self._solve(bound, self._start, mu, tolerance)
+                return self.solve(bound, self.start, mu, tolerance)
             except SolverError:
                 mu *= options.further
-        return self._solve(bound, self._start, 1.0, tolerance)
+        return self.solve(bound, self.start, 1.0, tolerance)
 
     def _norm(self, values: Array) -> float:
-        return float(np.sqrt(self._problem.sum(values**2)))
+        return float(np.sqrt(self.problem.sum(values**2)))
 
 
 def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptions) -> bool:
