@@ -48,6 +48,9 @@ class MumpsOptions:
     minimum_fill_up_to: int = 100_000
 
 
+MUMPS = MumpsOptions()
+
+
 @dataclass
 class Tally:
     """Number of numeric factorisations so far."""
@@ -57,7 +60,7 @@ class Tally:
 
 @dataclass(frozen=True)
 class JointRows:
-    """Rows of B_N and B_T at this rank's joint points, those on the same displacements together.
+    """Rows of B_N and B_T at this rank's joint points, in groups on the same displacements.
 
     Attributes:
         dofs: Global dofs of every group, -1: none, shape (groups, n).
@@ -86,9 +89,7 @@ class JointRows:
             normal: Coefficients of B_N on those dofs, shape (points, n).
             tangential: Coefficients of B_T, likewise.
         """
-        _, first, group, count = np.unique(
-            dofs, axis=0, return_index=True, return_inverse=True, return_counts=True
-        )
+        shared, group, count = np.unique(dofs, axis=0, return_inverse=True, return_counts=True)
         order = np.argsort(group.ravel(), kind="stable")
         # Groups of a middling size, so that one long joint does not make all others as large.
         most = int(np.ceil(count.mean())) if len(count) else 1
@@ -101,7 +102,7 @@ class JointRows:
             padded = np.zeros((most * int(parts.sum()), values.shape[1]))
             padded[place] = values
             rows.append(padded.reshape(-1, most, values.shape[1]))
-        return cls(np.repeat(dofs[first], parts, axis=0), rows[0], rows[1], place)
+        return cls(np.repeat(shared, parts, axis=0), rows[0], rows[1], place)
 
     def spread(self, values: Array) -> Array:
         """Values of points as factors of the groups' rows."""
@@ -125,7 +126,7 @@ class JointStiffness:
         rows: JointRows,
         kind: str,
         tally: Tally,
-        options: MumpsOptions | None = None,
+        options: MumpsOptions = MUMPS,
     ) -> None:
         """Lay out A; it is analysed with the first factor.
 
@@ -137,7 +138,7 @@ class JointStiffness:
             options: Of MUMPS.
         """
         self.tally, self._kind, self._rows = tally, kind, rows
-        self._options = options or MumpsOptions()
+        self._options = options
         self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
         both = np.concatenate([rows.normal, rows.tangential], axis=1)
         self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
