@@ -149,7 +149,7 @@ def certify(
 def outside_bracket(
     load_factor: float, bracket: tuple[float | None, float | None], missed: float, size: float
 ) -> float:
-    """Distance of a load factor from its bracket, beyond what it may be wrong by; relative.
+    """Distance of a load factor from its bracket, beyond what it may be wrong by, over `size`.
 
     The forces of a verified state solve the associative program: this checks the other residuals.
 
@@ -157,7 +157,7 @@ def outside_bracket(
         load_factor: lambda.
         bracket: Lower and upper bound; None where one is not known.
         missed: What the load factor may be wrong by.
-        size: Load factor that the answer is relative to.
+        size: Load factor of the result.
     """
     lower = -np.inf if bracket[0] is None else bracket[0]
     upper = np.inf if bracket[1] is None else bracket[1]
@@ -179,11 +179,7 @@ def state_residuals(
 ) -> dict[str, float]:
     """Residuals of equilibrium and joint laws, relative to `scales`.
 
-    Args:
-        problem: Stiffness, loads and joints.
-        state: The state.
-        scales: Typical sizes.
-        bound: Given bound on friction; the problem's own when not given.
+    The bound on friction is the problem's own when it is not given.
     """
     forces = problem.dead + state.load_factor * problem.live
     forces += problem.joint_forces(state.pressure, state.shear)
@@ -219,22 +215,19 @@ def _joint_misses(
 def worst_joint(
     problem: ContactProblem, state: State, scales: Scales, points: npt.NDArray[np.int64]
 ) -> WorstJoint | None:
-    """Joint point that misses most of a joint law, in units of what may be missed, on all ranks.
+    """Joint point that misses most of a joint law, in units of what may be missed; on all ranks.
 
-    Args:
-        problem: Stiffness, loads and joints.
-        state: The state.
-        scales: Typical sizes.
-        points: Numbers of this rank's joint points; without any on all ranks there is no worst.
+    `points` are the numbers of this rank's joint points; None without joints.
     """
-    worst: list[tuple[float, WorstJoint]] = []
-    for name, values in _joint_misses(problem, state, scales).items():
-        if len(values):
-            row = int(np.argmax(values))
-            joint = WorstJoint(int(points[row]), name, float(values[row]))
-            worst.append((joint.residual / TOLERANCES[name], joint))
-    everywhere = [item for part in problem.comm.allgather(worst) for item in part]
-    return max(everywhere, key=lambda item: item[0])[1] if everywhere else None
+    worst = [
+        WorstJoint(int(points[np.argmax(values)]), name, float(np.max(values)))
+        for name, values in _joint_misses(problem, state, scales).items()
+        if len(values)
+    ]
+    everywhere = [joint for part in problem.comm.allgather(worst) for joint in part]
+    if not everywhere:
+        return None
+    return max(everywhere, key=lambda one: one.residual / TOLERANCES[one.law])
 
 
 def _elastic_part(problem: ContactProblem, state: State) -> Array:
