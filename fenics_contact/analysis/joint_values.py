@@ -97,24 +97,16 @@ def joint_values(
     state: State,
     mode: Array,
 ) -> JointValues:
-    """Joint values of a state and its mode; collective.
+    """Joint values of a state and its mode, on all ranks together.
 
-    Args:
-        problem: With B_N and B_T.
-        of_all: Turns values at this rank's joint points into those at all points.
-        length: Length of joint that belongs to every point, m.
-        state: Displacements and joint forces of this rank.
-        mode: Collapse mode v in the supports' coordinates, this rank's part.
+    `of_all` turns values at this rank's joint points into those at all points; `length` is that of
+    joint at every point, m.
     """
-    normal, tangential = problem.normal, problem.tangential
-    normal_force, shear_force = of_all(state.pressure), of_all(state.shear)
-    return JointValues(
-        normal_force,
-        shear_force,
-        pressure=normal_force / length,
-        shear=shear_force / length,
-        gap=of_all(normal @ state.displacement),
-        slip=of_all(tangential @ state.displacement),
-        opening_rate=of_all(normal @ mode),
-        slip_rate=of_all(tangential @ mode),
+    normal, shear = of_all(state.pressure), of_all(state.shear)
+    gap, slip, opening_rate, slip_rate = (
+        of_all(operator @ motion)
+        for motion in (state.displacement, mode)
+        for operator in (problem.normal, problem.tangential)
     )
+    pressure, stress = normal / length, shear / length
+    return JointValues(normal, shear, pressure, stress, gap, slip, opening_rate, slip_rate)
