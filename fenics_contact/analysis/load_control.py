@@ -66,11 +66,7 @@ def raise_load(
 ) -> Collapse:
     """The collapse at the end of the states under rising load factors.
 
-    Args:
-        case: The load case.
-        strategy: How states are found.
-        find_collapse: Finds the collapse from the last state on, see `work_control`.
-        options: Tolerance, and where slip is measured from.
+    `find_collapse` of `work_control` finds it from the last state on.
     """
     bounds = case.problem.comm.bcast(case.blocks.bounds())
     if bounds.lower == np.inf:
