@@ -52,6 +52,9 @@ class BlockModesOptions:
     dependent: float = 1e-10
 
 
+OPTIONS = BlockModesOptions()
+
+
 @dataclass(frozen=True)
 class Blocks:
     """Blocks as the reduction sees them, each rank's numbered in a row.
@@ -90,7 +93,7 @@ class BlockModes:
         problem: ContactProblem,
         shapes: Array,
         blocks: Blocks,
-        options: BlockModesOptions | None = None,
+        options: BlockModesOptions = OPTIONS,
     ) -> None:
         """Reduce a structure.
 
@@ -101,24 +104,20 @@ class BlockModes:
             blocks: Its blocks.
             options: Numbers of the reduction.
         """
-        options = options or BlockModesOptions()
         self.full, self._blocks, self._modes = problem, blocks, shapes.shape[2]
         basis, is_mode = _orthonormal_columns(problem, shapes, blocks, options.dependent)
         stiffness = problem.stiffness.matrix.ptap(basis)
         _set_diagonal_where_missing(stiffness, is_mode)
-        self._basis, self._stiffness = SparseMap(basis), SparseMap(stiffness)
-        self._normal = SparseMap(problem.normal.matrix.matMult(basis))
-        self._tangential = SparseMap(problem.tangential.matrix.matMult(basis))
-        self._rigid = SparseMap(basis.transposeMatMult(problem.rigid.matrix))
+        self._basis = SparseMap(basis)
         self._indentation = _node_compliance(problem, blocks, options.indentation)
         self.reduced = replace(
             problem,
-            stiffness=self._stiffness,
+            stiffness=SparseMap(stiffness),
             dead=self._basis.T @ problem.dead,
             live=self._basis.T @ problem.live,
-            normal=self._normal,
-            tangential=self._tangential,
-            rigid=self._rigid,
+            normal=SparseMap(problem.normal.matrix.matMult(basis)),
+            tangential=SparseMap(problem.tangential.matrix.matMult(basis)),
+            rigid=SparseMap(basis.transposeMatMult(problem.rigid.matrix)),
             compliance=_point_compliance(problem, self._indentation),
         )
 
@@ -130,17 +129,12 @@ class BlockModes:
 
     def close(self) -> None:
         """Free the matrices, on all ranks together."""
-        maps = self._stiffness, self._normal, self._tangential, self._rigid, self._basis
-        for item in maps:
+        less = self.reduced
+        for item in (less.stiffness, less.normal, less.tangential, less.rigid, self._basis):
             item.close()
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
-        """K_P with joint springs; the caller closes it.
-
-        Args:
-            kind: Of factorisation, see `JointStiffness`.
-            tally: Counts the factorisations.
-        """
+        """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""
         rows = _rows(self.reduced, self._blocks.sides, self._modes)
         return JointStiffness(self.reduced.stiffness, rows, kind, tally)
 
@@ -184,12 +178,7 @@ def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Intege
     """New number of every body, by which each rank's are in a row, and the range of this rank's.
 
     A body belongs to the rank that has most of its nodes: its unknowns are where those of its
-    nodes and joints are.
-
-    Args:
-        comm: The ranks.
-        body: Body of every node of this rank, by any numbers.
-        count: Number of bodies.
+    nodes and joints are. `body` is that of every node of this rank, `count` the number of bodies.
     """
     home = np.argmax(comm.allgather(np.bincount(body, minlength=count)), axis=0)
     number = np.empty(count, dtype=np.int32)
