@@ -165,12 +165,9 @@ class JointStiffness:
             item.destroy()
 
     def factor(self, normal: Array, tangential: Array, coupling: Array | None = None) -> Factor:
-        """A^-1 for some springs; it replaces the last one.
+        """A^-1 for springs k_N, k_T and, only for `GENERAL`, c; it replaces the last one.
 
-        Args:
-            normal: k_N of this rank's joint points, N/m.
-            tangential: k_T, likewise.
-            coupling: c, likewise; only for `GENERAL`.
+        Springs are those of this rank's joint points, N/m.
 
         Raises:
             SolverError: If A is numerically singular.
