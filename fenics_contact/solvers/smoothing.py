@@ -139,13 +139,8 @@ def normal_law(p: Array, mu: float) -> tuple[Array, Array]:
 def distance_from_bound(q: Array, gamma: Array, mu: float, newton_steps: int = 6) -> Array:
     """Distance s of the shear force from the bound that it is nearer to.
 
-    Solves s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma.
-
-    Args:
-        q: |q|.
-        gamma: The bound, above 0.
-        mu: The product.
-        newton_steps: 6 leave nothing but rounding, 4 leave 1e-6 of s.
+    Solves s - mu/s + mu/(2 gamma - s) = gamma - q for 0 < s <= gamma, with |q| as `q` and the bound
+    gamma above 0. Six Newton steps leave nothing but rounding, four 1e-6 of s.
     """
     # Without the third term s is larger, and the first step goes too far: the left-hand side is
     # concave. From there Newton's method climbs to the solution and never passes it.
