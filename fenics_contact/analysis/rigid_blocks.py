@@ -68,12 +68,7 @@ class Faces:
 
 
 def straight_faces(joints: Joints, strength: Array) -> Faces:
-    """Faces: joint points grouped by bodies, law and line.
-
-    Args:
-        joints: All joint points.
-        strength: Given bound on the shear force at every point, N/m.
-    """
+    """Faces: joint points grouped by bodies, law and line; with strengths of the points, N/m."""
     if len(joints.length) == 0:
         none = np.empty(0, dtype=np.int64)
         return Faces(none.reshape(0, 2), np.empty(0), np.empty(0), none)
@@ -123,10 +118,7 @@ class LimitBounds:
 
 @dataclass(frozen=True)
 class _Optimum:
-    """Solution of a program: load factor, rigid motions with f_L.v = 1, pressure at joint points.
-
-    Without equilibrium all are None; if nothing limits the load only the factor is not.
-    """
+    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points."""
 
     factor: float | None = None
     motion: Array | None = None
@@ -137,13 +129,7 @@ class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
     def __init__(self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm) -> None:
-        """Set up equilibrium of all bodies.
-
-        Args:
-            joints: All joint points.
-            bodies: Rigid motions and loads.
-            comm: Ranks that share the results.
-        """
+        """Take all joint points, the bodies' motions and loads, and the ranks to share results."""
         self._joints, self._bodies, self._comm = joints, bodies, comm
         self._known: dict[tuple[bool, bool], float | None] = {}
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
@@ -165,14 +151,13 @@ class RigidBlocks:
         return self._on_root(lambda: self._limit(friction, dead_only=True)) is not None
 
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
-        """Limit load and collapse mode with given friction at all joint points.
+        """Limit load as `limit` gives it, and collapse mode, with given friction.
+
+        The mode consists of the bodies' rigid motions (a, b, c) about their centres, shape
+        (bodies, 3), with f_L.v = 1; None unless the load factor is finite.
 
         Args:
             strength: Bounds on the shear forces at all joint points, N/m, on all ranks.
-
-        Returns:
-            The load factor as `limit` gives it, and the bodies' rigid motions (a, b, c) about
-            their centres, shape (bodies, 3), with f_L.v = 1; None unless the factor is finite.
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
