@@ -97,19 +97,16 @@ class JointRows:
         within = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
         place = np.empty_like(order)
         place[order] = most * np.repeat(np.cumsum(parts) - parts, count) + within
-        rows = []
-        for values in (normal, tangential):
-            padded = np.zeros((most * int(parts.sum()), values.shape[1]))
-            padded[place] = values
-            rows.append(padded.reshape(-1, most, values.shape[1]))
+        padded = np.zeros((2, most * int(parts.sum()), dofs.shape[1]))
+        padded[:, place] = normal, tangential
+        rows = padded.reshape(2, -1, most, dofs.shape[1])
         return cls(np.repeat(shared, parts, axis=0), rows[0], rows[1], place)
 
     def spread(self, values: Array) -> Array:
         """Values of points as factors of the groups' rows."""
-        groups, points, _ = self.normal.shape
-        spread = np.zeros(groups * points)
-        spread[self.place] = values
-        return spread.reshape(groups, points, 1)
+        spread = np.zeros((*self.normal.shape[:2], 1))
+        spread.flat[self.place] = values
+        return spread
 
 
 class JointStiffness:
@@ -288,13 +285,12 @@ class Factor:
         return list(solution.getDenseArray().T.copy())
 
     def solve_sparse(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
-        """A^-1 B for columns of B with few entries.
+        """A^-1 B for columns of B with few entries: a dense matrix, which the caller frees.
+
+        All its columns are on rank 0, its rows are those of A.
 
         Args:
             columns: Rows and values of the entries of every column, the same on all ranks.
-
-        Returns:
-            A dense matrix with all columns on rank 0 and rows as those of A; the caller frees it.
         """
         matrix, comm = self._factor_matrix(), self._stiffness._elastic.comm
         # MUMPS wants sparse right-hand sides as rows, all on the first rank.
