@@ -71,10 +71,10 @@ class GivenFriction(Protocol):
     """Finds states with given friction."""
 
     def __call__(self, bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-        """State with friction bound g.
+        """State with friction bound g at this rank's points, N per metre of thickness.
 
         Args:
-            bound: g at this rank's points, N per metre of thickness.
+            bound: g.
             start: State to start from.
             mu: Products to start with, in units of force times displacement; 1 from afar.
             tolerance: On the residuals, relative.
