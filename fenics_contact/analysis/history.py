@@ -89,14 +89,20 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
-class CapacityPoint(LoadStep):
+class CapacityPoint:
     """Point of the capacity curve: a state between rest and collapse.
 
     Attributes:
+        displacement: As that of `LoadStep`, m.
+        load_factor: lambda, not above zero where the curve is that of the live load reversed.
+        work: T, N m per metre of thickness.
         converged: Whether load factor and friction stand still there.
     """
 
-    converged: bool = True
+    displacement: float
+    load_factor: float
+    work: float
+    converged: bool
 
 
 @dataclass(frozen=True)

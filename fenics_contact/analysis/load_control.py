@@ -186,7 +186,7 @@ def capacity_curve(
         monitor: Called after every point with its number, the number of points, and the point.
     """
     if end.path is not None:
-        return [CapacityPoint(**vars(step)) for step in end.path.steps]
+        return [CapacityPoint(**vars(step), converged=True) for step in end.path.steps]
     if end.state is None:
         return []
     unit = case.problem.sum(np.abs(case.problem.live))
@@ -197,6 +197,6 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work))
+        curve.append(CapacityPoint(state.work / unit, state.load_factor, state.work, True))
         monitor(number, points, curve[-1])
     return curve
