@@ -64,9 +64,6 @@ class FixedPointOptions:
     tightest: float = 1e-12
 
 
-OPTIONS = FixedPointOptions()
-
-
 class GivenFriction(Protocol):
     """Finds states with given friction."""
 
@@ -93,7 +90,7 @@ def solve_fixed_point(
     tolerance: float,
     monitor: Callable[[Step], None],
     factorizations: Callable[[], int],
-    options: FixedPointOptions = OPTIONS,
+    options: FixedPointOptions | None = None,
 ) -> tuple[Solution, History]:
     """State whose friction bound g is Coulomb's, and the history, which says if it converged.
 
@@ -107,6 +104,7 @@ def solve_fixed_point(
         factorizations: Number of factorisations so far.
         options: Numbers of the iteration.
     """
+    options = options or FixedPointOptions()
     iteration = _Iteration(problem, solve, start, _Relaxation(problem.sum, options), options)
     steps: list[Step] = []
     converged = False
