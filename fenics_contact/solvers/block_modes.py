@@ -52,9 +52,6 @@ class BlockModesOptions:
     dependent: float = 1e-10
 
 
-OPTIONS = BlockModesOptions()
-
-
 @dataclass(frozen=True)
 class Blocks:
     """Blocks as the reduction sees them, each rank's numbered in a row.
@@ -93,7 +90,7 @@ class BlockModes:
         problem: ContactProblem,
         shapes: Array,
         blocks: Blocks,
-        options: BlockModesOptions = OPTIONS,
+        options: BlockModesOptions | None = None,
     ) -> None:
         """Reduce a structure.
 
@@ -104,6 +101,7 @@ class BlockModes:
             blocks: Its blocks.
             options: Numbers of the reduction.
         """
+        options = options or BlockModesOptions()
         self.full, self._blocks, self._modes = problem, blocks, shapes.shape[2]
         basis, is_mode = _orthonormal_columns(problem, shapes, blocks, options.dependent)
         stiffness = problem.stiffness.matrix.ptap(basis)

@@ -48,9 +48,6 @@ class MumpsOptions:
     minimum_fill_up_to: int = 100_000
 
 
-MUMPS = MumpsOptions()
-
-
 @dataclass
 class Tally:
     """Number of numeric factorisations so far."""
@@ -123,7 +120,7 @@ class JointStiffness:
         rows: JointRows,
         kind: str,
         tally: Tally,
-        options: MumpsOptions = MUMPS,
+        options: MumpsOptions | None = None,
     ) -> None:
         """Lay out A; it is analysed with the first factor.
 
@@ -135,7 +132,7 @@ class JointStiffness:
             options: Of MUMPS.
         """
         self.tally, self._kind, self._rows = tally, kind, rows
-        self._options = options
+        self._options = options or MumpsOptions()
         self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
         both = np.concatenate([rows.normal, rows.tangential], axis=1)
         self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
