@@ -197,7 +197,7 @@ class Known:
         source: Where that comes from.
         tags: Kinds of scenes, for `known`: "wall" (W1 ... W4) or "bond" with "tresca", "coulomb" or
             "bracket" (only bounds are known); "closed-form", "wedge"; "arch", "least" (thickness);
-            "hard" (on the arithmetic); "slow" (over 5 s); "open" (no way to solve it is known).
+            "hard" (on the arithmetic); "slow" (over 5 s); "open" (not solved reliably: it may answer `not_converged`).
         tolerance: On the load factor, relative to `size`.
         size: Typical load factor; that expected where not given.
         elements: For which mesh this holds.
@@ -382,7 +382,7 @@ def wall_entries() -> Iterator[Known]:
         for name, factor in zip(WALLS, factors, strict=True):
             recipe, label = wall_recipe(name, coulomb(friction)), f"{name} bracket {friction:g}"
             source = f"upper end: {PROGRAM}, on the walls of {WALL_SOURCE}"
-            about = tags("wall bracket" + " slow" * (name == "W2" and friction == 10.0))
+            about = tags("wall bracket" + " slow open" * (name == "W2" and friction == 10.0))
             yield Known(label, recipe, (0.0, factor), source, about, **digits)
     for elements, factors, tolerance in (
         (2, (0.63997, 0.56288, 0.35582, 0.26374), 2e-4),

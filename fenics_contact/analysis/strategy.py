@@ -390,7 +390,7 @@ class WorkOptions:
     first_of_many: float = 0.2
     growth: float = 10.0
     largest: float = 1e10
-    missing: int = 2
+    missing: int = 4
     gap: float = 2.5e-2
     gap_falls: float = 0.7
     unlimited: float = 0.9

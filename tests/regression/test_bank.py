@@ -56,6 +56,7 @@ def test_least_thickness_of_an_arch(entry):
     solved(entry)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("entry", known("open"), ids=lambda entry: entry.name)
 def test_what_is_not_solved_is_not_claimed(entry):
     result = limit_load(entry.scene())
