@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 from fenics_contact.analysis.collapse_mode import elastic_mode, verify
-from fenics_contact.analysis.load_case import LoadCase
 from tests.bank import block_recipe
-from tests.unit.core import BOND, conditions, load_case, solved
+from tests.unit.core import BOND, conditions, load_case, prepared, solved
 
-
-@pytest.fixture(scope="module")
-def block() -> Iterator[LoadCase]:
-    with load_case(block_recipe(0.4, 0.4, 0.5).scene(2)) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def bond() -> Iterator[LoadCase]:
-    with load_case(BOND.scene(1)) as made:
-        yield made
+block, bond = prepared(block_recipe(0.4, 0.4, 0.5), 2), prepared(BOND)
 
 
 def test_mode_at_the_limit_load_is_admissible_and_dissipates_what_the_loads_do(bond):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,35 +17,30 @@ from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import SYMMETRIC
 from tests.bank import Recipe, block_recipe, coulomb
-from tests.unit.core import FAR, Array, load_case, misses, solved
+from tests.unit.core import FAR, Array, load_case, misses, prepared, solved
 
-BOND = Recipe(lambda n, quads: running_bond(2, 3, elements=n), coulomb(0.45))
+bond = prepared(Recipe(lambda n, quads: running_bond(2, 3, elements=n), coulomb(0.45)))
 
-
-@pytest.fixture(scope="module")
-def bond() -> Iterator[LoadCase]:
-    with load_case(BOND.scene(1)) as made:
-        yield made
+#: Three points with one coefficient of friction.
+block = prepared(block_recipe(0.4, 0.4, 0.5))
 
 
-def task_of(case: LoadCase, tolerance: float = 1e-8) -> Task:
+def task_of(case: LoadCase) -> Task:
     work = FAR * case.bonded_work
-    return Task(case, work, case.scales_at(work), tolerance)
+    return Task(case, work, case.scales_at(work), 1e-8)
 
 
-# ---- on structures
-
-
-def test_fixed_point_is_coulombs_law_and_the_interior_point_methods_state(bond):
-    solution, history = fixed_point(task_of(bond))
-    assert history.converged and history.method == "fixed-point"
-    assert len(history.steps) > 2
+@pytest.mark.parametrize("first", [1.0, 2.0])
+def test_fixed_point_is_coulombs_law_and_the_interior_point_methods_state(bond, first):
+    """Whatever bound it starts from, where there is one state."""
+    bound = first * bond.problem.bound(bond.first_pressure)
+    solution, history = fixed_point(task_of(bond), bound)
+    assert history.converged and history.method == "fixed-point" and len(history.steps) > 2
     assert history.steps[-1].bound_change <= 1e-8
     assert 0.0 < history.contraction < 1.0
-    state = solution.state
-    left = misses(bond, state, bond.problem.bound(state.pressure))
-    assert max(left.values()) < 1e-7, left
-    assert state.load_factor == pytest.approx(solved(bond).state.load_factor, rel=1e-8)
+    assert max(misses(bond, solution.state).values()) < 1e-7
+    exact = solved(bond).state.load_factor
+    assert solution.state.load_factor == pytest.approx(exact, rel=1e-8)
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.6])
@@ -65,67 +60,61 @@ def test_sliding_block_is_told_step_by_step(friction):
 
 def iterated(
     case: LoadCase,
-    answer: Callable[[Array, int], Array],
+    answer: Callable[[Array, float], Array],
     first: Array | float = 0.3,
     tolerance: float = 1e-8,
     **options: float,
 ) -> tuple[Array, History]:
-    """F r_N of the last state, and the history."""
+    """F r_N of the last state, and the history; maps are told the products they start with."""
     state, friction = case.bonded_state(1.0), case.problem.friction
-    calls: list[float] = []
 
     def solve(bound: Array, start: object, mu: float, exact: float) -> Solution:
-        calls.append(mu)
-        pressure = answer(bound, len(calls)) / friction
+        pressure = answer(bound, mu) / friction
         factor = float(np.mean(friction * pressure))
         return Solution(replace(state, pressure=pressure, load_factor=factor), {}, 1)
 
-    bound = np.broadcast_to(first, friction.shape).astype(float)
-    chosen = FixedPointOptions(**options)
+    bound, chosen = np.broadcast_to(first, 3).astype(float), FixedPointOptions(**options)
+    told = (lambda step: None), (lambda: 0)
     solution, history = solve_fixed_point(
-        case.problem, solve, state, bound, tolerance, lambda step: None, lambda: 0, chosen
+        case.problem, solve, state, bound, tolerance, *told, chosen
     )
-    assert calls[0] == 1.0 and max(calls) <= 1.0
     return friction * solution.state.pressure, history
-
-
-@pytest.fixture(scope="module")
-def block() -> Iterator[LoadCase]:
-    """Three points with one coefficient of friction."""
-    with load_case(block_recipe(0.4, 0.4, 0.5).scene(1)) as made:
-        yield made
 
 
 @pytest.mark.parametrize("slope", [0.4, -0.5, -0.9, -3.0])
 def test_relaxation_finds_the_slope_of_a_linear_map(block, slope):
     found, history = iterated(block, lambda g, _: slope * (g - 1.0) + 1.0, 1.2)
-    assert history.converged and history.cycles == 0
-    assert found == pytest.approx(np.ones_like(found), rel=1e-7)
-    assert history.steps[0].relaxation == 1.0
-    assert history.steps[1].relaxation == pytest.approx(1.0 / (1.0 - slope), rel=1e-9)
-    assert history.steps[1].secant == pytest.approx(1.0 - slope, rel=1e-9)
-    assert len(history.steps) <= 6
+    assert history.converged and history.cycles == 0 and len(history.steps) <= 6
+    assert found == pytest.approx(np.ones(3), rel=1e-7)
+    first, second = history.steps[:2]
+    assert (first.relaxation, second.relaxation) == pytest.approx((1.0, 1.0 / (1.0 - slope)))
+    assert second.secant == pytest.approx(1.0 - slope)
 
 
-@pytest.mark.parametrize("slope", [0.99, 1.5, -99.0])
-def test_relaxation_is_limited_and_grows_where_changes_grow(block, slope):
-    options = FixedPointOptions()
+@pytest.mark.parametrize(
+    ("slope", "relaxations"), [(0.99, [1.0, 50.0]), (1.5, [1.0, 2.0, 4.0]), (-99.0, [1.0, 0.05])]
+)
+def test_relaxation_is_limited_and_grows_where_changes_grow(block, slope, relaxations):
+    """0.99 asks for 100 along one direction, -99 for 0.01."""
     _, history = iterated(block, lambda g, _: 1.0 + slope * (g - 1.0), 1.01, max_iterations=4)
-    omega = [step.relaxation for step in history.steps]
-    if slope == 0.99:  # asks for 100, along one direction
-        assert omega[1] == options.fast
-    elif slope == 1.5:  # grows
-        assert omega[:3] == [1.0, 2.0, 4.0]
-    else:
-        assert omega[1] == options.relaxation[0]
+    assert [step.relaxation for step in history.steps][: len(relaxations)] == relaxations
 
 
-def test_contraction_that_is_slow_in_one_direction_is_not_stopped_early(block):
-    """The estimate of the error covers what the slowest direction leaves."""
-    rates = np.array([0.97, 0.1, -0.6])
-    found, history = iterated(block, lambda g, _: 1.0 + rates * (g - 1.0), [1.3, 0.2, 2.0])
-    assert history.converged
-    assert np.abs(found - 1.0).max() <= 1e-7
+@pytest.mark.parametrize(
+    ("rates", "target", "first", "tolerance"),
+    [
+        ([0.97, 0.1, -0.6], [1.0, 1.0, 1.0], [1.3, 0.2, 2.0], 1e-8),
+        ([0.95, 0.01, 0.01], [1e-3, 1.0, 1.0], [2e-3, 1.1, 1.1], 1e-5),  # hidden in the bound
+    ],
+)
+def test_slow_directions_are_waited_for(block, rates, target, first, tolerance):
+    def answer(g: Array, _: float) -> Array:
+        return target + np.array(rates) * (g - target)
+
+    found, history = iterated(block, answer, first, tolerance)
+    assert history.converged and history.cycles == 0
+    assert np.abs(found - target).max() <= 10.0 * tolerance
+    assert found.mean() == pytest.approx(np.mean(target), rel=tolerance)
 
 
 def test_rotation_converges(block):
@@ -134,66 +123,35 @@ def test_rotation_converges(block):
     found, history = iterated(block, lambda g, _: 10.0 + turn @ (g - 10.0), [11.0, 10.0, 10.0])
     assert history.converged and history.cycles == 0
     assert found == pytest.approx(np.full(3, 10.0), rel=1e-7)
-    assert [step.relaxation for step in history.steps[1:-1]] == pytest.approx(
-        [0.5] * (len(history.steps) - 2), rel=1e-6
-    )
+    relaxations = [step.relaxation for step in history.steps[1:-1]]
+    assert relaxations == pytest.approx([0.5] * len(relaxations), rel=1e-6)
     assert history.contraction == pytest.approx(np.sqrt(0.5), rel=0.05)
 
 
 def test_cycles_are_damped_and_counted(block):
     """A map without fixed point: it jumps over the diagonal at one half."""
     _, history = iterated(block, lambda g, _: np.where(g < 0.5, 1.0, 0.1))
-    options = FixedPointOptions()
-    assert not history.converged
-    assert len(history.steps) == options.max_iterations
-    assert history.cycles >= 2
+    assert not history.converged and history.cycles >= 2
+    assert len(history.steps) == FixedPointOptions().max_iterations
     omega = [step.relaxation for step in history.steps]
-    assert min(omega) >= options.relaxation[0]
+    assert min(omega) >= FixedPointOptions().relaxation[0]
     assert max(omega[-20:]) <= 0.5 < max(omega)
 
 
-def test_load_factor_that_creeps_is_waited_for(block):
-    """While the bound converges quickly at all points but a light one."""
-    rates, target = np.array([0.95, 0.01, 0.01]), np.array([1e-3, 1.0, 1.0])
-    first = [2e-3, 1.1, 1.1]
-    found, history = iterated(block, lambda g, _: target + rates * (g - target), first, 1e-5)
-    assert history.converged
-    assert abs(found.mean() - target.mean()) <= 1e-5 * target.mean()
-
-
 def test_last_state_is_kept_where_the_next_is_not_found(block):
-    def answer(bound: Array, call: int) -> Array:
-        if call > 3:
-            raise SolverError("made up")
-        return 1.0 + 0.1 * call + bound
-
-    found, history = iterated(block, answer)
-    assert not history.converged and len(history.steps) == 3
-    assert found.mean() == pytest.approx(history.steps[-1].load_factor)
-
-
-def test_no_state_at_all_is_an_error(block):
-    def answer(bound: Array, call: int) -> Array:
-        raise SolverError("made up")
-
-    with pytest.raises(SolverError, match="made up"):
-        iterated(block, answer)
-
-
-def test_warm_start_that_fails_is_made_again_from_further_away(block):
+    """A warm start that fails is made again from afar; where that fails too the iteration ends."""
     asked: list[float] = []
 
-    def solve(bound: Array, start: object, mu: float, exact: float) -> Solution:
+    def answer(bound: Array, mu: float) -> Array:
         asked.append(mu)
-        if 0.0 < mu < 0.5 and len(asked) > 1:
-            raise SolverError("too close")
-        pressure = (1.0 + 0.4 * bound) / block.problem.friction
-        state = replace(block.bonded_state(1.0), pressure=pressure, load_factor=1.0)
-        return Solution(state, {}, 1)
+        if len(asked) > 1 and (mu < 1.0 or len(asked) > 12):
+            raise SolverError("made up")
+        return 1.1 + 1.05 * bound
 
-    _, history = solve_fixed_point(
-        block.problem, solve, block.bonded_state(1.0), np.ones(3), 1e-6, lambda _: None, lambda: 0
-    )
-    assert history.converged
-    again = [mu for mu in asked if mu < 0.5]
-    assert again and asked.count(1.0) > 1
+    found, history = iterated(block, answer)
+    assert not history.converged and len(history.steps) > 1
+    assert found.mean() == pytest.approx(history.steps[-1].load_factor)
+    assert asked[0] == 1.0 and min(asked) < 1.0 and asked.count(1.0) > len(history.steps)
+    asked[:] = [1.0] * 13
+    with pytest.raises(SolverError, match="made up"):
+        iterated(block, answer)
