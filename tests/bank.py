@@ -197,7 +197,8 @@ class Known:
         source: Where that comes from.
         tags: Kinds of scenes, for `known`: "wall" (W1 ... W4) or "bond" with "tresca", "coulomb" or
             "bracket" (only bounds are known); "closed-form", "wedge"; "arch", "least" (thickness);
-            "hard" (on the arithmetic); "slow" (over 5 s); "open" (not solved reliably: it may answer `not_converged`).
+            "hard" (on the arithmetic); "slow" (over 5 s); "open" (not solved reliably:
+            `not_converged` is an answer).
         tolerance: On the load factor, relative to `size`.
         size: Typical load factor; that expected where not given.
         elements: For which mesh this holds.

@@ -172,57 +172,40 @@ class Continuation:
         """
         options, path = self.options, self.path
         goal = path.progress(end, end) + options.past
-        trusted: _Place | None = None
-        limit = options.elimination.allowed
-        corrections = astray = since = 0
-        best = path.progress(point.mu, point.work)
+        steps = _Steps(self, goal)
+        best, since = path.progress(point.mu, point.work), 0
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
-            ending = progress >= goal - 0.5 * options.past
-            if ending and (
-                self._distance(point) <= options.close or corrections == options.corrections
-            ):
-                return point
-            corrections += ending
-            place = _Place(self, point)
-            found = place.step(None if ending else self._reach(point, goal), limit)
-            if (
-                not found.reached
-                and trusted is not None
-                and limit > options.least * options.elimination.allowed
-            ):
-                limit *= options.shorter
-                trusted.refactor()
-                point = self._point(trusted, trusted.step(self._reach(trusted.point, goal), limit))
-                continue
-            limit = min(limit / options.shorter, options.elimination.allowed)
-            astray = 0 if found.reached else astray + 1
-            trusted = place if found.reached and not ending else None
-            point = self._point(place, found)
-            progress = path.progress(point.mu, point.work)
-            best, since = (progress, step) if progress >= best + np.log(2.0) else (best, since)
-            _log.debug(
-                "    %3d  %.12g  mu %.2e, T %.4e, limit %.1e",
-                step,
-                point.iterate.load_factor,
-                point.mu,
-                point.work,
-                limit,
-            )
-            if not np.isfinite(point.iterate.load_factor) or astray > options.lost:
+            if progress >= goal - 0.5 * options.past:
+                return self._settled(point)
+            if progress >= best + np.log(2.0):
+                best, since = progress, step
+            if step - since >= options.patience:
+                raise SolverError(f"central path: wanders, after {step} steps")
+            point = steps.next(point)
+            values = point.iterate.load_factor, point.mu, point.work
+            _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *values)
+            if not np.all(np.isfinite(values)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
-            if not ending and step - since >= options.patience:
-                raise SolverError(f"central path: wanders, after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def _reach(self, point: PathPoint, goal: float) -> tuple[float, float]:
+    def _settled(self, point: PathPoint) -> PathPoint:
+        """The point after steps across the path alone, until it is close."""
+        for _ in range(self.options.corrections):
+            if self._distance(point) <= self.options.close:
+                break
+            place = _Place(self, point)
+            point = self.moved(place, place.step(None, self.options.elimination.allowed))
+        return point
+
+    def reach(self, point: PathPoint, goal: float) -> tuple[float, float]:
         """Least and largest change of s in a step."""
         largest = self.options.largest_change
         to_goal = self.path.change_to(point.mu, point.work, goal)
         back = -largest / (1.0 + largest) if self.path.work_rate else -largest
         return back, min(max(to_goal, 1e-4), largest)
 
-    def _point(self, place: _Place, step: Step) -> PathPoint:
+    def moved(self, place: _Place, step: Step) -> PathPoint:
         """The point with equal products where a step leads."""
         mu = self.path.mu(place.point.mu, step.s)
         work = self.path.work(place.point.work, step.s)
@@ -242,6 +225,39 @@ class Continuation:
         of_q = np.maximum(0.5 * (now.s1 + now.s2) / f + np.abs(now.slip) / d, self.smallest)
         slip = np.where(kkt.frictional, residual.slip / of_q, 0.0)
         return self.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
+
+
+class _Steps:
+    """Steps along a path; where one led too far it is made again, shorter."""
+
+    def __init__(self, continuation: Continuation, goal: float) -> None:
+        self._continuation, self._goal = continuation, goal
+        self._usual = self._limit = continuation.options.elimination.allowed
+        self._trusted: _Place | None = None
+        self._astray = self._count = 0
+
+    def next(self, point: PathPoint) -> PathPoint:
+        """The point a step on from another, or the last one again, not as far.
+
+        Raises:
+            SolverError: If too many steps in a row do not reach the path.
+        """
+        continuation, options = self._continuation, self._continuation.options
+        self._count += 1
+        place = _Place(continuation, point)
+        found = place.step(continuation.reach(point, self._goal), self._limit)
+        again = self._trusted
+        if not found.reached and again is not None and self._limit > options.least * self._usual:
+            self._limit *= options.shorter
+            again.refactor()
+            reach = continuation.reach(again.point, self._goal)
+            return continuation.moved(again, again.step(reach, self._limit))
+        self._limit = min(self._limit / options.shorter, self._usual)
+        self._astray = 0 if found.reached else self._astray + 1
+        if self._astray > options.lost:
+            raise SolverError(f"central path: lost after {self._count} steps")
+        self._trusted = place if found.reached else None
+        return continuation.moved(place, found)
 
 
 class _Place:

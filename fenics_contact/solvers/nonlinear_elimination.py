@@ -24,6 +24,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
@@ -140,6 +141,51 @@ class TangentModel:
         """Distances from the laws; infinite where a tangent leads nowhere."""
         states = self.states(part, s, forces)
         return np.nan_to_num(self.laws.distances(states, self.mu_at(s)), nan=np.inf)
+
+    def shortest_way(self, total: Callable[[Array], float]) -> float:
+        """S per part of the shortest way c + s t to the path, -t.c / t.t: at right angles to t.
+
+        Products are of relative changes of p and q, with s counted once per point.
+
+        Args:
+            total: Sums an array over all ranks.
+        """
+        sizes = self.laws.sizes(JointStates(self.start))
+        carried = np.array([np.ones(len(self.laws.frictional)), self.laws.frictional])
+        along, across = (
+            carried * np.stack([states.p, states.q]) / sizes
+            for states in (JointStates(self.tangent), JointStates(self.correction))
+        )
+        square = total(np.sum(along**2, axis=0) + 1.0)
+        return -total(along * across) / square if square else 0.0
+
+    def gathered(self, comm: MPI.Comm, points: Integers) -> TangentModel:
+        """Model of points of all ranks, the same on all.
+
+        Args:
+            comm: The ranks.
+            points: Ranks and places there, shape (points, 2).
+        """
+        mine = np.flatnonzero(points[:, 0] == comm.rank)
+        local = self.at(points[mine, 1])
+        names = [item.name for item in fields(local)[1:-2]]
+        laws = [local.laws.friction, local.laws.strength, local.laws.frictional]
+        arrays = [getattr(local, name) for name in names]
+        shapes = [array.shape[:-1] for array in arrays]
+        counts = [int(np.prod(shape)) for shape in shapes]
+        rows = [a.reshape(k, len(mine)) for a, k in zip(arrays, counts, strict=True)]
+        rows = np.concatenate([laws, *rows])
+        values = np.empty((len(rows), len(points)))
+        for places, some in comm.allgather((mine, rows)):
+            values[:, places] = some
+        parts = np.split(values[3:], np.cumsum(counts)[:-1])
+        whole = {
+            name: part.reshape(*shape, len(points))
+            for name, shape, part in zip(names, shapes, parts, strict=True)
+        }
+        friction, strength, sticks = values[:3]
+        of_all = replace(local.laws, friction=friction, strength=strength, frictional=sticks > 0.5)
+        return replace(local, laws=of_all, **whole)
 
     def response(self, opening: Array, slip: Array) -> Array:
         """Changes of states that displacements of the blocks cause: springs answer."""
@@ -263,6 +309,56 @@ class ChosenPoints:
             new = self.at(new.x + change)
         return None
 
+    def trace(
+        self,
+        watched: TangentModel,
+        largest: Callable[[Array], float],
+        here: CurvePoint,
+        forward: Array,
+        reach: tuple[float, float],
+        limit: float,
+    ) -> Trace:
+        """Follow the curve by its length, until it ends or a watched point bends too far.
+
+        Args:
+            watched: Points that are looked at on the way.
+            largest: Maximum of an array over all ranks.
+            here: Where the curve begins.
+            forward: Row whose product with the direction there is positive.
+            reach: Values of tau at which the curve ends.
+            limit: Distance of watched points from their laws at which it ends.
+        """
+        furthest, length, near, stopped = here, 1.0, 0.0, None
+        shortest = self.options.shortest_to_others * limit / self.options.allowed
+        for _ in range(self.options.curve_steps):
+            along = self.direction(here, forward)
+            found = None
+            while along is not None and length > self.options.shortest:
+                found = self.step(here, along, length, reach)
+                if found is None:
+                    length *= 0.4
+                    continue
+                new = found[0]
+                distances = watched.distances(*self.line.at(new.tau), new.forces)
+                leaving = largest(distances)
+                if leaving <= limit:
+                    break
+                found, stopped = None, new
+                length *= float(np.clip((limit - near) / (leaving - near), 0.1, 0.5))
+                if length < shortest:
+                    break
+            if along is None or found is None:
+                break
+            stopped = None
+            (here, corrections), near = found, leaving
+            forward = along / here.sizes**2
+            if here.tau > furthest.tau:
+                furthest = here
+            length = min(3.0 * length if corrections <= 3 else length, self.options.longest)
+            if not reach[0] < here.tau < reach[1]:
+                break
+        return Trace(here, furthest, here.tau >= reach[1], stopped)
+
     @cached_property
     def _compliance(self) -> Array:
         """C: openings, then slips, for normal forces, then shear forces."""
@@ -368,8 +464,8 @@ class NonlinearElimination:
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
         self._others = np.ones(count, dtype=bool)
         self._watched = np.zeros(count, dtype=bool)
-        #: s per part of the shortest way c + s t to the path: at right angles to t.
-        self.back = self._shortest_way()
+        #: s per part of the shortest way to the path.
+        self.back = self.model.shortest_way(problem.sum)
 
     def choose(self, ahead: float) -> None:
         """Choose the points whose laws bend first, and solve for what forces there do to all.
@@ -391,8 +487,9 @@ class NonlinearElimination:
         with np.errstate(all="ignore"):
             for _ in range(self.options.rounds):
                 curve, traced, reached = self._curves(reach, orientation, limit)
-                far = reach is not None and reached and self._far(traced)
-                if traced.complete or far or traced.stopped is None:
+                far = abs(traced.last.tau - self.back) > self.options.enough
+                along = reach is not None and reached
+                if traced.complete or (along and far) or traced.stopped is None:
                     break
                 at = curve.line.at(traced.stopped.tau)
                 more = self._worst(self.model.distances(*at, traced.stopped.forces))
@@ -407,7 +504,8 @@ class NonlinearElimination:
         self, reach: tuple[float, float] | None, orientation: float, limit: float
     ) -> tuple[ChosenPoints, Trace, bool]:
         """The last curve of a step and where it led, and whether the path was reached."""
-        model, options = self._gathered(), self.options
+        options = self.options
+        model = self.model.gathered(self.problem.comm, self._chosen)
         corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, self.back)), options)
         start = JointStates(model.start)
         begin = corrector.at(np.concatenate([start.p, start.q, [0.0]]))
@@ -424,22 +522,6 @@ class NonlinearElimination:
         high = max(reach[1], self.back + options.shortest)
         return predictor, self._trace(predictor, begin, sign * forward, (low, high), limit), True
 
-    def _far(self, traced: Trace) -> bool:
-        """Whether a curve along the path led far enough for no more points to be chosen."""
-        return abs(traced.last.tau - self.back) > self.options.enough
-
-    def _shortest_way(self) -> float:
-        """-t.c / t.t, by relative changes of p and q, with s counted once per point."""
-        model = self.model
-        sizes = model.laws.sizes(JointStates(model.start))
-        carried = np.array([np.ones(len(model.laws.frictional)), model.laws.frictional])
-        along, across = (
-            carried * np.stack([states.p, states.q]) / sizes
-            for states in (JointStates(model.tangent), JointStates(model.correction))
-        )
-        square = self.problem.sum(np.sum(along**2, axis=0) + 1.0)
-        return -self.problem.sum(along * across) / square if square else 0.0
-
     def _first_to_bend(self, ahead: float) -> Integers:
         """Points that leave their laws first, on the way to the path, and then along it."""
         options, back = self.options, self.back
@@ -454,9 +536,9 @@ class NonlinearElimination:
             return np.maximum(reached[points], self.model.at(points).distances(1.0, s))
 
         if self._bending(reached) > options.points:
-            found = self._up_to(to_path, np.log(1e-5), 0.0)
+            found = self._up_to_most(to_path)
         elif ahead:
-            found = self._up_to(on, np.log(1e-5), 0.0)
+            found = self._up_to_most(on)
         self._watched = found > options.noticed
         return self._worst(found)
 
@@ -464,8 +546,9 @@ class NonlinearElimination:
         """Number of points that would have to be chosen."""
         return self.problem.sum(np.where(distances > self.options.chosen, 1.0, 0.0))
 
-    def _up_to(self, distances: Callable[[float, Points], Array], low: float, high: float) -> Array:
+    def _up_to_most(self, distances: Callable[[float, Points], Array]) -> Array:
         """Distances from the laws at the furthest place where no more bend than may be chosen."""
+        low, high = float(np.log(1e-5)), 0.0
         found = distances(high, slice(None))
         if self._bending(found) <= self.options.points:
             return found
@@ -496,7 +579,7 @@ class NonlinearElimination:
         """Choose points: openings and slips of this rank's points for unit forces at them."""
         width = self.options.columns // 2
         parts = [
-            self._answers_to(chosen[first : first + width])
+            _answers_to(self.linear, chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
         if parts:
@@ -504,54 +587,6 @@ class NonlinearElimination:
             self.model = replace(self.model, answers=answers)
         self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
-
-    def _answers_to(self, points: Integers) -> Array:
-        """Answers of all to unit forces at some points, with the work of the live load held."""
-        problem, kkt = self.problem, self.linear.kkt
-        maps = problem.normal.matrix, problem.tangential.matrix
-        mine = {}
-        for k, (rank, point) in enumerate(points):
-            if rank == problem.comm.rank:
-                for side, matrix in enumerate(maps):
-                    mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
-        columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
-        solutions = self.linear.factor.solve_sparse([columns[k] for k in range(2 * len(points))])
-        displacements = solutions.getDenseArray().T
-        live, response = problem.live, self.linear.live_response
-        works = problem.comm.allreduce(displacements @ live)
-        displacements -= np.outer(works / self.linear.flexibility, response)
-        unit = kkt.scales.force / kkt.scales.displacement
-        products = [matrix.matMult(solutions) for matrix in maps]
-        answers = np.array([unit * product.getDenseArray().T for product in products])
-        for matrix in (solutions, *products):
-            matrix.destroy()
-        return answers
-
-    def _gathered(self) -> TangentModel:
-        """Model of the chosen points, gathered from their ranks."""
-        comm, chosen = self.problem.comm, self._chosen
-        mine = np.flatnonzero(chosen[:, 0] == comm.rank)
-        local = self.model.at(chosen[mine, 1])
-        names = [item.name for item in fields(local)[1:-2]]
-        laws = [local.laws.friction, local.laws.strength, local.laws.frictional]
-        arrays = [getattr(local, name) for name in names]
-        shapes = [array.shape[:-1] for array in arrays]
-        counts = [int(np.prod(shape)) for shape in shapes]
-        rows = [a.reshape(k, len(mine)) for a, k in zip(arrays, counts, strict=True)]
-        rows = np.concatenate([laws, *rows])
-        values = np.empty((len(rows), len(chosen)))
-        for places, some in comm.allgather((mine, rows)):
-            values[:, places] = some
-        parts = np.split(values[3:], np.cumsum(counts)[:-1])
-        whole = {
-            name: part.reshape(*shape, len(chosen))
-            for name, shape, part in zip(names, shapes, parts, strict=True)
-        }
-        friction, strength, frictional = values[:3]
-        laws_of_all = replace(
-            local.laws, friction=friction, strength=strength, frictional=frictional > 0.5
-        )
-        return replace(local, laws=laws_of_all, **whole)
 
     def _trace(
         self,
@@ -566,7 +601,8 @@ class NonlinearElimination:
         Only points noticed so far are watched on the way. All are looked at where it ends.
         """
         while True:
-            traced = self._trace_watching(curve, here, forward, reach, limit)
+            watched = self.model.at(np.flatnonzero(self._watched & self._others))
+            traced = curve.trace(watched, self.problem.max, here, forward, reach, limit)
             last = traced.last
             if last is here:
                 return traced
@@ -575,46 +611,6 @@ class NonlinearElimination:
             if not self.problem.max(missed) > limit:
                 return traced
             self._watched |= missed > min(self.options.noticed, limit)
-
-    def _trace_watching(
-        self,
-        curve: ChosenPoints,
-        here: CurvePoint,
-        forward: Array,
-        reach: tuple[float, float],
-        limit: float,
-    ) -> Trace:
-        watched = self.model.at(np.flatnonzero(self._watched & self._others))
-        furthest, length, near, stopped = here, 1.0, 0.0, None
-        shortest = self.options.shortest_to_others * limit / self.options.allowed
-        for _ in range(self.options.curve_steps):
-            along = curve.direction(here, forward)
-            found = None
-            while along is not None and length > self.options.shortest:
-                found = curve.step(here, along, length, reach)
-                if found is None:
-                    length *= 0.4
-                    continue
-                new = found[0]
-                distances = watched.distances(*curve.line.at(new.tau), new.forces)
-                leaving = self.problem.max(distances)
-                if leaving <= limit:
-                    break
-                found, stopped = None, new
-                length *= float(np.clip((limit - near) / (leaving - near), 0.1, 0.5))
-                if length < shortest:
-                    break
-            if along is None or found is None:
-                break
-            stopped = None
-            (here, corrections), near = found, leaving
-            forward = along / here.sizes**2
-            if here.tau > furthest.tau:
-                furthest = here
-            length = min(3.0 * length if corrections <= 3 else length, self.options.longest)
-            if not reach[0] < here.tau < reach[1]:
-                break
-        return Trace(here, furthest, here.tau >= reach[1], stopped)
 
     def _moved(self, curve: ChosenPoints, last: CurvePoint, reached: bool) -> Step:
         """Where the curve's point moves the structure."""
@@ -655,3 +651,26 @@ def _turned(start: CurvePoint, last: CurvePoint) -> float:
     """Sign of the determinant of the chosen points' equations, relative to that at the start."""
     signs = (np.linalg.slogdet(at.slopes[:, :-1])[0] for at in (start, last))
     return float(np.prod(list(signs))) or 1.0
+
+
+def _answers_to(linear: Linearization, points: Integers) -> Array:
+    """Answers of all to unit forces at some points, with the work of the live load held."""
+    problem, scales = linear.kkt.problem, linear.kkt.scales
+    maps = problem.normal.matrix, problem.tangential.matrix
+    mine = {}
+    for k, (rank, point) in enumerate(points):
+        if rank == problem.comm.rank:
+            for side, matrix in enumerate(maps):
+                mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
+    columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
+    solutions = linear.factor.solve_sparse([columns[k] for k in range(2 * len(points))])
+    displacements = solutions.getDenseArray().T
+    live, response = problem.live, linear.live_response
+    works = problem.comm.allreduce(displacements @ live)
+    displacements -= np.outer(works / linear.flexibility, response)
+    unit = scales.force / scales.displacement
+    products = [matrix.matMult(solutions) for matrix in maps]
+    answers = np.array([unit * product.getDenseArray().T for product in products])
+    for matrix in (solutions, *products):
+        matrix.destroy()
+    return answers
