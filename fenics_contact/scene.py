@@ -118,10 +118,10 @@ class SolveOptions:
     """How to look for the limit load.
 
     Attributes:
-        method: How states are found: by an interior point method with the friction bound iterated
-            ("fixed-point"), in the equations ("monolithic") or first one, then the other ("auto");
-            or with the bound iterated and joint forces as unknowns, normal and tangential ones in
-            turn ("splitting") or both at once ("active-set").
+        method: How states are found: by continuation of the central path ("auto"), by an interior
+            point method with Coulomb friction in its equations ("monolithic"), or by the fixed
+            point on the friction bound, with an interior point method ("fixed-point") or by joint
+            forces, normal and shear in turn ("splitting") or both at once ("active-set").
         direction: Which end of the range of load factors: "positive", "negative" or "both".
         tolerance: On the load factor, relative.
         control: What is prescribed on the way: the "work" of the live load, or the "load" factor,

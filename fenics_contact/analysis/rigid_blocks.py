@@ -4,7 +4,7 @@
                               r_N >= 0,   |r_T| <= F r_N + g.
 
 With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
-multipliers of equilibrium are the rigid motions of a collapse (E. Charnes, H.J. Greenberg's
+multipliers of equilibrium are the rigid motions of a collapse (A. Charnes, H.J. Greenberg's
 duality; see R.K. Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). With
 Coulomb friction it is the limit load for associative slip, an upper bound; without friction it is
 a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).

@@ -21,6 +21,7 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB, Attempt, Strategy, Task, fixed_point
 from fenics_contact.errors import SolverError
+from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
@@ -221,7 +222,7 @@ class _Search:
         )
 
 
-def _tried(attempt: Attempt, task: Task):  # type: ignore[no-untyped-def]
+def _tried(attempt: Attempt, task: Task) -> tuple[Solution, History] | None:
     """What an attempt finds; None where it finds nothing."""
     try:
         return attempt(task)
