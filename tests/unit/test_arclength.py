@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -63,11 +61,6 @@ def test_all_products_are_equal_along_the_path(plain):
     assert sizes.pop("complementarity") == pytest.approx(point.mu, rel=1e-9)
     assert max(sizes.values()) <= 1e-6
     assert point.state.work == kkt.work
-
-
-@pytest.mark.parametrize("end", [0.5, 1e-2, 1e-5])
-def test_falling_products_end_below_those_asked_for(plain, end):
-    assert 0.1 * end < fallen(plain, end).mu <= end
 
 
 PASSES_THE_END = pytest.mark.xfail(strict=True, reason="a corrector may lead far past the end")
@@ -135,12 +128,6 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
         assert state.load_factor == pytest.approx(0.645963, abs=2e-6)
 
 
-def test_path_without_folds_ends_where_the_interior_point_method_does(plain):
-    exact = solved(plain).state.load_factor
-    assert finished(plain, fallen(plain, 1e-4)).load_factor == pytest.approx(exact, rel=1e-7)
-    assert fallen(plain, 1e-6).iterate.load_factor == pytest.approx(exact, rel=1e-3)
-
-
 def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
     assert fallen(folded, 1e-6, max_steps=60).mu <= 1e-6
     with pytest.raises(SolverError, match=r"wanders|not at its end"):
@@ -158,11 +145,3 @@ def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
 def test_path_that_does_not_end(plain, options, message):
     with pytest.raises(SolverError, match=f"central path: {message}"):
         fallen(plain, 1e-4, **options)
-
-
-def test_path_of_what_is_not_a_number_is_lost(plain):
-    kkt = conditions(plain)
-    path, start = Continuation(kkt, FALLING_PRODUCTS), plain.bonded_state(kkt.work)
-    nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
-    with pytest.raises(SolverError):
-        path.follow(path.begin(nothing, 1.0), 1e-4)

@@ -14,7 +14,6 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import (
     COULOMB,
-    GIVEN,
     Attempt,
     Strategy,
     Task,
@@ -22,10 +21,9 @@ from fenics_contact.analysis.strategy import (
     interior_point,
 )
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
-from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
-from tests.bank import BANK, Recipe, block_recipe, coulomb, wall_recipe
+from fenics_contact.solvers.joint_stiffness import GENERAL
+from tests.bank import block_recipe, coulomb, wall_recipe
 from tests.unit.core import load_case, prepared
 
 Answer = tuple[Solution, History]
@@ -125,22 +123,6 @@ def test_best_of_several_states_is_reported(block):
 # ---- scenes
 
 
-@pytest.mark.parametrize("method", ["auto", "monolithic", "fixed-point"])
-@pytest.mark.parametrize("name", ["block 0.39", "block 0.7", "stack of 5 0.7"])
-def test_closed_forms_by_methods(name, method):
-    with load_case(BANK[name].scene(), COULOMB[method].kind) as case:
-        found = find_collapse(case, COULOMB[method], TOLERANCE)
-    assert BANK[name].right(found.status, found.load_factor)
-
-
-@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", "W4 tresca 8 kPa"])
-def test_walls_with_given_friction(name):
-    with load_case(BANK[name].scene(), SYMMETRIC) as case:
-        found = find_collapse(case, GIVEN, TOLERANCE)
-        assert found.load_factor == pytest.approx(case.blocks.limit(), rel=TOLERANCE)
-    assert BANK[name].right(found.status, found.load_factor)
-
-
 def test_nothing_limits_a_load_that_presses_on_the_ground():
     with load_case(block_recipe(0.4, 0.4, 0.5, live=Load((0.1, -9.81))).scene(2)) as case:
         found = find_collapse(case, COULOMB["auto"], TOLERANCE)
@@ -175,16 +157,3 @@ def test_states_from_all_starts_are_told():
     for state in lowest.states:
         assert (state.status, state.load_factor) == ("limit", pytest.approx(0.3, rel=1e-6))
     assert lowest.certificate.passed
-
-
-@pytest.mark.slow
-def test_lowest_of_several_states():
-    """The courses roll off at 5/7; the state of the associative program slides, at 1."""
-    recipe = Recipe(lambda n, quads: running_bond(2, 3, (0.4, 0.2), n), coulomb(1.0))
-    with load_case(recipe.scene(1)) as case:
-        lowest = find_lowest(case, TOLERANCE)
-    found = {state.start: state.load_factor for state in lowest.states}
-    assert lowest.status == "limit"
-    assert lowest.load_factor == found["auto"] == pytest.approx(5.0 / 7.0, rel=1e-6)
-    for start in ("associative program", "monolithic"):
-        assert found[start] == pytest.approx(1.0, rel=1e-6)
