@@ -87,14 +87,14 @@ def test_rising_work_ends_at_the_work_asked_for(plain, times):
 def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
     kkt, live, found = conditions(folded), folded.problem.live, set()
     start = kkt.on_central_path(solved(folded, 0.1).state, 1e-3)
-    for seed in range(6):
-        linear = kkt.linearize(noisy(start, seed, 3.0))
+    for seed, size in ((0, 3.0), (3, 3.0), (10, 3.0), (18, 6.0)):  # the last: f_L.A^-1 f_L < 0
+        linear = kkt.linearize(noisy(start, seed, size))
         matrix = sprung(folded.problem, *linear.springs)
         border = np.block([[matrix, live[:, None]], [live[None], np.zeros((1, 1))]])
         scale = np.sqrt(np.append(np.diag(matrix), np.abs(matrix).max()))
         assert linear.orientation == -np.linalg.slogdet(border / np.outer(scale, scale))[0]
-        found.add(linear.orientation)
-    assert found == {-1.0, 1.0}
+        found.add((linear.orientation, np.sign(linear.flexibility)))
+    assert found == {(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)}
 
 
 def test_products_rise_where_the_orientation_has_changed_its_sign(folded):
