@@ -512,7 +512,7 @@ def hard_entries() -> Iterator[Known]:
     for width, height, friction in ((10.0, 0.1, 0.5), (10.0, 0.1, 200.0), (0.1, 10.0, 0.005)):
         recipe, exact = block_recipe(width, height, friction), min(friction, width / height)
         name = f"block {width:g} x {height:g} {friction:g}"
-        also = tags("slow" * (friction == 200.0))
+        also = tags("slow open" * (friction == 200.0))
         yield Known(name, recipe, exact, STATICS, about | also, elements=1)
     for friction in (0.5, 4000.0):
         recipe = stack_recipe(1, friction, (2000.0, 1.0))

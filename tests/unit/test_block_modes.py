@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.solvers.block_modes import MODES, BlockModes, BlockModesOptions, Blocks, modes
+from fenics_contact.solvers.block_modes import MODES, BlockModes, BlockModesOptions, modes
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, Tally
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import State
-from tests.bank import block_recipe, coulomb, outlined
+from tests.bank import coulomb, outlined
 from tests.unit.core import (
     THREE_BLOCKS,
     Array,
@@ -144,23 +143,6 @@ def test_reduced_structure_is_that_of_the_formula(case):
     assert stiffness @ rigid == pytest.approx(np.zeros_like(rigid), abs=1e-9 * unit)
 
 
-@pytest.mark.parametrize("elements", [2, 4])
-def test_compliance_is_what_the_modes_of_a_block_lack(elements):
-    """On average, of a brick: K^+ less its part in the modes, below each joint point."""
-    with load_case(block_recipe(0.4, 0.2, 0.5).scene(elements)) as case:
-        problem, made = case.problem, case.discretization.block_modes
-        matrices = dense(problem.stiffness), dense(made.reduced.stiffness)
-        inverse, of_modes = (np.linalg.pinv(k, rcond=1e-9, hermitian=True) for k in matrices)
-        rigid = dense(problem.rigid)
-        strains = basis(made) - rigid @ (rigid.T @ basis(made))
-        lacking = inverse - strains @ of_modes @ strains.T
-        for soft, rows in zip(
-            made.reduced.compliance, (problem.normal, problem.tangential), strict=True
-        ):
-            exact = np.einsum("ij,jk,ik->i", dense(rows), lacking, dense(rows))
-            assert soft.mean() == pytest.approx(exact.mean(), rel=0.35)
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("kind", [SYMMETRIC, GENERAL])
 def test_springs_of_the_reduced_structure_are_those_of_the_formula(case, kind):
@@ -176,29 +158,6 @@ def test_springs_of_the_reduced_structure_are_those_of_the_formula(case, kind):
         found = whole(problem, factor.solve(part(problem, right, reduced.dead)))
     assert sprung(reduced, *springs) @ found == pytest.approx(right, abs=1e-8)
     assert tally.count == 1
-
-
-def test_live_load_and_origin_of_slip_of_another_load_case(case):
-    made, problem = case.discretization.block_modes, case.problem
-    origin = np.arange(float(len(problem.friction)))
-    other = made.under(replace(problem, live=-2.0 * problem.live, slip_origin=origin))
-    assert other.live == pytest.approx(-2.0 * made.reduced.live)
-    assert np.array_equal(other.slip_origin, origin)
-    assert np.array_equal(other.compliance, made.reduced.compliance)
-
-
-@pytest.mark.parametrize(("kept", "expected"), [(3, 6), (1, 2), (0, 0)])
-def test_a_block_on_few_nodes_or_held_has_fewer_modes(kept, expected):
-    """A single triangle has six displacements; a fixed one none that are free."""
-    with load_case(block_recipe(0.4, 0.2, 0.5).scene(1)) as case:
-        problem, discretization = case.problem, case.discretization
-        nodes = len(problem.dead) // 2
-        position = discretization.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
-        shapes = np.where((np.arange(nodes) < kept)[:, None, None], modes(position), 0.0)
-        sides, body = discretization.operators.sides, np.zeros(nodes, dtype=np.int32)
-        blocks = Blocks.numbered_by_rank(problem.comm, body, sides, 1)
-        with BlockModes(problem, shapes, blocks) as made:
-            assert np.linalg.matrix_rank(basis(made)) == expected
 
 
 @pytest.mark.parametrize("friction", [2.0, 3.0])

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import JointLaw, Load, SolverError
+from fenics_contact import Load, SolverError
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
     Tolerances,
     solve_interior_point,
 )
-from tests.bank import GRAVITY, PUSH, block_recipe, coulomb, outlined
-from tests.unit.core import BOND, FAR, Array, conditions, dense, load_case, misses, prepared, solved
+from tests.bank import GRAVITY, block_recipe
+from tests.unit.core import BOND, FAR, Array, conditions, dense, misses, prepared, solved
 
 bond, block = prepared(BOND), prepared(block_recipe(0.4, 0.4, 0.5), 2)
 
@@ -79,38 +79,6 @@ def test_load_factor_rises_to_the_plateau_and_stays(block):
     assert factors[-2:] == pytest.approx([exact] * 2, rel=1e-8)
     # Half of the weight, where the bound follows the pressure, whatever its distribution.
     assert solved(block).state.load_factor == pytest.approx(0.5, rel=1e-8)
-
-
-def test_prescribed_load_factor(block):
-    """Below the limit load the state is the one whose work leads to that load factor."""
-    state = solved(block, 1.0).state
-    assert state.load_factor < 0.49
-    kkt = replace(conditions(block, 1.0), work=0.0, load_factor=state.load_factor)
-    start = block.bonded_state(0.3 * state.work)
-    found = solve_interior_point(kkt, start, 1.0, Tolerances()).state
-    assert found.load_factor == state.load_factor
-    assert found.work == pytest.approx(state.work, rel=1e-7)
-    with pytest.raises(SolverError, match="interior point: residual"):
-        solve_interior_point(replace(kkt, load_factor=0.6), start, 1.0, Tolerances())
-
-
-def test_frictionless_joints_have_no_shear():
-    """A wedge in a notch, lifted by its weight."""
-    outlines = [[(0, 0), (4, 0), (4, 2), (2, 1), (0, 2)], [(2, 1), (4, 2), (0, 2)]]
-    base = {"foundations": {"base": coulomb(1.0)}, "live": LIFT}
-    with load_case(outlined(outlines, JointLaw("frictionless"), 0.8, **base).scene(2)) as case:
-        state, joints = solved(case).state, case.discretization.joints
-        smooth = joints.law[case.discretization.operators.points] == 0
-    assert state.load_factor == pytest.approx(1.0, rel=1e-8)
-    assert np.all(state.shear[smooth] == 0.0)
-
-
-@pytest.mark.parametrize(("live", "expected"), [(PUSH, 0.0), (LIFT, 1.0)])
-def test_frictionless_blocks_on_level_ground(live, expected):
-    """Nothing holds them sideways, but the states under work control are well defined."""
-    recipe = replace(BOND, law=JointLaw("frictionless"), parts={"live": live})
-    with load_case(recipe.scene(1)) as case:
-        assert solved(case).state.load_factor == pytest.approx(expected, abs=1e-8)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -10,7 +10,7 @@ import pytest
 from fenics_contact import JointLaw
 from fenics_contact.solvers.kkt import Products
 from tests.bank import Recipe, tresca
-from tests.unit.core import BOND, FAR, Array, conditions, noisy, prepared, solved, sprung
+from tests.unit.core import BOND, FAR, Array, conditions, noisy, prepared, solved
 
 case = prepared(BOND)
 
@@ -112,17 +112,6 @@ def test_directions_are_those_of_differences(case, given, control, compliance):
     same(step.s2, kkt.friction * step.pressure + step.shear)
     assert control == "work" or step.load_factor == 0.0
     same(step.elastic, problem.elastic_part(step.u))
-
-
-def test_springs_of_a_factor_and_the_response_to_the_live_load(case):
-    kkt, problem = conditions(case), case.problem
-    linear = kkt.linearize(noisy(kkt.on_central_path(case.bonded_state(kkt.work), 0.1), 2))
-    exact = np.linalg.solve(sprung(problem, *linear.springs), problem.live)
-    same(linear.live_response, exact, 1e-6)
-    assert linear.flexibility == pytest.approx(problem.live @ exact, rel=1e-6)
-    held, factor = linear.hold_work(case.bonded.live, excess=0.1 * kkt.work)
-    assert problem.live @ held == pytest.approx(-0.1 * kkt.work, rel=1e-9)
-    same(held - case.bonded.live, factor * linear.live_response)
 
 
 @pytest.mark.parametrize("mu", [1e-10, 1e-16])

@@ -17,7 +17,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.solvers.problem import State
-from tests.bank import BANK, GRAVITY, STONE, block_recipe, coulomb, tresca, wall_recipe
+from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import load_case, prepared
 
 block = prepared(block_recipe(0.4, 1.0, 0.3))
@@ -42,18 +42,6 @@ def test_path_brackets_the_limit_load(name, slip):
     assert factor[0] == 0.0 and factor[-1] == path.lower
     assert np.all(np.diff(factor) > 0.0) and np.all(np.diff(moved) > 0.0)
     assert work == pytest.approx(unit * moved, rel=1e-12)
-
-
-@pytest.mark.parametrize("method", ["monolithic", "fixed-point", "given strength"])
-def test_methods_under_a_rising_load(method):
-    """The strength is that of 0.3 times the weight."""
-    strategy, recipe = COULOMB.get(method, GIVEN), block_recipe(0.4, 0.4, 0.3)
-    if strategy is GIVEN:
-        recipe = replace(recipe, law=tresca(0.3 * STONE.density * GRAVITY * 0.4))
-    with load_case(recipe.scene(1), strategy.kind) as case:
-        found = raised(case, strategy)
-    assert found.load_factor == pytest.approx(0.3, rel=1e-6)
-    assert 0.3 * (1 - 2e-4) <= found.path.lower <= 0.3 * (1 + 1e-6)
 
 
 def test_load_that_nothing_limits():

@@ -86,14 +86,6 @@ def test_slopes_are_those_of_differences(model, line):
         assert slopes == pytest.approx(difference, abs=1e-4 * np.abs(slopes).max())
 
 
-def test_displacements_that_springs_answer_leave_no_forces_in_excess(model):
-    opening, slip = np.random.default_rng(2).normal(size=(2, 6))
-    states = model.response(opening, slip)
-    moved = model.displacements(states)
-    assert moved == pytest.approx(np.array([opening, slip]))
-    assert model.excess(states, moved) == pytest.approx(np.zeros((2, 6)), abs=1e-12)
-
-
 # ---- steps of a wall
 
 
@@ -122,14 +114,6 @@ def test_step_with_all_points_chosen_is_exact(place, reach):
     sizes = place.kkt.sizes(now, place.kkt.residual(now))
     assert sizes.pop("complementarity") == pytest.approx(mu, rel=1e-9)
     assert max(sizes.values()) <= 1e-7
-
-
-def test_step_without_chosen_points_is_one_along_tangents(place):
-    made = place.elimination(1.0, EliminationOptions(points=0))
-    step = made.step((-3.0, 3.0), place.linear.orientation, 0.3)
-    assert step.reached and made.model.answers.shape[1] == 0
-    moved = place.across.load_factor + step.s * place.along.load_factor
-    assert step.moved.load_factor == pytest.approx(place.linear.now.load_factor + moved, rel=1e-12)
 
 
 @pytest.mark.parametrize(("solved", "noticed"), [(1e-2, 0.02), (1e-6, 0.02), (1e-2, 10.0)])

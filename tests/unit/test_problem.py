@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.problem import Scales
 from tests.unit.core import BOND, dense, load_case, part, prepared, whole
 
 pytestmark = pytest.mark.mpi
@@ -76,11 +75,3 @@ def test_strains_beside_motions_of_many_nodes():
         found = whole(problem, problem.elastic_part(part(problem, u, problem.dead)))
     expected = strains - rigid @ (rigid.T @ strains)
     assert np.abs(found - expected).max() < 3e-16 * np.abs(u).max()
-
-
-def test_state_of_displacements(case):
-    problem, u, none = case.problem, case.bonded.live, np.zeros_like(case.problem.friction)
-    state = problem.state(u, 0.3, none, none)
-    assert state.work == pytest.approx(problem.dot(problem.live, u), rel=1e-14)
-    assert np.array_equal(state.elastic, problem.elastic_part(u))
-    assert [Scales(2.0, 1.0, 1.0, x).elastic_part for x in (0.5, 5.0)] == [0.25, 1.0]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Load
-from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks, straight_faces
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from tests import bank
-from tests.bank import BANK, GRAVITY, STONE, Known, Recipe, block_recipe, coulomb, tresca
+from tests.bank import GRAVITY, STONE, Known, Recipe, block_recipe, coulomb, tresca
 
 WIDTH, HEIGHT = 0.4, 1.0
 BLOCK_WEIGHT = STONE.density * GRAVITY * WIDTH * HEIGHT
@@ -48,24 +48,6 @@ def test_statically_determinate_blocks(item):
         assert blocks.stands() == (item.status != "unstable")
         if blocks.stands():
             assert blocks.limit() == pytest.approx(item.expected, rel=1e-8, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", bank.WALLS)
-@pytest.mark.parametrize("law", ["tresca 0.5 kPa", "tresca 8 kPa", "bracket 0.65", "bracket 10"])
-def test_walls_of_the_literature(name, law):
-    item = BANK[f"{name} {law}"]
-    with programs(item) as (blocks, _):
-        assert blocks.limit() == pytest.approx(item.interval[1], abs=5.1e-6)
-
-
-@pytest.mark.parametrize(("friction", "strength"), [(0.2, 2e4), (0.9, 2e3), (0.0, 2e3), (9.0, 1e6)])
-def test_rough_joint_on_a_base_of_given_strength(friction, strength):
-    """Faces of both kinds in one program: either slides, or all tips."""
-    weight = 2.0 * STONE.density * GRAVITY * 0.5 * 0.2
-    expected = min(friction, strength * 0.5 / weight, 0.5 / 0.4)
-    recipe = bank.stack_recipe(2, friction, foundations={"base": tresca(strength)})
-    with programs(recipe) as (blocks, _):
-        assert blocks.limit() == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -114,22 +96,6 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
         assert blocks.limit() is None and blocks.associative_pressure() is None
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper", "text"),
-    [
-        (0.0, 0.5, "between 0 and 0.5"),
-        (None, 0.5, "at most 0.5"),
-        (0.25, None, "at least 0.25"),
-        (None, None, "with unknown bounds"),
-    ],
-)
-def test_bounds_are_shown_and_reversed(lower, upper, text):
-    bounds = LimitBounds(lower, upper, stands=True, stands_frictionless=False)
-    assert str(bounds) == text
-    assert bounds.reversed().reversed() == bounds
-    assert bounds.reversed().lower == (None if upper is None else -upper)
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("strength", [300.0, 3e3, 1e5])
 @pytest.mark.parametrize("recipe", [block(coulomb(0.6)), BOND, LINTEL])
@@ -161,19 +127,6 @@ def test_limit_does_not_depend_on_the_mesh(associative):
             limits.append(blocks.limit() if associative else blocks.collapse(strength)[0])
     assert limits[1:] == pytest.approx([limits[0]] * 3, rel=1e-9)
     assert 0.0 < limits[0] < 1.0
-
-
-def test_straight_faces_are_the_joints_between_two_blocks():
-    recipe = Recipe(lambda n, quads: running_bond(2, 2, (0.4, 0.2), n), coulomb(0.5))
-    with programs(recipe, 3) as (_, made):
-        faces = straight_faces(made.joints, 1e3 * made.joints.length)
-        ends = made.joints.position[faces.ends]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    # 2 on the ground, 1 + 2 head joints, and 4 stretches of the bed joint.
-    assert sorted(np.round(length, 12)) == [0.2] * 7 + [0.4] * 2
-    assert faces.strength == pytest.approx(1e3 * length, rel=1e-12)
-    assert np.array_equal(np.bincount(faces.of_point), np.where(length > 0.3, 7, 4))
-    assert np.all(faces.friction == 0.5)
 
 
 @pytest.mark.mpi

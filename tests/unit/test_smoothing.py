@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fenics_contact.solvers.smoothing import (
-    JointStates,
     SmoothedLaws,
     distance_from_bound,
     normal_law,
@@ -45,20 +44,6 @@ def test_laws_without_products_are_those_of_signorini_and_coulomb():
     at_bound = slides & friction
     assert np.abs(shear[at_bound]) == pytest.approx(0.6 * r[at_bound], abs=1e-7)
     assert np.all(shear[at_bound] * w[at_bound] <= 0.0)
-
-
-@pytest.mark.parametrize("part", [0.1, -0.3])
-def test_distances_from_the_laws(part):
-    """Forces and displacements that change alike leave p and q as they are."""
-    states = LAWS.states(P, Q, MU)
-    of_p, of_q = LAWS.sizes(states)
-    assert np.all(LAWS.distances(states, MU) < 1e-6)
-    normal, shear = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])[:, :, None]
-    moved = JointStates(states.values + part * normal * of_p)
-    assert LAWS.distances(moved, MU) == pytest.approx(abs(part), abs=1e-6)
-    moved = JointStates(states.values + part * shear * of_q)
-    expected = np.where(LAWS.frictional, abs(part), 0.0)
-    assert LAWS.distances(moved, MU) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["p", "q", "log_mu"])

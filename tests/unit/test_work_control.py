@@ -14,7 +14,6 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import (
     COULOMB,
-    GIVEN,
     Attempt,
     Strategy,
     Task,
@@ -22,10 +21,9 @@ from fenics_contact.analysis.strategy import (
     interior_point,
 )
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
-from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.interior_point import Solution
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
-from tests.bank import BANK, Recipe, block_recipe, coulomb, wall_recipe
+from fenics_contact.solvers.joint_stiffness import GENERAL
+from tests.bank import block_recipe, coulomb, wall_recipe
 from tests.unit.core import load_case, prepared
 
 Answer = tuple[Solution, History]
@@ -123,22 +121,6 @@ def test_best_of_several_states_is_reported(block):
 
 
 # ---- scenes
-
-
-@pytest.mark.parametrize("method", ["auto", "monolithic", "fixed-point"])
-@pytest.mark.parametrize("name", ["block 0.39", "block 0.7", "stack of 5 0.7"])
-def test_closed_forms_by_methods(name, method):
-    with load_case(BANK[name].scene(), COULOMB[method].kind) as case:
-        found = find_collapse(case, COULOMB[method], TOLERANCE)
-    assert BANK[name].right(found.status, found.load_factor)
-
-
-@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", "W4 tresca 8 kPa"])
-def test_walls_with_given_friction(name):
-    with load_case(BANK[name].scene(), SYMMETRIC) as case:
-        found = find_collapse(case, GIVEN, TOLERANCE)
-        assert found.load_factor == pytest.approx(case.blocks.limit(), rel=TOLERANCE)
-    assert BANK[name].right(found.status, found.load_factor)
 
 
 def test_nothing_limits_a_load_that_presses_on_the_ground():
