@@ -157,17 +157,3 @@ def test_states_from_all_starts_are_told():
     for state in lowest.states:
         assert (state.status, state.load_factor) == ("limit", pytest.approx(0.3, rel=1e-6))
     assert lowest.certificate.passed
-
-
-@pytest.mark.slow
-def test_lowest_of_several_states():
-    """The courses roll off at 5/7; the state of the associative program slides, at 1."""
-    recipe = Recipe(lambda n, quads: running_bond(2, 3, (0.4, 0.2), n), coulomb(1.0))
-    with load_case(recipe.scene(1)) as case:
-        lowest = find_lowest(case, TOLERANCE)
-    found = {state.start: state.load_factor for state in lowest.states}
-    assert lowest.status == "limit"
-    assert lowest.load_factor == min(found.values())
-    assert found["auto"] == pytest.approx(5.0 / 7.0, rel=1e-6)
-    for start in ("associative program", "monolithic"):
-        assert found[start] == pytest.approx(1.0, rel=1e-6)
