@@ -462,8 +462,7 @@ class NonlinearElimination:
             log_mu_rate,
         )
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
-        self._others = np.ones(count, dtype=bool)
-        self._watched = np.zeros(count, dtype=bool)
+        self._others, self._watched = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
         #: s per part of the shortest way to the path.
         self.back = self.model.shortest_way(problem.sum)
 
