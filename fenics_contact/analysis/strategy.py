@@ -102,8 +102,9 @@ class PathOptions:
         many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
         next: Where it starts from a state next to the one sought.
-        finish: When it has stalled there: its error halves in every other step, or the path is
-            followed further. Digits are lost far along a mechanism; the certificate tells.
+        finish: When it has stalled there, and the path is followed further: where its error has
+            not halved over four steps. Digits are lost far along a mechanism, so that more error
+            is accepted; the certificate tells what the state is worth.
     """
 
     rising_work: float = 1e-2

@@ -29,7 +29,7 @@ class InteriorPointOptions:
         window: Steps over which the error has to halve; else the method has stalled.
         acceptable: Error up to which a stalled state is accepted where less was asked for: at the
             limit load digits are lost. What it is worth the certificate tells.
-        resting: Steps without progress of an iterate that is exact enough, but whose load factor
+        resting: Steps at most from the first iterate that is exact enough, while its load factor
             still changes.
         small_factor: Load factors are judged relative to themselves, or to this part of the
             typical one.

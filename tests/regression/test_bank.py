@@ -40,7 +40,7 @@ def test_load_factor(entry):
 @cases(known("tresca") + known("arch", without=("least",)))
 def test_load_factor_equals_linear_program(entry):
     """Given friction, or friction that is never overcome: the program of rigid blocks is exact."""
-    result = solved(entry, tolerance=1e-9)
+    result = solved(entry)
     assert result.load_factor == pytest.approx(result.bounds.upper, rel=1e-8)
 
 
