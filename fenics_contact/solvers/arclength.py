@@ -177,7 +177,7 @@ class Continuation:
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             if progress >= goal - 0.5 * options.past:
-                return self._settled(point)
+                return self._settled(point, goal)
             if progress >= best + np.log(2.0):
                 best, since = progress, step
             if step - since >= options.patience:
@@ -189,13 +189,13 @@ class Continuation:
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def _settled(self, point: PathPoint) -> PathPoint:
+    def _settled(self, point: PathPoint, goal: float) -> PathPoint:
         """The point after steps across the path alone, until it is close."""
         for _ in range(self.options.corrections):
             if self._distance(point) <= self.options.close:
                 break
             place = _Place(self, point)
-            point = self.moved(place, place.step(None, self.options.elimination.allowed))
+            point = self.moved(place, place.step(None, self.options.elimination.allowed), goal)
         return point
 
     def reach(self, point: PathPoint, goal: float) -> tuple[float, float]:
@@ -205,10 +205,11 @@ class Continuation:
         back = -largest / (1.0 + largest) if self.path.work_rate else -largest
         return back, min(max(to_goal, 1e-4), largest)
 
-    def moved(self, place: _Place, step: Step) -> PathPoint:
-        """The point with equal products where a step leads."""
-        mu = self.path.mu(place.point.mu, step.s)
-        work = self.path.work(place.point.work, step.s)
+    def moved(self, place: _Place, step: Step, goal: float) -> PathPoint:
+        """The point with equal products where a step leads, not past the goal."""
+        s = min(step.s, self.path.change_to(place.point.mu, place.point.work, goal))
+        mu = self.path.mu(place.point.mu, s)
+        work = self.path.work(place.point.work, s)
         force = self.kkt.scales.force
         _, r, _, shear = step.states.values
         moved = step.moved
@@ -251,13 +252,13 @@ class _Steps:
             self._limit *= options.shorter
             again.refactor()
             reach = continuation.reach(again.point, self._goal)
-            return continuation.moved(again, again.step(reach, self._limit))
+            return continuation.moved(again, again.step(reach, self._limit), self._goal)
         self._limit = min(self._limit / options.shorter, self._usual)
         self._astray = 0 if found.reached else self._astray + 1
         if self._astray > options.lost:
             raise SolverError(f"central path: lost after {self._count} steps")
         self._trusted = place if found.reached else None
-        return continuation.moved(place, found)
+        return continuation.moved(place, found, self._goal)
 
 
 class _Place:

@@ -57,9 +57,9 @@ class EliminationOptions:
         columns: Columns of C that are solved for at once.
     """
 
-    points: int = 16
+    points: int = 24
     rounds: int = 1
-    enough: float = 0.4
+    enough: float = 0.2
     chosen: float = 0.15
     noticed: float = 0.02
     allowed: float = 0.3
@@ -69,7 +69,7 @@ class EliminationOptions:
     shortest: float = 1e-4
     shortest_to_others: float = 0.1
     newton_steps: int = 7
-    solved: float = 1e-2
+    solved: float = 3e-2
     back: float = -0.5
     columns: int = 16
 
