@@ -207,7 +207,8 @@ class Continuation:
 
     def moved(self, place: _Place, step: Step, goal: float) -> PathPoint:
         """The point with equal products where a step leads, not past the goal."""
-        s = min(step.s, self.path.change_to(place.point.mu, place.point.work, goal))
+        back, _ = self.reach(place.point, goal)
+        s = max(back, min(step.s, self.path.change_to(place.point.mu, place.point.work, goal)))
         mu = self.path.mu(place.point.mu, s)
         work = self.path.work(place.point.work, s)
         force = self.kkt.scales.force
