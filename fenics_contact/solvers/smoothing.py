@@ -19,8 +19,6 @@ import numpy.typing as npt
 
 from fenics_contact.solvers.problem import Array
 
-Points = npt.NDArray[np.int64] | slice
-
 
 @dataclass(frozen=True)
 class JointStates:
@@ -68,10 +66,10 @@ class SmoothedLaws:
     frictional: npt.NDArray[np.bool_]
     smallest: float
 
-    def at(self, points: Points) -> SmoothedLaws:
-        """Laws of some of the points."""
-        friction, strength = self.friction[points], self.strength[points]
-        return SmoothedLaws(friction, strength, self.frictional[points], self.smallest)
+    @property
+    def carried(self) -> Array:
+        """1 where there is a force, normal or shear, 0 where there is none, shape (2, points)."""
+        return np.array([np.ones(len(self.frictional)), self.frictional])
 
     def states(self, p: Array, q: Array, mu: float) -> JointStates:
         """States that belong to p and q."""
