@@ -23,13 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import (
-    COLD,
-    Iterate,
-    PerturbedKKT,
-    Products,
-    Residual,
-)
+from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
@@ -301,12 +295,9 @@ class _Place:
         """Correction c and tangent t."""
         path, kkt, now = self.continuation.path, self._kkt, self.point.iterate
         none: Array = np.zeros_like(now.y)
-        across = kkt.residual(now), Products(none, none, none)
+        across = kkt.residual(now), np.zeros((3, len(none)))
         product = path.log_mu_rate * self.point.mu * kkt.scales.force * kkt.scales.displacement
-        change = np.full_like(now.y, product)
-        along = (
-            Residual(np.zeros_like(now.u), none, none, -path.work_rate * self.point.work),
-            Products(change, change, change),
-        )
+        rate = -path.work_rate * self.point.work
+        along = Residual(np.zeros_like(now.u), none, none, rate), np.full((3, len(none)), product)
         correction, tangent = self._linear.directions([across, along])
         return correction, tangent

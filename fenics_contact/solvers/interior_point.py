@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Products, Residual
+from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -198,8 +198,7 @@ def _step(
     """
     linear = kkt.linearize(now)
     products, none = kkt.products(now), np.zeros_like(now.y)
-    away = Products(-products.normal, -products.lower, -products.upper)
-    (step,) = linear.directions([(residual, away)])
+    (step,) = linear.directions([(residual, -products)])
     towards = step.positive / now.positive
     (part,) = _lengths(kkt, towards[None], options)
     second = kkt.products(step)
@@ -207,9 +206,8 @@ def _step(
     ahead = (1.0 - part) * here + part**2 * kkt.total(second)
     unit = kkt.scales.force * kkt.scales.displacement
     target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
-    change = Products(target - second.normal, target - second.lower, target - second.upper)
     rest = Residual(np.zeros_like(now.u), none, none, 0.0)
-    (corrector,) = linear.directions([(rest, change)])
+    (corrector,) = linear.directions([(rest, target - second)])
     weights = np.linspace(1.0, min(part, 1.0) ** 2, options.weights)
     ratios = towards + weights[:, None] * (corrector.positive / now.positive)
     lengths = _lengths(kkt, ratios, options)
@@ -217,9 +215,7 @@ def _step(
     length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
     if length < options.short:
-        mean = here / kkt.count
-        change = Products(mean - products.normal, mean - products.lower, mean - products.upper)
-        (step,) = linear.directions([(residual, change)])
+        (step,) = linear.directions([(residual, here / kkt.count - products)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
     return now.moved(min(1.0, options.step_fraction * length), step)
 

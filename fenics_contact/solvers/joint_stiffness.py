@@ -274,6 +274,8 @@ class Factor:
 
     def solve_all(self, rights: Sequence[Array]) -> list[Array]:
         """A^-1 b for several b at once, which reads the factor only once."""
+        if len(rights) == 1:
+            return [self.solve(rights[0])]
         matrix = self._factor_matrix()
         right, solution = self._stiffness._dense_pair(len(rights))
         for column, values in enumerate(rights):
