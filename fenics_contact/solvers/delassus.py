@@ -29,8 +29,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.solvers.bound_qp import BoundQP, Closing, Owner
-from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap
+from fenics_contact.solvers.bound_qp import BoundQP
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap
 
 Integers = npt.NDArray[np.integer]
 Entries = Iterator[tuple[Integers, Integers, Array]]

@@ -321,7 +321,6 @@ class Linearization:
             np.where(frictional, tangential, free),
             coupling if kkt.given is None else None,
         )
-        self._live_response: Array | None = None
 
     @property
     def springs(self) -> tuple[Array, Array, Array]:
@@ -329,12 +328,10 @@ class Linearization:
         normal = self._share_n * self.k_n
         return normal, self._share_t * self.k_t, self._share_t * self.q * normal
 
-    @property
+    @cached_property
     def live_response(self) -> Array:
         """A^-1 f_L."""
-        if self._live_response is None:
-            self._live_response = self.factor.solve(self.kkt.problem.live)
-        return self._live_response
+        return self.factor.solve(self.kkt.problem.live)
 
     @property
     def flexibility(self) -> float:
@@ -354,8 +351,8 @@ class Linearization:
         """
         drives, rights = zip(*(self._right_hand_side(*one) for one in asked), strict=True)
         with_work = self.kkt.load_factor is None
-        if with_work and self._live_response is None:
-            *found, self._live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
+        if with_work and "live_response" not in vars(self):
+            *found, self.live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
         else:
             found = self.factor.solve_all(rights)
         directions = []

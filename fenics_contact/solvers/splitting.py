@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.bound_qp import BoundQPOptions, Closing, Owner
+from fenics_contact.solvers.bound_qp import BoundQPOptions
 from fenics_contact.solvers.delassus import DelassusOperator, JointPoints
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, Scales, State
 
 _log = logging.getLogger("fenics_contact")
 
