@@ -131,13 +131,7 @@ class Continuation:
     def __init__(
         self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
     ) -> None:
-        """Choose the path.
-
-        Args:
-            kkt: The conditions; their work is replaced as the path says.
-            path: What varies.
-            options: Numbers of the continuation.
-        """
+        """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
         self.path = path

@@ -203,10 +203,10 @@ class ChosenPoints:
         p, q, tau = x[:count], x[count:-1], float(x[-1])
         part, s = self.line.at(tau)
         of_part, of_s = self.line.direction
-        states, by = model.laws.linearized(p, q, model.mu_at(s))
+        states, (by_p, by_q, by_mu) = model.laws.linearized(p, q, model.mu_at(s))
         difference = states.values - model.moved(part, s)
-        along = of_s * (model.log_mu_rate * by.log_mu - model.tangent) - of_part * model.correction
-        changes = np.array([difference, along, by.p, by.q]).swapaxes(0, 1)
+        along = of_s * (model.log_mu_rate * by_mu - model.tangent) - of_part * model.correction
+        changes = np.array([difference, along, by_p, by_q]).swapaxes(0, 1)
         moved = model.displacements(changes)
         excess = model.excess(changes, moved) * model.laws.carried[:, None]
         rest, of_tau = (
