@@ -40,8 +40,7 @@ def create_mesh(
         points: Coordinates, shape (points, 2).
         destinations: Rank of every cell given here, shape (cells,); None: graph partitioning.
     """
-    kind = getattr(mesh.CellType, cell_name)
-    cells = cells[:, cpp.io.perm_gmsh(kind, cells.shape[1])]
+    cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     given = list(inspect.signature(mesh.create_mesh).parameters)
     with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
     modes = () if with_ghost_mode else (mesh.GhostMode.none,)

@@ -88,7 +88,7 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
     stiffness = fem_petsc.assemble_matrix(form)
     stiffness.assemble()
-    supports.constrain_matrix(stiffness)
+    stiffness = supports.constrain_matrix(stiffness)
     dead, live = loads
     return Elasticity(space, stiffness, dead, live, lame, body, arm, centre, *resultants)
 

@@ -63,34 +63,23 @@ class Supports:
         """Forces Q^T f, with held entries zero."""
         return self._times(np.swapaxes(self._free_frame, 1, 2), values, first)
 
-    def constrain_matrix(self, stiffness: PETSc.Mat) -> None:
-        """Replace K by Q^T K Q, with held rows and columns replaced by the mean diagonal of K."""
-        if self.inclined:
-            self._turn(stiffness)
+    def constrain_matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat:
+        """Q^T K Q, with held rows and columns set to the mean diagonal; uses up K."""
         start, end = stiffness.getOwnershipRange()
+        if self.inclined:
+            nodes = np.arange(start // 2, end // 2, dtype=PETSc.IntType)
+            csr = np.arange(len(nodes) + 1, dtype=PETSc.IntType), nodes, self._at(nodes, self.frame)
+            turn = PETSc.Mat().createBAIJ(stiffness.getSizes(), 2, csr=csr, comm=stiffness.comm)
+            cartesian, stiffness = stiffness, stiffness.ptap(turn.convert("aij"))
+            for matrix in (cartesian, turn):
+                matrix.destroy()
         dofs = (2 * self.nodes[:, None] + np.arange(2))[self.held]
         mine = dofs[(dofs >= start) & (dofs < end)].astype(PETSc.IntType)
         diagonal = stiffness.getDiagonal()
         mean = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
         stiffness.zeroRowsColumns(mine, diag=mean)
-
-    def _turn(self, stiffness: PETSc.Mat) -> None:
-        """Replace K by Q^T K Q, block by block of two nodes; its sparsity stays."""
-        indptr, columns, values = stiffness.getValuesCSR()
-        pairs, node = values.reshape(-1, 2), columns[::2] // 2  # of a row, x and y of one node
-        count = np.diff(indptr)[::2] // 2  # blocks of every node
-        before = np.repeat(np.cumsum(count) - count, count)
-        upper = before + np.arange(count.sum())
-        lower = upper + np.repeat(count, count)
-        first = stiffness.getOwnershipRange()[0] // 2
-        left = self._at(first + np.repeat(np.arange(len(count)), count), self.frame)
-        right = self._at(node[upper], self.frame)
-        blocks = np.stack([pairs[upper], pairs[lower]], axis=1)
-        blocks = np.swapaxes(left, 1, 2) @ blocks @ right
-        pairs[upper], pairs[lower] = blocks[:, 0], blocks[:, 1]
-        stiffness.setValuesCSR(indptr, columns, values)
-        stiffness.assemble()
+        return stiffness
 
     def _times(self, blocks: Array, values: Array, first: int) -> Array:
         """Product with a block diagonal matrix that has given blocks at the supports' nodes."""
@@ -115,7 +104,7 @@ def supports_of(
 ) -> Supports:
     """What is held at the nodes of facets that are fixed or, if not, on rollers.
 
-    The arguments are those columns of the boundary, for the facets on supports only.
+    The other arguments are columns of `Boundary` for these facets.
     """
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
