@@ -1,9 +1,9 @@
 """gmsh builders: walls in courses, arches, and blocks given by their corners.
 
-Every builder returns `gmsh.model`, meshed; its model is gmsh's current one and replaces an earlier
-model of the same name, so that drawing many does not fill the memory. Arguments in common: `size`,
-the largest length of an element along the sides, m, and `quadrilaterals`, for quadrilateral cells
-in place of triangles. Builders raise `InputError` for sizes or numbers that are not positive.
+Every builder returns `gmsh.model`, meshed; it replaces an earlier model of the same name, so that
+drawing many does not fill the memory. Arguments in common: `size`, the largest length of an element
+along the sides, m, and `quadrilaterals`, for quadrilateral cells in place of triangles. Builders
+raise `InputError` for sizes or numbers that are not positive.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
 
-_ELEMENT_TYPES = {2: 1, 3: 2, 4: 3}  # gmsh's, by number of nodes
-
 #: Corners closer than this, relative to the size of the drawing, are the same point.
 COINCIDENT = 1e-9
 
@@ -37,33 +35,27 @@ def model_from_arrays(
 
     Args:
         points: Coordinates, shape (points, 2).
-        cells: Node indices of the cells by group name, each of shape (cells, 3) or (cells, 4).
-        facets: Node indices of facets by group name, each of shape (facets, 2).
+        cells: Nodes of the cells by group name, each of shape (cells, 3) or (cells, 4).
+        facets: Nodes of facets by group name, each of shape (facets, 2).
         name: Name of the model.
     """
-    coordinates = np.zeros((len(np.asarray(points)), 3))
-    coordinates[:, :2] = points
+    coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
-        nodes = np.arange(1, len(coordinates) + 1)
-        tables = [
-            (dim, group, np.asarray(table, dtype=np.int64))
-            for dim, groups in ((2, cells), (1, facets))
-            for group, table in groups.items()
-        ]
         first = 1
-        for dim, group, table in tables:
-            if table.size == 0:
-                continue
-            entity = model.addDiscreteEntity(dim)
-            if len(nodes):  # all nodes are classified on the first surface
-                model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
-                nodes = nodes[:0]
-            elements = np.arange(first, first + len(table))
-            first += len(table)
-            kind = _ELEMENT_TYPES[table.shape[1]]
-            model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
-            model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        for dim, groups in ((2, cells), (1, facets)):
+            for group, members in groups.items():
+                table = np.asarray(members, dtype=np.int64)
+                if not table.size:
+                    continue
+                entity = model.addDiscreteEntity(dim)
+                if first == 1:  # all nodes are classified on the first entity
+                    model.mesh.addNodes(dim, entity, [], coordinates.ravel())
+                kind = table.shape[1] - 1  # gmsh's number of a line, triangle, quadrilateral
+                tags = np.arange(first, first + len(table))
+                first += len(table)
+                model.mesh.addElementsByType(entity, kind, tags, table.ravel() + 1)
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
         return model
 
 
@@ -92,7 +84,7 @@ def wall(
             number is a void of that length.
         block: Length and height of one block, m.
         elements: Number of elements along half a block.
-        quadrilaterals: See above.
+        quadrilaterals: In place of triangles.
     """
     length, height = block
     if length <= 0.0 or height <= 0.0 or elements < 1:
@@ -100,7 +92,14 @@ def wall(
     ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
-    rectangles = _rectangles(courses, ends, block)
+    rectangles = [
+        (left * length, level * height, right * length, (level + 1) * height)
+        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
+        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
+        if size > 0.0
+    ]
+    if not rectangles:
+        raise InputError("wall: there is no block, all lengths are negative")
     step, on_grid = 0.5 * length / elements, np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
         steps = (step, height / max(1, round(height / step)))
@@ -113,22 +112,6 @@ def wall(
         free.remove()
         points, cells = mesh.points, mesh.cells
     return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
-
-
-def _rectangles(
-    courses: Sequence[Sequence[float]], ends: Sequence[Array], block: tuple[float, float]
-) -> list[tuple[float, float, float, float]]:
-    """Corners (x0, y0, x1, y1) of the blocks of a wall, m."""
-    length, height = block
-    rectangles = [
-        (left * length, level * height, right * length, (level + 1) * height)
-        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
-        for (left, right), size in zip(itertools.pairwise(row), course, strict=True)
-        if size > 0.0
-    ]
-    if not rectangles:
-        raise InputError("wall: there is no block, all lengths are negative")
-    return rectangles
 
 
 def running_bond(
@@ -215,11 +198,11 @@ def polygons(
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: See above; when not given a quarter of the side of a square of the blocks' mean area.
-        names: Two-dimensional group of every block; "blocks" for all when not given.
-        groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
-            group. When not given, "base" is what lies at the lowest level of the drawing.
-        quadrilaterals: See above.
+        size: Of elements; by default a quarter of the side of a square of the blocks' mean area.
+        names: Two-dimensional group of every block; by default "blocks" for all.
+        groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
+            default, "base" is what lies at the lowest level of the drawing.
+        quadrilaterals: In place of triangles.
 
     Raises:
         InputError: If a block has fewer than three corners or no area, or a group no side.
@@ -236,8 +219,10 @@ def polygons(
     near = COINCIDENT * float(max(high - low))
     groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
-    subdivision = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
-    with gmsh_session() as gmsh, _mesh_options(gmsh, {"MeshSizeMax": size, **subdivision}):
+    options = {"Mesh.MeshSizeMax": size}
+    if quadrilaterals:
+        options |= {"Mesh.SubdivisionAlgorithm": 1, "Mesh.RecombineAll": 1}
+    with gmsh_session() as gmsh, _options(gmsh, options):
         model = _new_model(gmsh, "polygons")
         _draw(model, [_with_t_joints(b, corners, near) for b in blocks], size, names, groups, near)
         model.mesh.generate(2)
@@ -245,16 +230,16 @@ def polygons(
 
 
 @contextmanager
-def _mesh_options(gmsh: Any, options: Mapping[str, float]) -> Iterator[None]:
+def _options(gmsh: Any, options: Mapping[str, float]) -> Iterator[None]:
     """Set some of gmsh's options of meshing for a while."""
-    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
+    before = {name: gmsh.option.getNumber(name) for name in options}
     try:
         for name, value in options.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
+            gmsh.option.setNumber(name, value)
         yield
     finally:
         for name, value in before.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
+            gmsh.option.setNumber(name, value)
 
 
 def _draw(
@@ -314,11 +299,9 @@ def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        low, high = np.minimum(start, end) - near, np.maximum(start, end) + near
-        close = corners[np.all((corners >= low) & (corners <= high), axis=1)]
-        close = close[_on_segment(close, (start, end), near)]
         length = np.linalg.norm(end - start)
-        along = np.sort((close - start) @ (end - start) / length)
+        on_side = corners[_on_segment(corners, (start, end), near)]
+        along = np.sort((on_side - start) @ (end - start) / length)
         inside = along[(along > near) & (along < length - near)]
         inside = inside[np.diff(inside, prepend=-np.inf) > near]
         pieces += [start[None], start + inside[:, None] * (end - start) / length]
@@ -355,7 +338,7 @@ def arch(
         radius: Of the middle of the ring, m.
         embrace: Angle between the springings, degrees, at most 360.
         elements: Number of elements through the thickness.
-        quadrilaterals: See above.
+        quadrilaterals: In place of triangles.
 
     Raises:
         InputError: If the thickness reaches the centre.
