@@ -128,16 +128,21 @@ class BlockMesh(TaggedMesh):
 
 
 @contextmanager
-def gmsh_session() -> Iterator[Any]:
-    """gmsh, started if need be, silent, and without its hold on Ctrl-C; yields the module."""
+def gmsh_session(**options: float) -> Iterator[Any]:
+    """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
     gmsh.initialize(readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
+    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
     try:
+        for name, value in options.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
         yield gmsh
     finally:
+        for name, value in before.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
         signal.signal(signal.SIGINT, handler)
 
 

@@ -9,8 +9,7 @@ raise `InputError` for sizes or numbers that are not positive.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -219,27 +218,12 @@ def polygons(
     near = COINCIDENT * float(max(high - low))
     groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
-    options = {"Mesh.MeshSizeMax": size}
-    if quadrilaterals:
-        options |= {"Mesh.SubdivisionAlgorithm": 1, "Mesh.RecombineAll": 1}
-    with gmsh_session() as gmsh, _options(gmsh, options):
+    halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
+    with gmsh_session(MeshSizeMax=size, **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
         _draw(model, [_with_t_joints(b, corners, near) for b in blocks], size, names, groups, near)
         model.mesh.generate(2)
     return model
-
-
-@contextmanager
-def _options(gmsh: Any, options: Mapping[str, float]) -> Iterator[None]:
-    """Set some of gmsh's options of meshing for a while."""
-    before = {name: gmsh.option.getNumber(name) for name in options}
-    try:
-        for name, value in options.items():
-            gmsh.option.setNumber(name, value)
-        yield
-    finally:
-        for name, value in before.items():
-            gmsh.option.setNumber(name, value)
 
 
 def _draw(
@@ -251,17 +235,21 @@ def _draw(
     near: float,
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
-    surfaces: dict[str, list[int]] = {}
+    geo = model.geo
+    surfaces: dict[str, list[int]] = {name: [] for name in names}
     on_group: dict[str, list[int]] = {name: [] for name in groups}
     for block, block_name in zip(blocks, names, strict=True):
-        lines = _add_sides(model.geo, block, size)
-        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(lines)])
-        surfaces.setdefault(block_name, []).append(surface)
+        points, ends = [geo.addPoint(x, y, 0.0) for x, y in block], np.roll(block, -1, axis=0)
+        lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
+        for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):
+            # Both blocks of a joint must come to the same number, whatever their rounding.
+            geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
+        surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
         for name, segments in groups.items():
             on = [_on_segment(block, segment, near) for segment in segments]
             sides = np.any([start & np.roll(start, -1) for start in on], axis=0)
             on_group[name] += np.array(lines)[sides].tolist()
-    model.geo.synchronize()
+    geo.synchronize()
     for dim, members in ((2, surfaces), (1, on_group)):
         for name, tags in members.items():
             if not tags:
@@ -289,10 +277,9 @@ def _area(corners: Array) -> float:
 def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
     """Which points lie on a segment, its ends included."""
     start, end = np.asarray(segment, dtype=float)
-    length = float(np.linalg.norm(end - start))
-    along = (points - start) @ (end - start) / length
-    across = (points - start) @ np.array([start[1] - end[1], end[0] - start[0]]) / length
-    return (np.abs(across) <= near) & (along >= -near) & (along <= length + near)
+    x, y = (end - start) / np.linalg.norm(end - start)
+    along, across = ((points - start) @ np.array([[x, -y], [y, x]])).T
+    return (np.abs(across) <= near) & (along >= -near) & (along <= np.hypot(*(end - start)) + near)
 
 
 def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
@@ -306,17 +293,6 @@ def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
         inside = inside[np.diff(inside, prepend=-np.inf) > near]
         pieces += [start[None], start + inside[:, None] * (end - start) / length]
     return np.concatenate(pieces)
-
-
-def _add_sides(geo: Any, outline: Array, size: float) -> list[int]:
-    """Add the sides of one block, divided into elements; returns gmsh's curves in order."""
-    points = [geo.addPoint(x, y, 0.0) for x, y in outline]
-    lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
-    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
-    for line, length in zip(lines, lengths, strict=True):
-        # Both blocks of a joint must come to the same number, whatever their rounding.
-        geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
-    return lines
 
 
 def arch(
