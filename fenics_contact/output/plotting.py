@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
-from fenics_contact.analysis.result import Result
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
@@ -25,53 +26,55 @@ WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
 RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
-def draw_collapse(result: Result, direction: str, path: Path) -> None:
-    """Draw the collapse mode, and the joint forces at collapse, into a .png file.
+def draw_collapse(
+    discretization: Discretization,
+    mode: Array,
+    values: JointValues,
+    live: Array,
+    title: str,
+    path: Path,
+) -> None:
+    """Draw the collapse mode, and the joint forces at collapse, into a .png file. Collective.
 
-    Collective; drawn on rank 0. Nothing is drawn where the collapse in the direction, "positive" or
-    "negative", has no mode.
+    Args:
+        discretization: What collapses.
+        mode: In the supports' coordinates, this rank's part.
+        values: Joint forces at collapse.
+        live: Resultants of the live load on the bodies, as it acts, shape (bodies, 2), N/m.
+        title: Of the picture.
+        path: File.
     """
-    discretization, end = result.discretization, result.ends[direction]
-    if end.mode is None or end.joints is None:
-        return
     boundary, joints = discretization.boundary, discretization.joints
-    velocity = discretization.cartesian(end.mode)
+    velocity = discretization.cartesian(mode)
     at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
     at_joints = _at_nodes(discretization, velocity, joints.nodes)
-    if result.scene.comm.rank != 0:
+    if discretization.scene.comm.rank != 0:
         return
     figure, (left, right) = _figure_of(boundary)
     fastest = float(np.linalg.norm(at_facets, axis=2).max()) or 1.0
     scale = AMPLITUDE * float(_size(boundary).max()) / fastest
     _draw_blocks(left, boundary, scale * at_facets)
-    _draw_joints(left, joints, end.joints, scale * at_joints)
-    sign = -1.0 if direction == "negative" else 1.0
-    _draw_live_load(left, sign * discretization.bodies.live[:, :2])
+    _draw_joints(left, joints, values, scale * at_joints)
+    _draw_live_load(left, live)
     left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
-    _draw_forces(right, discretization, end.joints)
+    _draw_forces(right, discretization, values)
     right.set_title("joint forces at collapse (length by size)", fontsize=10)
-    title = f"{result.scene.title}: " if result.scene.title else ""
-    value = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    value += f"load factor {end.load_factor:.6g}"
-    value += " (live load reversed)" if direction == "negative" else ""
-    figure.suptitle(f"{title}{value}   ({end.bounds})", fontsize=13)
+    figure.suptitle(title, fontsize=13)
     figure.savefig(path, dpi=150)
 
 
-def draw_capacity(result: Result, path: Path) -> None:
+def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, path: Path) -> None:
     """Draw the capacity curve, load factor over displacement, into a .png file, on this rank."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    curve = [(1e3 * point.displacement, point.load_factor) for point in result.capacity]
+    curve = [(1e3 * point.displacement, point.load_factor) for point in points]
     axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
-    collapse = result.collapse
-    if collapse is not None and np.isfinite(collapse.load_factor):
-        limit = collapse.load_factor
+    if np.isfinite(limit):
         axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
-    labels = {"xlabel": "mean displacement along the live load (mm)", "ylabel": "load factor"}
-    axes.set(title=result.scene.title or "Capacity curve", **labels)
+    axes.set(title=title or "Capacity curve", ylabel="load factor")
+    axes.set_xlabel("mean displacement along the live load (mm)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     figure.savefig(path, dpi=150)
