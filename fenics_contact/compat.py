@@ -33,21 +33,16 @@ def create_mesh(
 ) -> mesh.Mesh:
     """Distribute a mesh given on one rank (the others pass empty arrays), without ghost cells.
 
-    Args:
-        comm: Communicator.
-        cell_name: "triangle" or "quadrilateral".
-        cells: Points of the cells in gmsh order, shape (cells, nodes).
-        points: Coordinates, shape (points, 2).
-        destinations: Rank of every cell given here, shape (cells,); None: graph partitioning.
+    `cells` have their points in gmsh order, shape (cells, nodes); `points` are coordinates, shape
+    (points, 2); `destinations` is the rank of every cell given here, None for graph partitioning.
     """
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     given = list(inspect.signature(mesh.create_mesh).parameters)
     with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
     modes = () if with_ghost_mode else (mesh.GhostMode.none,)
+    partitioner: Any = mesh.create_cell_partitioner(*modes)
     if destinations is not None:
-        partitioner: Any = _given_partition(destinations)
-    else:
-        partitioner = mesh.create_cell_partitioner(*modes)
+        partitioner = _given_partition(destinations)
     domain = ufl.Mesh(_coordinate_element(cell_name))
     if with_ghost_mode:
         return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)

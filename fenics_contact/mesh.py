@@ -72,7 +72,7 @@ class BlockMesh(TaggedMesh):
     """A distributed mesh whose bodies (connected sets of cells) share no node.
 
     Attributes:
-        domain: The dolfinx mesh.
+        domain: dolfinx mesh.
         body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
@@ -291,7 +291,7 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
 
 
 def _connected(entities: Indices) -> Labels:
-    """Labels 0, 1, ... of the sets of cells that are connected through entities they share."""
+    """Number of the set of cells, connected through shared entities, that every cell is in."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -73,7 +73,7 @@ def wall(
     elements: int = 2,
     quadrilaterals: bool = False,
 ) -> Any:
-    """Mesh a wall laid in courses, every block a body with nodes of its own.
+    """Mesh a wall laid in courses.
 
     The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (outline),
     "bed" and "head" (both sides of horizontal and vertical joints), "opening" (other free edges).
@@ -190,7 +190,7 @@ def polygons(
     groups: Segments | None = None,
     quadrilaterals: bool = False,
 ) -> Any:
-    """Mesh straight-sided blocks given by their corners, every block a body with its own nodes.
+    """Mesh straight-sided blocks given by their corners.
 
     Where a corner of one block lies on the side of another (a T-joint) that side gets a node
     there, and shared stretches are divided alike, so that facets on both sides coincide.

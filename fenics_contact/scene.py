@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -79,13 +80,10 @@ class JointLaw:
     def __post_init__(self) -> None:
         _require_choice("law", self.law)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
-            value = getattr(self, name)
-            if self.law != owner:
-                _require(value is None, f"law '{self.law}' takes no {name}")
-            elif value is None:
-                raise InputError(f"law '{owner}' needs {name}")
-            else:
-                _require_not_negative(name, value)
+            value, given = getattr(self, name), getattr(self, name) is not None
+            _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
+            _require(given or self.law != owner, f"law '{owner}' needs {name}")
+            _require_not_negative(name, value or 0.0)
 
 
 @dataclass(frozen=True)
@@ -137,10 +135,8 @@ class SolveOptions:
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
         _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
-        if self.slip == "load-steps" and not by_load:
-            raise InputError("slip = 'load-steps' needs control = 'load'")
-        if self.states == "lowest" and by_load:
-            raise InputError("states = 'lowest' needs control = 'work'")
+        _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
+        _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 
 
 @dataclass(frozen=True)
@@ -178,12 +174,11 @@ class Scene(_Shared):
     """Blocks, what joins and holds them, and what loads them.
 
     Attributes:
-        mesh: The blocks.
-        materials: By name of a two-dimensional group; "default" for cells in no group named.
+        mesh: Blocks.
+        materials: By name of a two-dimensional group; "default" for others.
         live: Load multiplied by the load factor.
         dead: Load that acts first and stays.
-        joints: Law by name of a one-dimensional group, where two blocks touch; "default" for
-            facets that touch and are in no group named.
+        joints: Law by name of a one-dimensional group where two blocks touch; "default" for others.
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
         plane: "strain" or "stress".
@@ -262,8 +257,8 @@ class Scene(_Shared):
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
-        roles = [*self.joints, *self.foundations, *self.supports]
-        for name in sorted(name for name in roles if name != "default" and roles.count(name) > 1):
+        roles = sorted([*self.joints, *self.foundations, *self.supports])
+        for name in (a for a, b in pairwise(roles) if a == b != "default"):
             raise InputError(
                 f"group '{name}' has two roles; it can be a joint, a foundation or a support"
             )

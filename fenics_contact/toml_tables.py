@@ -21,7 +21,7 @@ _EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
 
 
 def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """The tables of a TOML file, read on rank 0, with assignments "a.b=1" made on top of it.
+    """Tables of a TOML file, read on rank 0, with assignments "a.b=1" made on top of it.
 
     Raises:
         InputError: On all ranks, if the file is missing or not TOML, or an assignment is wrong.

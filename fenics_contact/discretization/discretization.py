@@ -56,7 +56,7 @@ class Discretization:
     Attributes:
         scene: What was discretised.
         boundary: Facets of the blocks.
-        supports: What is held.
+        supports: Held displacements.
         elasticity: K, f_D, f_L.
         joints: Joint points.
         operators: Rows of B_N and B_T.
@@ -68,42 +68,29 @@ class Discretization:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Discretise a scene.
-
-        Raises:
-            InputError: If joints, supports or loads of the scene do not fit its mesh.
-        """
+        """Discretise; raises `InputError` if joints, supports or loads do not fit the mesh."""
         start = time.perf_counter()
         self.scene = scene
         space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
-        self.elasticity = assemble(scene, space, self.boundary, self.supports)
+        self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
-        elasticity, joints = self.elasticity, self.joints
-        resultants = elasticity.dead_resultant, elasticity.live_resultant
-        self.bodies = rigid_bodies(elasticity.centre, *resultants, self.supports, size)
-        check_held(joints.bodies, joints.position, self.supports, self.bodies, scene.mesh.source)
-        _check_live_load(elasticity, self.bodies, scene)
-        self.operators = joint_operators(joints, self.supports, elasticity.stiffness)
-        points = self.operators.points
-        rigid = _rigid_motions(elasticity, self.bodies)
-        matrices = elasticity.stiffness, self.operators.normal, self.operators.tangential, rigid
-        self._owned, maps = ExitStack(), [SparseMap(matrix) for matrix in matrices]
+        resultants = made.dead_resultant, made.live_resultant
+        self.bodies = bodies = rigid_bodies(made.centre, *resultants, self.supports, size)
+        sides, position = self.joints.bodies, self.joints.position
+        check_held(sides, position, self.supports, bodies, scene.mesh.source)
+        _check_live_load(made, bodies, scene)
+        self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
+        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
+        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
+        self._owned = ExitStack()
         for operator in maps:
             self._owned.callback(operator.close)
-        stiffness, normal, tangential, rigid_map = maps
-        self.problem = ContactProblem(
-            stiffness,
-            elasticity.dead,
-            elasticity.live,
-            normal,
-            tangential,
-            joints.friction[points],
-            joints.shear_strength[points],
-            rigid_map,
-        )
+        laws = self.joints.friction[rows.points], self.joints.shear_strength[rows.points]
+        loads = made.dead, made.live
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
@@ -225,10 +212,8 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
 
 
 def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
-    """Orthonormal rigid motions of the bodies that no support touches as columns of a matrix.
-
-    Those that supports leave to others may be free to some digits only.
-    """
+    """Orthonormal rigid motions, as columns of a matrix, of the bodies that no support touches."""
+    # Those that supports leave to other bodies may be free to some digits only.
     body, nodes, count = elasticity.node_body, len(elasticity.arm), len(bodies.centre)
     comm = elasticity.stiffness.comm.tompi4py()
     motion = motions(elasticity.arm, bodies.size)  # about the mean of the nodes: orthogonal

@@ -46,7 +46,7 @@ class RigidBodies:
 def rigid_bodies(
     centre: Array, dead: Array, live: Array, supports: Supports, size: float
 ) -> RigidBodies:
-    """Motions that supports leave free; arguments as in `RigidBodies`, but moments not scaled."""
+    """Motions that supports leave free; arguments as in `RigidBodies`, with moments not scaled."""
     scale = np.array([1.0, 1.0, 1.0 / size])
     motion = motions(supports.points - centre[supports.body], size)
     gram = _held(motion, supports.frame, supports.held, supports.body, len(centre))

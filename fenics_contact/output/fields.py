@@ -19,9 +19,6 @@ from fenics_contact.discretization.elasticity import cell_field, stress
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.mesh import Array
 
-#: VTK's number of a cell that is a line.
-VTK_LINE = 3
-
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
     """Displacement field in x and y, from this rank's part in the supports' coordinates."""
@@ -79,7 +76,7 @@ def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
     cells = {
         "connectivity": joints.segments.ravel(),
         "offsets": 2 * np.arange(1, count + 1),
-        "types": np.full(count, VTK_LINE, dtype=np.uint8),
+        "types": np.full(count, 3, dtype=np.uint8),  # lines
     }
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
     states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)

@@ -19,10 +19,8 @@ from fenics_contact.mesh import Array, Indices
 
 #: Largest displacement in the picture, as a fraction of the structure's size.
 AMPLITUDE = 0.08
-
 #: Width of the axes of a structure, and limits of their height, inches.
 WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
-
 RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
@@ -36,13 +34,8 @@ def draw_collapse(
 ) -> None:
     """Draw the collapse mode, and the joint forces at collapse, into a .png file. Collective.
 
-    Args:
-        discretization: What collapses.
-        mode: In the supports' coordinates, this rank's part.
-        values: Joint forces at collapse.
-        live: Resultants of the live load on the bodies, as it acts, shape (bodies, 2), N/m.
-        title: Of the picture.
-        path: File.
+    `mode` is this rank's part in the supports' coordinates, `live` are the resultants of the live
+    load on the bodies, as it acts, shape (bodies, 2).
     """
     boundary, joints = discretization.boundary, discretization.joints
     velocity = discretization.cartesian(mode)
@@ -92,13 +85,12 @@ def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
     width, height = _size(boundary)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
     figure = Figure(figsize=(2.0 * WIDTH, tall + 1.4), layout="constrained")
-    both = figure.subplots(1, 2)
     margin = 1.3 * AMPLITUDE * max(width, height)
     low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
+    x, y = np.column_stack([low - margin, high + margin])
+    both = figure.subplots(1, 2, subplot_kw={"aspect": "equal", "xlim": x, "ylim": y})
     for axes in both:
         axes.axis("off")
-        limits = np.column_stack([low - margin, high + margin])
-        axes.set(aspect="equal", xlim=limits[0], ylim=limits[1])
     return figure, both
 
 
@@ -124,19 +116,17 @@ def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> 
     order = np.where(forward[:, None], [0, 1], [1, 0])
     nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
     points = np.take_along_axis(ends, order[:, :, None], axis=1)
-    outlines = []
-    for body in range(int(boundary.body.max()) + 1):
-        leaving = {int(nodes[row, 0]): row for row in np.flatnonzero(boundary.body == body)}
-        loops = []
-        while leaving:  # a loop of facets; a body with a hole has more than one
-            node = next(iter(leaving))
-            corners = [points[leaving[node], 0]]
-            while node in leaving:
-                row = leaving.pop(node)
-                node = int(nodes[row, 1])
-                corners.append(points[row, 1])
-            loops.append(Outline(np.array(corners)))
-        outlines.append(Outline.make_compound_path(*loops))
+    leaving = dict(zip(nodes[:, 0].tolist(), range(len(nodes)), strict=True))
+    loops: list[list[Outline]] = [[] for _ in range(int(boundary.body.max()) + 1)]
+    while leaving:  # a loop of facets; a body with a hole has more than one
+        node, row = next(iter(leaving.items()))
+        corners = [points[row, 0]]
+        while node in leaving:
+            row = leaving.pop(node)
+            node = int(nodes[row, 1])
+            corners.append(points[row, 1])
+        loops[boundary.body[row]].append(Outline(np.array(corners)))
+    outlines = [Outline.make_compound_path(*of_body) for of_body in loops]
     axes.add_collection(PathCollection(outlines, **style))
 
 
@@ -145,10 +135,9 @@ def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
     from matplotlib import colormaps
 
     rest = boundary.points[:, :2]
-    size = np.linalg.norm(motion, axis=2).max(axis=1)
-    of_body = np.zeros(int(boundary.body.max()) + 1)
-    np.maximum.at(of_body, boundary.body, size)
-    relative = of_body / (of_body.max() or 1.0)
+    size = np.zeros(int(boundary.body.max()) + 1)
+    np.maximum.at(size, boundary.body, np.linalg.norm(motion, axis=2).max(axis=1))
+    relative = size / (size.max() or 1.0)
     shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
     shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
     _draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.75", linewidth=0.6)
