@@ -22,6 +22,7 @@ Labels = npt.NDArray[np.int32]
 Flags = npt.NDArray[np.bool_]
 Tags = npt.NDArray[np.uint64]
 Names = frozenset[str]
+Groups = Mapping[tuple[int, int], str]  # names by dimension and gmsh's tag
 
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
@@ -172,13 +173,11 @@ def extract(model: Any, source: str) -> GmshMesh:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
     names = {(d, t): model.getPhysicalName(d, t) or str(t) for d, t in model.getPhysicalGroups()}
-    cell_names, facet_names = (
-        tuple(dict.fromkeys(name for (d, _), name in names.items() if d == dim)) for dim in (2, 1)
-    )
+    by_dim = ([name for (d, _), name in names.items() if d == dim] for dim in (2, 1))
+    cell_names, facet_names = (tuple(dict.fromkeys(some)) for some in by_dim)
     if not cell_names:
-        raise InputError(
-            f"{source} has no two-dimensional physical group; put the blocks' surfaces into one"
-        )
+        problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
+        raise InputError(f"{source} {problem}")
     cell_name, nodes, groups_of_cells = _cells(model, names, source)
     used, flat = np.unique(nodes, return_inverse=True)
     facets, facet_groups, facet_sets = _facets(model, names, used)
@@ -208,9 +207,7 @@ def _coordinates(model: Any, nodes: Tags, source: str) -> Array:
     return points[:, :2].copy()
 
 
-def _elements(
-    model: Any, dim: int, names: Mapping[tuple[int, int], str]
-) -> Iterator[tuple[Names, int, Tags]]:
+def _elements(model: Any, dim: int, names: Groups) -> Iterator[tuple[Names, int, Tags]]:
     """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
     for _, entity in model.getEntities(dim):
         tags = model.getPhysicalGroupsForEntity(dim, entity)
@@ -220,9 +217,7 @@ def _elements(
                 yield frozenset(names[dim, int(tag)] for tag in tags), int(kind), flat
 
 
-def _cells(
-    model: Any, names: Mapping[tuple[int, int], str], source: str
-) -> tuple[str, Tags, list[Names]]:
+def _cells(model: Any, names: Groups, source: str) -> tuple[str, Tags, list[Names]]:
     """Cell name, nodes of the cells, and their groups."""
     found = list(_elements(model, 2, names))
     kinds = {kind for _, kind, _ in found}
@@ -239,9 +234,7 @@ def _cells(
     return name, np.concatenate([flat for *_, flat in found]).reshape(-1, width), groups
 
 
-def _facets(
-    model: Any, names: Mapping[tuple[int, int], str], used: Tags
-) -> tuple[Indices, Labels, tuple[Names, ...]]:
+def _facets(model: Any, names: Groups, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
     """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
     groups: dict[tuple[int, int], Names] = {}
     for more, kind, flat in _elements(model, 1, names):

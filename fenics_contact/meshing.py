@@ -228,7 +228,7 @@ def polygons(
 
 def _draw(
     model: Any,
-    blocks: Sequence[Array],
+    blocks: list[Array],
     size: float,
     names: Sequence[str],
     groups: Segments,

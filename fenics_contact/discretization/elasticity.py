@@ -9,6 +9,7 @@ in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambd
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Load, Scene
+from fenics_contact.scene import Load, Material, Scene
 
 
 @dataclass(frozen=True)
@@ -76,14 +77,20 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
-    density = _material_field(scene, "density")
+    density = _material_field(scene, lambda material: material.density)
     loads, resultants = [], []
     for load in (scene.dead, scene.live):
         force = _load(scene, space, boundary, load, density)
         x, y = force.reshape(-1, 2).T
         resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
         loads.append(supports.constrain_vector(force, nodes.local_range[0]))
-    lame = _lame(scene)
+    nus = 2.0 if scene.plane == "strain" else 1.0
+    lame = (
+        _material_field(
+            scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
+        ),
+        _material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
+    )
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
     stiffness = fem_petsc.assemble_matrix(form)
@@ -111,20 +118,10 @@ def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
     return field
 
 
-def _material_field(scene: Scene, key: str) -> fem.Function:
-    """A property of the materials, constant by cell."""
-    values = [getattr(scene.material(groups), key) for groups in scene.mesh.cell_sets]
-    return cell_field(scene.mesh, key, np.array(values)[scene.mesh.cell_groups])
-
-
-def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
-    """Lame's parameters from Young's modulus and Poisson's ratio, in place of these."""
-    first, second = (_material_field(scene, key) for key in ("young", "poisson"))
-    e, nu = first.x.array.copy(), second.x.array.copy()
-    in_plane = 1.0 - 2.0 * nu if scene.plane == "strain" else 1.0 - nu
-    first.x.array[:] = e * nu / ((1.0 + nu) * in_plane)
-    second.x.array[:] = e / (2.0 * (1.0 + nu))
-    return first, second
+def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Function:
+    """A value of the materials, constant by cell."""
+    values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
+    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
 
 
 def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:

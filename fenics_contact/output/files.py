@@ -11,7 +11,6 @@ from typing import Any
 
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.result import Collapse, Result
-from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints
 from fenics_contact.output.plotting import draw_capacity, draw_collapse
@@ -91,7 +90,7 @@ def result_record(result: Result) -> Record:
         "title": scene.title,
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        "bounds": _bounds_record(result.bounds),
+        "bounds": _record(result.bounds, "lower", "upper"),
         "method": None,
         "error_estimate": None,
         "residuals": None,
@@ -103,7 +102,7 @@ def result_record(result: Result) -> Record:
     if negative is not None and negative is not collapse:
         record["negative"] = {
             "status": negative.status,
-            "bounds": _bounds_record(negative.bounds),
+            "bounds": _record(negative.bounds, "lower", "upper"),
             **_collapse_record(result, negative),
         }
     return record | {
@@ -179,13 +178,8 @@ def _iteration_record(collapse: Collapse) -> Record:
 
 
 def _record(item: Any, *names: str) -> Record:
-    """Some attributes of an item."""
-    return {name: getattr(item, name) for name in names}
-
-
-def _bounds_record(bounds: LimitBounds | None) -> Record:
-    lower, upper = (None, None) if bounds is None else (bounds.lower, bounds.upper)
-    return {"lower": lower, "upper": upper}
+    """Some attributes of an item; None where there is no item."""
+    return {name: None if item is None else getattr(item, name) for name in names}
 
 
 def strict(value: Any) -> Any:
