@@ -19,6 +19,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
+Polygons = list[Array]
 
 #: Corners closer than this, relative to the size of the drawing, are the same point.
 COINCIDENT = 1e-9
@@ -91,14 +92,7 @@ def wall(
     ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
-    rectangles = [
-        (left * length, level * height, right * length, (level + 1) * height)
-        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
-        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
-        if size > 0.0
-    ]
-    if not rectangles:
-        raise InputError("wall: there is no block, all lengths are negative")
+    rectangles = _rectangles(courses, ends, block)
     step, on_grid = 0.5 * length / elements, np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
         steps = (step, height / max(1, round(height / step)))
@@ -111,6 +105,22 @@ def wall(
         free.remove()
         points, cells = mesh.points, mesh.cells
     return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
+
+
+def _rectangles(
+    courses: Sequence[Sequence[float]], ends: Sequence[Array], block: tuple[float, float]
+) -> list[tuple[float, float, float, float]]:
+    """Corners (x0, y0, x1, y1) of the blocks of a wall, m."""
+    length, height = block
+    rectangles = [
+        (left * length, level * height, right * length, (level + 1) * height)
+        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
+        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
+        if size > 0.0
+    ]
+    if not rectangles:
+        raise InputError("wall: there is no block, all lengths are negative")
+    return rectangles
 
 
 def running_bond(
@@ -221,18 +231,14 @@ def polygons(
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
     with gmsh_session(MeshSizeMax=size, **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        _draw(model, [_with_t_joints(b, corners, near) for b in blocks], size, names, groups, near)
+        blocks = [_with_t_joints(block, corners, near) for block in blocks]
+        _draw(model, blocks, names, groups, size, near)
         model.mesh.generate(2)
     return model
 
 
 def _draw(
-    model: Any,
-    blocks: list[Array],
-    size: float,
-    names: Sequence[str],
-    groups: Segments,
-    near: float,
+    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, size: float, near: float
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
     geo = model.geo

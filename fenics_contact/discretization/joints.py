@@ -258,10 +258,10 @@ def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indice
 def _direction(keys: Indices, normal: Array) -> Indices:
     """0, or 1 where the joint kinks at a node pair and this facet comes second."""
     order = np.lexsort(keys.T[::-1])
-    same = np.all(keys[order[1:]] == keys[order[:-1]], axis=1)
-    kink = np.sum(normal[order[1:]] * normal[order[:-1]], axis=1) < np.cos(SMOOTH_ANGLE)
+    one, two = order[:-1], order[1:]
+    kink = np.sum(normal[one] * normal[two], axis=1) < np.cos(SMOOTH_ANGLE)
     direction = np.zeros(len(keys), dtype=np.int64)
-    direction[order[1:][same & kink]] = 1
+    direction[two[kink & np.all(keys[one] == keys[two], axis=1)]] = 1
     return direction
 
 

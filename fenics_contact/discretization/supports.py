@@ -83,11 +83,9 @@ class Supports:
 
     def _times(self, blocks: Array, values: Array, first: int) -> Array:
         """Product with a block diagonal matrix that has given blocks at the supports' nodes."""
-        result = values.reshape(-1, 2).copy()
-        rows = self.nodes - first
-        mine = (rows >= 0) & (rows < len(result))
-        result[rows[mine]] = np.einsum("nij,nj->ni", blocks[mine], result[rows[mine]])
-        return result.ravel()
+        u = values.reshape(-1, 2)
+        at = self._at(first + np.arange(len(u)), blocks)
+        return np.einsum("nij,nj->ni", at, u).ravel()
 
     def _at(self, nodes: Indices, blocks: Array) -> Array:
         """Blocks at given nodes, the unit matrix where there is no support."""

@@ -59,26 +59,25 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
     if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
         return
     discretization, scene = result.discretization, result.scene
-    first, reverse = scene.comm.rank == 0, direction == "negative"
-    suffix = "_negative" if reverse and len(result.ends) == 2 else ""
+    first, sign, reversal = scene.comm.rank == 0, 1.0, ""
+    if direction == "negative":
+        sign, reversal = -1.0, " (live load reversed)"
+    suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     if scene.output.paraview:
         motions = end.state.displacement, end.state.elastic, end.mode
         write_blocks(folder / f"blocks{suffix}.pvd", discretization, *motions)
         if first:
             write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
     if scene.output.pictures:
-        live = (-1.0 if reverse else 1.0) * discretization.bodies.live[:, :2]
-        title = _title(scene.title, end, reverse) if first else ""
-        path = folder / f"collapse{suffix}.png"
+        live, path = sign * discretization.bodies.live[:, :2], folder / f"collapse{suffix}.png"
+        title = _title(scene.title, end) + f"{reversal}   ({end.bounds})" if first else ""
         draw_collapse(discretization, end.mode, end.joints, live, title, path)
 
 
-def _title(scene: str, end: Collapse, reverse: bool) -> str:
-    """What a picture of a collapse shows."""
+def _title(scene: str, end: Collapse) -> str:
+    """Title of the scene, status and load factor of a collapse."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    direction = " (live load reversed)" if reverse else ""
-    value = f"{status}load factor {end.load_factor:.6g}{direction}   ({end.bounds})"
-    return f"{scene}: {value}" if scene else value
+    return (f"{scene}: " if scene else "") + f"{status}load factor {end.load_factor:.6g}"
 
 
 def result_record(result: Result) -> Record:

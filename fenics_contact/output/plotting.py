@@ -109,10 +109,9 @@ def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> 
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
-    # Run along every facet with the block on the left: tangent = normal turned anticlockwise.
+    # Run along every facet with the block on the left.
     along = boundary.points[:, 1] - boundary.points[:, 0]
-    turned = np.column_stack([-boundary.normal[:, 1], boundary.normal[:, 0]])
-    forward = np.sum(along * turned, axis=1) > 0.0
+    forward = np.linalg.det(np.stack([boundary.normal, along], axis=1)) > 0.0
     order = np.where(forward[:, None], [0, 1], [1, 0])
     nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
     points = np.take_along_axis(ends, order[:, :, None], axis=1)
