@@ -53,7 +53,7 @@ class TaggedMesh:
 
 @dataclass(frozen=True)
 class GmshMesh(TaggedMesh):
-    """The planar cells and tagged facets of a gmsh model, on one rank.
+    """Planar cells and tagged facets of a gmsh model, on one rank.
 
     Attributes:
         cell_name: "triangle" or "quadrilateral".

@@ -163,17 +163,11 @@ class Discretization:
         return everything
 
     def cartesian(self, values: Array) -> Array:
-        """Displacements in x and y of this rank's nodes, shape (nodes, 2), m.
-
-        `values` are this rank's part of displacements or a mode in the supports' coordinates.
-        """
+        """Displacements in x and y, shape (nodes, 2), of this rank's in supports' coordinates."""
         return self.supports.to_cartesian(values, self._first_node).reshape(-1, 2)
 
     def rigid_motion(self, motion: Array) -> Array:
-        """Displacements, in the supports' coordinates, of rigid motions (a, b, c) of the bodies.
-
-        `motion` has the shape (bodies, 3); bodies turn about their centres.
-        """
+        """Displacements, in supports' coordinates, of motions (a, b, c), shape (bodies, 3)."""
         per_unit = motions(self.elasticity.arm, 1.0)
         u = np.einsum("nkm,nm->nk", per_unit, motion[self.elasticity.node_body])
         return self.supports.to_supports(u.ravel(), self._first_node)

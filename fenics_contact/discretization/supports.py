@@ -100,10 +100,7 @@ class Supports:
 def supports_of(
     fixed: Flags, nodes: Indices, points: Array, normal: Array, body: Labels
 ) -> Supports:
-    """What is held at the nodes of facets that are fixed or, if not, on rollers.
-
-    The other arguments are columns of `Boundary` for these facets.
-    """
+    """What is held at nodes of facets, fixed or on rollers, given by columns of `Boundary`."""
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
     per_facet = nodes.shape[1]
