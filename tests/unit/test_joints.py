@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, JointLaw, Scene
+from fenics_contact.discretization.discretization import find_supports
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import (
@@ -17,7 +18,7 @@ from fenics_contact.discretization.joints import (
     find_joints,
     joint_operators,
 )
-from fenics_contact.discretization.supports import Supports, find_supports
+from fenics_contact.discretization.supports import Supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import (
     PUSH,
@@ -80,7 +81,7 @@ class Jointed:
     def nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and bodies of all nodes."""
         space = self.elasticity.space
-        own = self.elasticity.node_body[: space.dofmap.index_map.size_local]
+        own = self.elasticity.node_body
         return node_positions(space), np.concatenate(space.mesh.comm.allgather(own))
 
     def moved(self, displacement) -> tuple[np.ndarray, np.ndarray]:
