@@ -140,12 +140,6 @@ for name in sys.argv[2:]:
     importlib.import_module(f"fenics_contact.{name}")
 """
 
-PACKAGE_ALONE = """
-import sys
-sys.modules |= {name: None for name in ("gmsh", "matplotlib", "tqdm", "scipy")}
-import fenics_contact
-"""
-
 
 def run_alone(program: str, *arguments: str) -> str:
     """What a program in a process of its own, outside an MPI run of ours, prints as errors."""
@@ -160,10 +154,6 @@ def run_alone(program: str, *arguments: str) -> str:
 
 def test_solvers_load_without_dolfinx():
     assert run_alone(SOLVERS_ALONE, str(PACKAGE), *in_solvers()) == ""
-
-
-def test_package_loads_without_what_is_needed_late():
-    assert run_alone(PACKAGE_ALONE) == ""
 
 
 def test_slow_modules_are_imported_where_they_are_used():

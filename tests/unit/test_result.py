@@ -13,13 +13,7 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import (
-    CollapseState,
-    History,
-    LoadPath,
-    LoadStep,
-    Step,
-)
+from fenics_contact.analysis.history import CollapseState, History, LoadPath, LoadStep, Step
 from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
