@@ -452,16 +452,12 @@ def arch_entries() -> Iterator[Known]:
     ):
         name, recipe = f"arch {voussoirs} {thickness:g}", arch_recipe(voussoirs, thickness)
         yield Known(name, recipe, factor, source, tags("arch"), 5.1e-6, 1.0)
+    # By voussoirs at friction 1, and by friction with 27: from 0.3958 on it does not matter.
+    rough = {7: 0.095703, 11: 0.104589, 17: 0.105462, 27: 0.106721, 51: 0.107357}
+    smoother = {0.396: 0.106721, 0.36: 0.140890, 0.34: 0.161766, 0.32: 0.183845}
     for voussoirs, friction, least, also in (
-        (7, 1.0, 0.095703, ""),
-        (11, 1.0, 0.104589, ""),
-        (17, 1.0, 0.105462, ""),
-        (27, 1.0, 0.106721, ""),
-        (51, 1.0, 0.107357, ""),
-        (27, 0.396, 0.106721, "slow"),  # from 0.3958 on friction does not matter
-        (27, 0.36, 0.140890, "slow"),
-        (27, 0.34, 0.161766, "slow"),
-        (27, 0.32, 0.183845, "slow"),
+        *((count, 1.0, least, "") for count, least in rough.items()),
+        *((27, friction, least, "slow") for friction, least in smoother.items()),
     ):
         name = f"arch {voussoirs} {friction:g} least thickness"
         thin, thick = (arch_recipe(voussoirs, least * x, friction) for x in (0.99998, 1.00002))

@@ -389,17 +389,6 @@ def check_continuation(path: dict[str, Any], sign: float, exact: float) -> None:
     assert all(math.isfinite(step["displacement"]) for step in path["steps"])
 
 
-def test_continuation_says_where_no_equilibrium_was_found(tmp_path, capsys):
-    # The wall tips at 1; associative friction would carry 1.5, which stops no steps.
-    rough = {"joints.default.friction": 1.5, "foundations.base.friction": 1.5}
-    record = solve_here(tmp_path, capsys, rough | {"solve.control": "load"}, "wall")
-    path = record["continuation"]
-    assert record["load_factor"] == pytest.approx(1.0, rel=1e-6)
-    assert record["bounds"]["upper"] == pytest.approx(1.5, rel=1e-6)
-    assert path["equilibrium_up_to"] <= 1.0 <= path["none_found_at"]
-    assert path["none_found_at"] - path["equilibrium_up_to"] <= 1e-4
-
-
 @pytest.mark.parametrize("direction", ["positive", "negative", "both"])
 def test_ends_and_states_found_are_listed(direction, tmp_path, capsys):
     changes = {"solve.states": "lowest", "solve.direction": direction}

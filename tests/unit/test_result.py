@@ -86,9 +86,8 @@ def test_contraction_is_that_of_the_last_half():
 
 def test_numbers_of_the_record_are_strict_json():
     record = {"a": [np.inf, 1, {"b": float("nan"), "c": None}], "d": "text", "e": -0.0}
-    assert str(strict(record)) == str(
-        {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
-    )
+    expected = {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
+    assert str(strict(record)) == str(expected)
 
 
 def sliding_wall(direction: str = "positive", capacity: int = 0) -> Scene:
