@@ -193,18 +193,6 @@ def test_resultants_add_up_and_are_those_of_the_load_not_of_what_supports_leave(
     assert np.all(forces[supports.nodes] == 0.0)
 
 
-def test_lame_parameters_of_the_plane_states():
-    drawing = grid_blocks(((0, 0), (1, 1), (1, 1)))
-    mu = YOUNG / (2 * (1 + POISSON))
-    for plane, value in (
-        ("strain", YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))),
-        ("stress", YOUNG * POISSON / (1 - POISSON**2)),
-    ):
-        lame = assembled(scene_of(drawing, Load((1.0, 0.0)), plane=plane))[0].lame
-        for field, expected in zip(lame, (value, mu), strict=True):
-            assert field.x.array == pytest.approx(np.full(len(field.x.array), expected), rel=1e-14)
-
-
 def test_traction_inside_a_block():
     drawing = grid_blocks(((0, 0), (2, 2), (2, 2)))
     drawing.facets["seam"] = np.array([[3, 4]])

@@ -13,13 +13,7 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import (
-    CollapseState,
-    History,
-    LoadPath,
-    LoadStep,
-    Step,
-)
+from fenics_contact.analysis.history import CollapseState, History, LoadPath, LoadStep, Step
 from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
@@ -92,9 +86,8 @@ def test_contraction_is_that_of_the_last_half():
 
 def test_numbers_of_the_record_are_strict_json():
     record = {"a": [np.inf, 1, {"b": float("nan"), "c": None}], "d": "text", "e": -0.0}
-    assert str(strict(record)) == str(
-        {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
-    )
+    expected = {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
+    assert str(strict(record)) == str(expected)
 
 
 def sliding_wall(direction: str = "positive", capacity: int = 0) -> Scene:

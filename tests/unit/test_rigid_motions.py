@@ -115,15 +115,12 @@ def test_structure_that_is_not_held_or_not_pushed(drawing, holds, message):
         build(drawing.model(), **holds)
 
 
-def test_stack_between_rollers_is_held_as_a_whole():
-    model = wall([[1], [1]], elements=1)
-    with build(model, supports={"base": "roller", "left": "roller"}) as built:
-        assert built.bodies.floating.tolist() == [False, True]
-
-
-def test_foundation_holds_what_stands_on_it():
-    with build(wall([[1], [1]], elements=1), foundations=["base"]) as built:
-        assert built.bodies.floating.tolist() == [True, True]
+@pytest.mark.parametrize("holds", ["rollers", "foundation"])
+def test_rollers_or_a_foundation_hold_a_stack_as_a_whole(holds):
+    rollers = holds == "rollers"
+    supports, ground = ({"base": "roller", "left": "roller"}, []) if rollers else ({}, ["base"])
+    with build(wall([[1], [1]], elements=1), supports, ground) as built:
+        assert built.bodies.floating.tolist() == [not rollers, True]
 
 
 def test_rigid_motions_of_blocks_that_no_support_touches():

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.smoothing import (
-    SmoothedLaws,
-    distance_from_bound,
-    normal_law,
-)
+from fenics_contact.solvers.smoothing import SmoothedLaws, distance_from_bound, normal_law
 
 MU = 1e-3
 P, Q = (array.ravel() for array in np.meshgrid([-2.0, -0.03, 0.0, 0.04, 1.5], [-1.2, -0.01, 0.3]))
