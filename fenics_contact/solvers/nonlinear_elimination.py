@@ -397,8 +397,11 @@ class NonlinearElimination:
         """Choose the points whose laws bend first, and solve for what forces there do to all.
 
         Args:
-            ahead: Change of s that is aimed at along the path; 0: the step only goes to the path.
+            ahead: Change of s that is aimed at along the path; 0: the step only goes to the path,
+                with s held.
         """
+        if not ahead:
+            self.back = 0.0
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
             self._solve_for_answers(self._first_to_bend(ahead))
 
