@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.analysis.certificate import Certificate, outside_bracket
+from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
@@ -67,12 +67,18 @@ class Collapse:
         return self.program()
 
     def held_against_bracket(self) -> Collapse:
-        """With the load factor's distance from its bracket in the certificate, and what follows."""
+        """With the load factor's distance from its bracket in the certificate, and what follows.
+
+        The forces of a verified state solve the associative program: this checks the other
+        residuals.
+        """
         if self.status != "limit" or self.certificate is None:
             return self
-        bracket = self.bounds.lower, self.bounds.upper
-        missed, size = self.certificate.error_estimate, self.certificate.size
-        outside = outside_bracket(self.load_factor, bracket, missed, size)
+        bounds = self.bounds
+        lower = -np.inf if bounds.lower is None else bounds.lower
+        upper = np.inf if bounds.upper is None else bounds.upper
+        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
+        outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
         residuals = {**self.certificate.residuals, "bracket": outside}
         certificate = replace(self.certificate, residuals=residuals)
         status = "limit" if certificate.passed else "not_converged"
