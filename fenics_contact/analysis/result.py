@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
@@ -19,10 +18,8 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.problem import State
+from fenics_contact.solvers.problem import Array, State
 from fenics_contact.solvers.splitting import SplittingHistory
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
