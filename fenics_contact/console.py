@@ -97,18 +97,16 @@ def _end_lines(name: str, end: Collapse) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
         return [f"{name}: unbounded, nothing limits the live load"]
-    if end.state is None:
+    if end.state is None or end.certificate is None:
         return [f"{name}: NOT CONVERGED, no state was found"]
     programs = "rigid blocks without friction, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
     certificate = end.certificate
     if end.status != "limit":
-        failures = {} if certificate is None else certificate.failures
-        names = ", ".join(f"{k} {v:.1e}" for k, v in failures.items()) or "no convergence"
-        return [first, f"NOT CONVERGED: this is not a limit load ({names})"]
-    if certificate is None:
-        return [first]
-    equilibrium, friction = (certificate.residuals[name] for name in ("equilibrium", "friction"))
+        failures = (f"{law} {value:.1e}" for law, value in certificate.failures.items())
+        missed = ", ".join(failures) or "no convergence"
+        return [first, f"NOT CONVERGED: this is not a limit load ({missed})"]
+    equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
     return [
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"

@@ -34,7 +34,7 @@ TOLERANCES: Mapping[str, float] = {
     "mode_penetration": 1e-5,
     "mode_elastic": 1e-4,
     "mode_power": 1e-4,
-    # Of the state's own friction bound: as the bound follows, the load factor may still change by
+    # For the state's own friction bound: as the bound follows, the load factor may still change by
     # 10 to 1 000 times as much. A larger gap counts where a larger tolerance is asked for.
     "limit": 3e-6,
     "bracket": 1e-6,
@@ -74,11 +74,9 @@ class Certificate:
         residuals: By name; relative, zero for an exact state.
         error_estimate: Gap: load factor less the program's for the state's friction, absolute.
         worst_joint: Where the joint laws are missed most.
-        kinematic_factor: Load factor at which the mode dissipates what the loads do on it,
-            (sum g |B_T v| - f_D.v) / f_L.v. With given friction it is an upper bound on the limit
-            load, and the program's load factor, a static one, a lower bound.
-        static_factor: Load factor of the rigid-block program with the state's friction; or of the
-            state, whose forces are a solution of that program, where the mode confirms it.
+        kinematic_factor: (sum g |B_T v| - f_D.v) / f_L.v: upper bound on the limit load for the
+            friction of the state.
+        static_factor: Lower one: the rigid-block program's, or, where the mode confirms it, lambda.
         size: Load factor that differences of load factors are relative to.
         tolerance: On the load factor, as asked for.
     """
@@ -122,13 +120,13 @@ def certify(
     points: npt.NDArray[np.int64] | None = None,
     tolerance: float = 0.0,
 ) -> Certificate:
-    """Recompute all conditions of a collapse state.
+    """Recompute all conditions of a collapse state, relative to `scales`.
 
     Args:
         problem: Stiffness, loads and joints.
         state: Displacements, load factor and joint forces.
         mode: Collapse mode v.
-        scales: Typical sizes, which residuals are relative to.
+        scales: Typical sizes.
         rigid_limit: Limit load of the rigid blocks with the friction of the state; nan: unknown.
         points: Numbers of this rank's joint points, by which to name the worst.
         tolerance: On the load factor, as asked for.

@@ -30,8 +30,7 @@ class ModeOptions:
         mu: Products of open and sliding joints, in units of force times displacement.
         stiffest: Cap on the springs of closed joints, in units of the mean diagonal of K. No
             forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
-        not_unique: A mode that penetrates by more than this part of its size is one of many, of
-            which others do no better.
+        not_unique: A mode that penetrates by more than this part of its size is one of many.
     """
 
     mu: float = 1e-12
@@ -60,12 +59,8 @@ class Verified:
 def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
     """The collapse mode of a state, and their certificate.
 
-    Args:
-        case: The load case.
-        state: The state.
-        scales: Typical sizes.
-        tolerance: On the load factor, relative.
-        gap: Gap between load factor and rigid-block program up to which an elastic mode is enough.
+    The tolerance is that on the load factor, relative. Up to `gap` between load factor and
+    rigid-block program an elastic mode is enough.
     """
 
     def certified(mode: Array, rigid_limit: float) -> Verified:

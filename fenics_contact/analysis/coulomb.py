@@ -63,6 +63,8 @@ class FixedPointOptions:
     tightest: float = 1e-12
 
 
+OPTIONS = FixedPointOptions()
+
 #: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
 #: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
 #: residuals. Raises `SolverError` where none is found.
@@ -77,7 +79,7 @@ def solve_fixed_point(
     tolerance: float,
     monitor: Callable[[Step], None],
     factorizations: Callable[[], int],
-    options: FixedPointOptions | None = None,
+    options: FixedPointOptions = OPTIONS,
 ) -> tuple[Solution, History]:
     """State whose friction bound g is Coulomb's, and the history, which says if it converged.
 
@@ -91,7 +93,6 @@ def solve_fixed_point(
         factorizations: Number of factorisations so far.
         options: Numbers of the iteration.
     """
-    options = options or FixedPointOptions()
     relaxation = _Relaxation(problem.sum, options)
     steps: list[Step] = []
     change, converged = float(np.inf), False
@@ -144,10 +145,7 @@ def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptio
 
 
 def _series(steps: Sequence[Step], options: FixedPointOptions) -> float:
-    """Estimate of the sum of all further changes relative to the last: a geometric series.
-
-    With relaxation the changes do not tell the contraction; secants do.
-    """
+    """Sum of all further changes over the last: a geometric series, by changes and by secants."""
     contraction = History(tuple(steps)).contraction
     contraction = min(contraction or 0.5, options.slowest)
     secant = min(step.secant for step in steps[len(steps) // 2 :])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.solvers.problem import Array, ContactProblem, State
+from fenics_contact.solvers.problem import Array, State
 
 
 @dataclass(frozen=True)
@@ -86,22 +86,14 @@ class JointValues:
         return OPTIONS.moves * float(rates.max(initial=0.0))
 
 
-def joint_values(
-    problem: ContactProblem,
-    of_all: Callable[[Array], Array],
-    length: Array,
-    state: State,
-    mode: Array,
-) -> JointValues:
-    """Joint values of a state and its mode, on all ranks together.
-
-    `of_all` gathers values at this rank's points to those at all; `length` is that of each, m.
-    """
-    normal, shear = of_all(state.pressure), of_all(state.shear)
-    gap, slip, opening_rate, slip_rate = (
-        of_all(operator @ motion)
+def joint_values(discretization: Discretization, state: State, mode: Array) -> JointValues:
+    """Joint values of a state and its mode, on all ranks together."""
+    problem, gather = discretization.problem, discretization.all_points
+    normal, shear = gather(state.pressure), gather(state.shear)
+    motions = [
+        gather(operator @ motion)
         for motion in (state.displacement, mode)
         for operator in (problem.normal, problem.tangential)
-    )
-    pressure, stress = normal / length, shear / length
-    return JointValues(normal, shear, pressure, stress, gap, slip, opening_rate, slip_rate)
+    ]
+    length = discretization.joints.length
+    return JointValues(normal, shear, normal / length, shear / length, *motions)

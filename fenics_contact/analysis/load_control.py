@@ -38,8 +38,7 @@ class LoadOptions:
         least: The width is relative to this part of the typical load factor at least.
         far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
-        margin: The collapse lies between the last two load factors to this multiple of the
-            tolerance: so close to the limit, load factors are less exact than states.
+        margin: To this multiple of the tolerance the collapse lies between the last load factors.
         beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
     """
 
@@ -63,10 +62,7 @@ def raise_load(
     options: SolveOptions,
     find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
 ) -> Collapse:
-    """The collapse at the end of the states under rising load factors.
-
-    `find_collapse` of `work_control` finds it from the last state on.
-    """
+    """The collapse that `find_collapse` finds from the last state under rising load factors."""
     bounds = case.problem.comm.bcast(case.blocks.bounds())
     if bounds.lower == np.inf:
         return Collapse("unbounded", float(np.inf), case.blocks.bounds)
@@ -174,8 +170,8 @@ def capacity_curve(
 ) -> list[CapacityPoint]:
     """Load factors at rising work up to a collapse and a little beyond; those found.
 
-    Slip is measured from the stress-free state at every point. With load control its steps are the
-    points. The monitor is told the number of a point, the number of all, and the point.
+    Slip is measured from the stress-free state. With load control its steps are the points. The
+    monitor is told the number of a point, that of all, and the point.
     """
     if end.path is not None:
         return [CapacityPoint(**vars(step)) for step in end.path.steps]

@@ -31,14 +31,13 @@ class Collapse:
         load_factor: lambda; nan if no state was found.
         program: Solves the rigid-block programs for the bracket of this end.
         state: State reached, in the supports' coordinates; None if there is none.
-        mode: Collapse mode v in the supports' coordinates, this rank's part; f_L.v = 1 with the
-            live load as it acts.
+        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
         joints: Forces, openings and slips of the joints in this state and mode.
         certificate: Verification of the state.
         history: Iterations for all states, at rising T.
         work_ratio: T in units of the live load's work on the bonded structure.
         path: Load factors with equilibrium, under load control.
-        states: Collapse states found from different first bounds, where they were looked for.
+        states: Those found from different starts, where they were looked for.
     """
 
     status: str
@@ -111,8 +110,7 @@ class Result:
 
     Attributes:
         discretization: Scene, joints, supports and function space; its matrices may be gone.
-        ends: Collapse by direction, "positive" (live load as given) before "negative" (reversed);
-            empty where there is no equilibrium under the dead load.
+        ends: Collapse by direction, "positive" first; empty if the dead load has no equilibrium.
         skipped: What the scene did not need and why, for people.
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.

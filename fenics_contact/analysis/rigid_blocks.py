@@ -36,8 +36,7 @@ class ProgramOptions:
     """Numbers of the linear programs.
 
     Attributes:
-        collinear: Faces on one line agree so far in direction, and in offset over the structure's
-            size.
+        collinear: Difference of direction, and offset over the structure's size, of one line.
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
     """
 

@@ -15,6 +15,7 @@ from typing import Concatenate, ParamSpec
 
 import numpy as np
 
+from fenics_contact.analysis import coulomb
 from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.analysis.coulomb import FixedPointOptions, GivenFriction, solve_fixed_point
 from fenics_contact.analysis.history import History, Step
@@ -48,8 +49,7 @@ class PathOptions:
         many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
         next: Where it starts from a state next to the one sought.
-        finish: When it has stalled at an end. Digits are lost far along a mechanism, so that more
-            error is accepted; the certificate tells what the state is worth.
+        finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
     """
 
     rising_work: float = 1e-2
@@ -290,18 +290,29 @@ def _interior_point(task: Task, load_factor: float | None = None) -> GivenFricti
     return solve
 
 
-def _iterated(task: Task, solve: GivenFriction, start: State, bound: Array) -> Answer:
-    """What the fixed point leads to from a state and a bound."""
-    case, count = task.case, task.case.discretization.factorizations
-    return solve_fixed_point(case.problem, solve, start, bound, task.tolerance, case.monitor, count)
+def _iterated(
+    task: Task,
+    solve: GivenFriction,
+    start: State,
+    bound: Array,
+    options: FixedPointOptions = coulomb.OPTIONS,
+    more: Callable[[], int] = lambda: 0,
+) -> Answer:
+    """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
+    case, tolerance = task.case, task.tolerance
+
+    def count() -> int:
+        return case.discretization.factorizations() + more()
+
+    told = case.monitor, count, options
+    return solve_fixed_point(case.problem, solve, start, bound, tolerance, *told)
 
 
 def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     """State by the fixed point on the friction bound, states with given friction by joint forces.
 
-    The states are as exact as the last change of the bound deserves: to first order, as each of
-    their digits costs sweeps. `minimise` goes over normal and shear forces `alternately` or
-    `at_once`.
+    Each digit of theirs costs sweeps: they are exact to first order in the change of the bound.
+    `minimise` goes over normal and shear forces `alternately` or `at_once`.
     """
     case, rows = task.case, task.case.discretization.operators
     points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
@@ -314,15 +325,9 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 
-        solution, history = solve_fixed_point(
-            case.problem,
-            solve,
-            case.bonded_state(task.work),
-            case.problem.bound(case.first_pressure),
-            task.tolerance,
-            case.monitor,
-            lambda: case.discretization.factorizations() + solver.factorizations,
-            options,
+        start, bound = case.bonded_state(task.work), case.problem.bound(case.first_pressure)
+        solution, history = _iterated(
+            task, solve, start, bound, options, lambda: solver.factorizations
         )
         return solution, replace(history, splitting=solver.history)
 
@@ -341,8 +346,8 @@ class WorkOptions:
         growth: Factor from one work to the next.
         largest: Largest work, in units of the first.
         missing: Works in a row without a state after which none is looked for.
-        gap: Of a collapse state, in units of the tolerance. It is that of the state's own friction
-            bound; as the bound follows, the load factor still changes by 10 to 40 times as much.
+        gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
+            load factor still changes by 10 to 40 times as much.
         gap_falls: Factor by which the gap must fall for a verified state to be improved on.
         unlimited: A load factor that grows like this power of the work is not limited.
     """
@@ -373,7 +378,7 @@ class Strategy:
     kind: str
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
-    work: WorkOptions = field(default_factory=WorkOptions)
+    work: WorkOptions = WorkOptions()
 
 
 #: Methods on joint forces, the same with Coulomb and with given friction.

@@ -182,15 +182,14 @@ class _Search:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
                 _log.warning(text, best.gap)
             state = _onset(case, best.verified)
-        discretization, mode = case.discretization, best.verified.mode
-        gather, length = discretization.all_points, discretization.joints.length
+        mode = best.verified.mode
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
             mode,
-            joint_values(discretization.problem, gather, length, state, mode),
+            joint_values(case.discretization, state, mode),
             certificate,
             histories,
             best.ratio,
