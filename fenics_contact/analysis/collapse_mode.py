@@ -91,14 +91,14 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
     return certified(case.discretization.rigid_motion(motion), rigid_limit)
 
 
-def elastic_mode(kkt: PerturbedKKT, state: State, options: ModeOptions = OPTIONS) -> Array:
+def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
     """du/dT at a state, with f_L . du/dT = 1, by the conditions `kkt` with or without given bound.
 
     Raises:
         SolverError: If A is singular.
     """
-    near = kkt.on_central_path(state, options.mu, COLD)
-    linear = Linearization(kkt, near, options.stiffest, options.mu)
+    near = kkt.on_central_path(state, OPTIONS.mu, COLD)
+    linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
     return linear.live_response / linear.flexibility
 
 

@@ -243,22 +243,18 @@ class RigidBlocks:
 
     def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
         """Generalised forces on the bodies' free motions of unit forces at joint points."""
-        from scipy.sparse import coo_matrix, csc_matrix
+        from scipy.sparse import csc_matrix
 
         bodies, joints = self._bodies, self._joints
-        shape = 3 * len(bodies.centre), len(points)
-        total = csc_matrix(shape)
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            kept = np.flatnonzero(joints.bodies[points, side] != GROUND)
-            point = points[kept]
-            body = joints.bodies[point, side]
-            motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
-            force = sign * np.einsum("nim,ni->nm", motion, directions[point])
-            values = np.einsum("nmk,nm->nk", bodies.free[body], force)
-            rows = 3 * body[:, None] + np.arange(3)
-            indices = rows.ravel(), np.repeat(kept, 3)
-            total += coo_matrix((values.ravel(), indices), shape).tocsc()
-        return total
+        column, side = np.nonzero(joints.bodies[points] != GROUND)
+        point = points[column]
+        body, sign = joints.bodies[point, side], 2.0 * side - 1.0
+        motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+        force = sign[:, None] * np.einsum("nim,ni->nm", motion, directions[point])
+        values = np.einsum("nmk,nm->nk", bodies.free[body], force)
+        rows = 3 * body[:, None] + np.arange(3)
+        indices = rows.ravel(), np.repeat(column, 3)
+        return csc_matrix((values.ravel(), indices), (3 * len(bodies.centre), len(points)))
 
 
 def _largest_first(equilibrium: Any, right: Array, limits: list[Any], any_will_do: bool) -> Any:

@@ -95,12 +95,9 @@ class Task:
 
     @property
     def tolerances(self) -> Tolerances:
-        """How exact the state has to be for the load factor.
-
-        With given friction the method converges to rounding at once.
-        """
+        """How exact the state has to be for the load factor."""
         if not self.case.problem.coulomb:
-            return Tolerances()
+            return Tolerances()  # converges to rounding at once
         residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
         return Tolerances(residual, 5e-2 * self.tolerance)
 
@@ -162,7 +159,7 @@ def along_falling_products(task: Task) -> Solution:
 
 @monolithic
 def along_block_modes(task: Task, approach: Approach) -> Solution:
-    """State by continuation of the structure that moves in the modes of its blocks, to its end.
+    """State by continuation in block modes at first.
 
     `approach` leads to a point under the whole work; from there the products fall.
     """
@@ -192,10 +189,7 @@ def large_products(
 
 
 def next_to(state: State, direction: Array | None) -> Attempt:
-    """An attempt that starts from a state of equilibrium, moved on in a direction.
-
-    The direction are displacements with f_L.v = 1; without one the attempt finds nothing.
-    """
+    """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
 
     @monolithic
     def attempt(task: Task) -> Solution:
@@ -214,10 +208,7 @@ def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
 
 
 def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
-    """States at rising work, with their numbers from 1; those not found are left out.
-
-    The task is that with the largest work.
-    """
+    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
     path = Continuation(task.kkt, RISING_WORK)
     start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
     point = path.begin(start, task.rising_mu)
@@ -230,11 +221,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
 
 
 def _to_end(task: Task, state: State, mu: float) -> Solution:
-    """The state at the end of the central path, from a point near it.
-
-    Raises:
-        SolverError: If the path is lost before the interior point method finishes.
-    """
+    """The state at the end of the central path, from a point near it, or `SolverError`."""
     kkt = replace(task.kkt, work=state.work)
     path = Continuation(kkt, FALLING_PRODUCTS)
     point = path.begin(state, mu)
@@ -261,10 +248,9 @@ def _warm(task: Task, kkt: PerturbedKKT, start: State) -> Solution:
 
 
 def fixed_point(task: Task, first: Array | None = None) -> Answer:
-    """State by the fixed point on the friction bound, by the interior point method.
+    """State by the fixed point from a first bound, by the interior point method.
 
-    The first bound at this rank's points, N per metre, is F times the dead load's normal forces
-    when it is not given.
+    By default that bound is F times the dead load's normal forces, N per metre of thickness.
     """
     bound = task.case.problem.bound(task.case.first_pressure) if first is None else first
     return _iterated(task, _interior_point(task), task.case.bonded_state(task.work), bound)
