@@ -113,6 +113,10 @@ Approach = Callable[[Task, PerturbedKKT, Callable[[State], State]], PathPoint]
 Minimiser = Callable[[ProximalStep, Array], Array]
 _Given = ParamSpec("_Given")
 
+#: Continuation of conditions `PerturbedKKT`; to replace the method, replace it here.
+falling = partial(Continuation, path=FALLING_PRODUCTS)
+rising = partial(Continuation, path=RISING_WORK)
+
 
 def monolithic(
     solve: Callable[Concatenate[Task, _Given], Solution],
@@ -146,7 +150,7 @@ def further_along_rising_work(task: Task) -> Solution:
     """State by continuation of the structure from the last state, as the work rises."""
     if task.last is None:
         raise SolverError("no state at less work")
-    path = Continuation(task.kkt, RISING_WORK)
+    path = rising(task.kkt)
     point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
     return _to_end(task, point.state, point.mu)
 
@@ -168,14 +172,13 @@ def along_block_modes(task: Task, approach: Approach) -> Solution:
         problem = modes.under(task.case.problem)
         kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
         point = approach(task, kkt, modes.restricted)
-        falling = Continuation(replace(kkt, work=point.work), FALLING_PRODUCTS)
-        point = falling.follow(point, task.mu(OPTIONS.ends[0]))
+        point = falling(kkt).follow(point, task.mu(OPTIONS.ends[0]))
     return _to_end(task, modes.prolonged(point.state), point.mu)
 
 
 def rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
     """The point where the work has risen from that on the bonded structure to T."""
-    path = Continuation(kkt, RISING_WORK)
+    path = rising(kkt)
     start = restricted(task.case.bonded_state(min(task.case.bonded_work, task.work)))
     return path.follow(path.begin(start, task.rising_mu), task.work)
 
@@ -185,7 +188,7 @@ def large_products(
 ) -> PathPoint:
     """The point with products of 1 next to the bonded structure under the whole work."""
     start = restricted(task.case.bonded_state(task.work))
-    return Continuation(kkt, FALLING_PRODUCTS).begin(start, 1.0)
+    return falling(kkt).begin(start, 1.0)
 
 
 def next_to(state: State, direction: Array | None) -> Attempt:
@@ -209,7 +212,7 @@ def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
 
 def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
     """States at rising work up to the task's, with numbers from 1; those not found are left out."""
-    path = Continuation(task.kkt, RISING_WORK)
+    path = rising(task.kkt)
     start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
     point = path.begin(start, task.rising_mu)
     for number, work in enumerate(works, 1):
@@ -223,7 +226,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
 def _to_end(task: Task, state: State, mu: float) -> Solution:
     """The state at the end of the central path, from a point near it, or `SolverError`."""
     kkt = replace(task.kkt, work=state.work)
-    path = Continuation(kkt, FALLING_PRODUCTS)
+    path = falling(kkt)
     point = path.begin(state, mu)
     for end in OPTIONS.ends:
         point = path.follow(point, task.mu(end))
