@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.solvers.problem import Array, State
+from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,21 @@ class JointValues:
         return OPTIONS.moves * float(rates.max(initial=0.0))
 
 
-def joint_values(discretization: Discretization, state: State, mode: Array) -> JointValues:
-    """Joint values of a state and its mode, on all ranks together."""
-    problem, gather = discretization.problem, discretization.all_points
+def joint_values(
+    problem: ContactProblem,
+    gather: Callable[[Array], Array],
+    length: Array,
+    state: State,
+    mode: Array,
+) -> JointValues:
+    """Joint values of a state and its mode, on all ranks together.
+
+    `gather` turns values at this rank's points into those at all; `length` is that of each, m.
+    """
     normal, shear = gather(state.pressure), gather(state.shear)
     motions = [
         gather(operator @ motion)
         for motion in (state.displacement, mode)
         for operator in (problem.normal, problem.tangential)
     ]
-    length = discretization.joints.length
     return JointValues(normal, shear, normal / length, shear / length, *motions)

@@ -182,14 +182,14 @@ class _Search:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
                 _log.warning(text, best.gap)
             state = _onset(case, best.verified)
-        mode = best.verified.mode
+        whole, mode = case.discretization, best.verified.mode
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
             mode,
-            joint_values(case.discretization, state, mode),
+            joint_values(case.problem, whole.all_points, whole.joints.length, state, mode),
             certificate,
             histories,
             best.ratio,
