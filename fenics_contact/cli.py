@@ -97,14 +97,16 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene, find its limit load, print it and write its files."""
     start = time.perf_counter()
     loud = comm.rank == 0 and not options.quiet
-    if loud:
-        print(f"reading {options.scene}", flush=True)
+
+    def say(text: str) -> None:
+        if loud:
+            print(text, flush=True)
+
+    say(f"reading {options.scene}")
     folder = _output_folder(options, comm)
     scene = Scene.from_file(options.scene, comm, options.overrides)
     read = time.perf_counter() - start
-    if loud:
-        blocks = counted(scene.mesh.body_count, "block")
-        print(f"{blocks} on {counted(comm.size, 'rank')}", flush=True)
+    say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
     with contextlib.closing(shown(scene.solve.tolerance)) as progress:
@@ -112,11 +114,9 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()
-    if loud:
-        print(summary(result), flush=True)
+    say(summary(result) if loud else "")
     result.write(folder)
-    if loud:
-        print(f"written to {folder}", flush=True)
+    say(f"written to {folder}")
     return EXIT_CODES[result.status]
 
 

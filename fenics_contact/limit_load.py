@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -60,11 +59,7 @@ class LimitLoad(Result):
         self.seconds["bounds"] += time.perf_counter() - start
 
     def write(self, folder: str | Path) -> None:
-        """Write result.json, and files and pictures as the scene's output options say.
-
-        Args:
-            folder: Where to; made if need be.
-        """
+        """Write result.json, and what the scene's output options say; the folder is made."""
         self.hold_against_brackets()
         write_result(self, Path(folder))
 
@@ -74,19 +69,15 @@ class Monitor(Protocol):
 
     def step(self, direction: str, step: Step) -> None:
         """After a step in direction "positive" or "negative"."""
+        return
 
     def point(self, done: int, total: int, point: CapacityPoint) -> None:
         """After a point of the capacity curve."""
+        return
 
 
-class _Silent:
+class _Silent(Monitor):
     """A monitor that says nothing."""
-
-    def step(self, direction: str, step: Step) -> None:
-        """Nothing."""
-
-    def point(self, done: int, total: int, point: CapacityPoint) -> None:
-        """Nothing."""
 
 
 def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
@@ -129,26 +120,22 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     asked = tuple(SIGNS) if direction == "both" else (direction,)
     # Where the dead load needs friction to stand, the range of load factors must reach to either
     # side of zero, whichever end of it was asked for.
-    needed = asked if stands_frictionless else tuple(SIGNS)
     cases = {
         name: LoadCase.of(discretization, bonded, SIGNS[name], kind, partial(monitor.step, name))
-        for name in needed
+        for name in (asked if stands_frictionless else SIGNS)
     }
     found = {name: _collapse(case) for name, case in cases.items()}
     seconds["solve"] = time.perf_counter() - start
-    ends = {name: end if SIGNS[name] > 0.0 else end.reversed() for name, end in found.items()}
-    margin = scene.solve.tolerance * next(iter(cases.values())).scales.load_factor
-    if _excludes_zero(ends, margin):
+    margin = -scene.solve.tolerance * next(iter(cases.values())).scales.load_factor
+    if any(end.status == "limit" and end.load_factor < margin for end in found.values()):
         return _result(discretization, {}, seconds)
-    result = _result(discretization, {name: ends[name] for name in asked}, seconds)
+    ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
+    result = _result(discretization, ends, seconds)
     if scene.output.capacity and result.status == "limit":
-        start = time.perf_counter()
-        points = capacity_curve(
-            cases[asked[0]], found[asked[0]], scene.output.capacity, monitor.point
-        )
-        result.capacity = tuple(
-            replace(point, load_factor=SIGNS[asked[0]] * point.load_factor) for point in points
-        )
+        start, first = time.perf_counter(), asked[0]
+        count = scene.output.capacity
+        curve = capacity_curve(cases[first], found[first], count, monitor.point)
+        result.capacity = tuple(replace(p, load_factor=SIGNS[first] * p.load_factor) for p in curve)
         seconds["capacity"] = time.perf_counter() - start
         result.factorizations = discretization.factorizations()
     return result
@@ -163,14 +150,6 @@ def _collapse(case: LoadCase) -> Collapse:
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
-
-
-def _excludes_zero(ends: Mapping[str, Collapse], margin: float) -> bool:
-    """Whether the load factors found leave out zero, the dead load alone."""
-    return any(
-        end.status == "limit" and SIGNS[name] * end.load_factor < -margin
-        for name, end in ends.items()
-    )
 
 
 def _result(

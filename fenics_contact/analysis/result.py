@@ -11,18 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_contact.analysis.certificate import Certificate, outside_bracket
+from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.problem import State
+from fenics_contact.solvers.problem import Array, State
 from fenics_contact.solvers.splitting import SplittingHistory
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,14 +31,13 @@ class Collapse:
         load_factor: lambda; nan if no state was found.
         program: Solves the rigid-block programs for the bracket of this end.
         state: State reached, in the supports' coordinates; None if there is none.
-        mode: Collapse mode v in the supports' coordinates, this rank's part; f_L.v = 1 with the
-            live load as it acts.
+        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
         joints: Forces, openings and slips of the joints in this state and mode.
         certificate: Verification of the state.
         history: Iterations for all states, at rising T.
         work_ratio: T in units of the live load's work on the bonded structure.
         path: Load factors with equilibrium, under load control.
-        states: Collapse states found from different first bounds, where they were looked for.
+        states: Those found from different starts, where they were looked for.
     """
 
     status: str
@@ -67,12 +63,18 @@ class Collapse:
         return self.program()
 
     def held_against_bracket(self) -> Collapse:
-        """With the load factor's distance from its bracket in the certificate, and what follows."""
+        """With the load factor's distance from its bracket in the certificate, and what follows.
+
+        The forces of a verified state solve the associative program: this checks the other
+        residuals.
+        """
         if self.status != "limit" or self.certificate is None:
             return self
-        bracket = self.bounds.lower, self.bounds.upper
-        missed, size = self.certificate.error_estimate, self.certificate.size
-        outside = outside_bracket(self.load_factor, bracket, missed, size)
+        bounds = self.bounds
+        lower = -np.inf if bounds.lower is None else bounds.lower
+        upper = np.inf if bounds.upper is None else bounds.upper
+        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
+        outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
         residuals = {**self.certificate.residuals, "bracket": outside}
         certificate = replace(self.certificate, residuals=residuals)
         status = "limit" if certificate.passed else "not_converged"
@@ -108,8 +110,7 @@ class Result:
 
     Attributes:
         discretization: Scene, joints, supports and function space; its matrices may be gone.
-        ends: Collapse by direction, "positive" (live load as given) before "negative" (reversed);
-            empty where there is no equilibrium under the dead load.
+        ends: Collapse by direction, "positive" first; empty if the dead load has no equilibrium.
         skipped: What the scene did not need and why, for people.
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.

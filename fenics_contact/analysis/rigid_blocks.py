@@ -4,10 +4,9 @@
                               r_N >= 0,   |r_T| <= F r_N + g.
 
 With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
-multipliers of equilibrium are the rigid motions of a collapse (A. Charnes, H.J. Greenberg's
-duality; see R.K. Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). With
-Coulomb friction it is the limit load for associative slip, an upper bound; without friction it is
-a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+multipliers of equilibrium are the rigid motions of a collapse (R.K. Livesley, Int. J. Numer. Meth.
+Eng. 12 (1978) 1853). With Coulomb friction it is the limit load for associative slip, an upper
+bound; without friction it is a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
 
 On a straight face between two bodies only the resultants matter: the normal forces at its two ends
 and one shear force are enough, whatever the mesh.
@@ -27,8 +26,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.errors import SolverError
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
 
@@ -38,8 +36,7 @@ class ProgramOptions:
     """Numbers of the linear programs.
 
     Attributes:
-        collinear: Directions and offsets, over the structure's size, of faces on one line agree to
-            this fraction.
+        collinear: Difference of direction, and offset over the structure's size, of one line.
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
     """
 
@@ -90,21 +87,15 @@ class LimitBounds:
 
     Attributes:
         lower: Frictionless, not below 0; None if the dead load needs friction to stand.
-        upper: Associative; infinite if nothing limits the load, None if it is not known. (With the
-            live load reversed, the two change places and signs.)
-        stands: Whether the dead load alone has an equilibrium with associative friction.
-        stands_frictionless: Whether it has one without friction.
+        upper: Associative; infinite if nothing limits the load, None if it is not known.
     """
 
     lower: float | None
     upper: float | None
-    stands: bool
-    stands_frictionless: bool
 
     def reversed(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
-        lower, upper = (None if b is None else -b + 0.0 for b in (self.upper, self.lower))
-        return replace(self, lower=lower, upper=upper)
+        return LimitBounds(*(None if b is None else -b + 0.0 for b in (self.upper, self.lower)))
 
     def __str__(self) -> str:
         if self.lower is None and self.upper is None:
@@ -137,12 +128,9 @@ class RigidBlocks:
         self._load = self._force / live if live else 1.0
 
     def limit(self, friction: bool = True) -> float | None:
-        """Largest load factor in the direction of the live load.
+        """Largest load factor: infinite where nothing limits it, None without equilibrium.
 
-        Infinite where nothing limits it, None where there is no equilibrium.
-
-        Args:
-            friction: With the scene's friction, Coulomb's taken as associative, or without any.
+        With the scene's friction, Coulomb's taken as associative, or without any.
         """
         return self._on_root(lambda: self._limit(friction))
 
@@ -154,10 +142,8 @@ class RigidBlocks:
         """Limit load as `limit` gives it, and collapse mode, with given friction.
 
         The mode consists of the bodies' rigid motions (a, b, c) about their centres, shape
-        (bodies, 3), with f_L.v = 1; None unless the load factor is finite.
-
-        Args:
-            strength: Bounds on the shear forces at all joint points, N/m, on all ranks.
+        (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` bounds the
+        shear forces at all joint points, N/m, on all ranks.
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
@@ -172,7 +158,7 @@ class RigidBlocks:
         return self._on_root(lambda: self._solve(self._faces(friction=True)).pressure)
 
     def bounds(self) -> LimitBounds:
-        """All bounds at once, solved on this rank alone, where and when they are shown.
+        """Both bounds, solved on this rank alone, where and when they are shown.
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
@@ -180,17 +166,16 @@ class RigidBlocks:
         stands = bare or self._limit(friction=True, dead_only=True) is not None
         lower = self._shown(friction=False) if bare else None
         upper = self._shown(friction=True) if stands else np.inf
-        lower = None if lower is None else max(lower, 0.0)
-        return LimitBounds(lower, upper, stands, bare)
+        return LimitBounds(None if lower is None else max(lower, 0.0), upper)
 
     def _shown(self, friction: bool) -> float | None:
         """A load factor to be shown, no -0.0; None if the program fails."""
         try:
             factor = self._limit(friction)
-            return None if factor is None else factor + 0.0
         except SolverError as error:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
+        return None if factor is None else factor + 0.0
 
     def _limit(self, friction: bool, dead_only: bool = False) -> float | None:
         """Load factor of a program, solved once and on this rank alone."""
@@ -258,22 +243,18 @@ class RigidBlocks:
 
     def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
         """Generalised forces on the bodies' free motions of unit forces at joint points."""
-        from scipy.sparse import coo_matrix, csc_matrix
+        from scipy.sparse import csc_matrix
 
         bodies, joints = self._bodies, self._joints
-        shape = 3 * len(bodies.centre), len(points)
-        total = csc_matrix(shape)
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            kept = np.flatnonzero(joints.bodies[points, side] != GROUND)
-            point = points[kept]
-            body = joints.bodies[point, side]
-            motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
-            force = sign * np.einsum("nim,ni->nm", motion, directions[point])
-            values = np.einsum("nmk,nm->nk", bodies.free[body], force)
-            rows = 3 * body[:, None] + np.arange(3)
-            indices = rows.ravel(), np.repeat(kept, 3)
-            total += coo_matrix((values.ravel(), indices), shape).tocsc()
-        return total
+        column, side = np.nonzero(joints.bodies[points] != GROUND)
+        point = points[column]
+        body, sign = joints.bodies[point, side], 2.0 * side - 1.0
+        motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+        force = sign[:, None] * np.einsum("nim,ni->nm", motion, directions[point])
+        values = np.einsum("nmk,nm->nk", bodies.free[body], force)
+        rows = 3 * body[:, None] + np.arange(3)
+        indices = rows.ravel(), np.repeat(column, 3)
+        return csc_matrix((values.ravel(), indices), (3 * len(bodies.centre), len(points)))
 
 
 def _largest_first(equilibrium: Any, right: Array, limits: list[Any], any_will_do: bool) -> Any:

@@ -23,7 +23,7 @@ from tests.helpers import coulomb, on_ground
 
 
 def bounds() -> LimitBounds:
-    return LimitBounds(0.25, 1.0, stands=True, stands_frictionless=True)
+    return LimitBounds(0.25, 1.0)
 
 
 def collapse(status: str = "limit") -> Collapse:
@@ -147,7 +147,7 @@ def test_bracket_is_found_where_it_is_written(tmp_path):
 
 @pytest.mark.parametrize(("upper", "status"), [(0.29, "not_converged"), (None, "limit")])
 def test_bracket_that_excludes_the_load_factor_or_is_not_known(upper, status, result, tmp_path):
-    known = LimitBounds(None, upper, stands=True, stands_frictionless=False)
+    known = LimitBounds(None, upper)
     ends = {"positive": replace(result.positive, program=lambda: known)}
     changed = LimitLoad(result.discretization, ends, (), {**result.seconds}, 0)
     changed.write(tmp_path)
