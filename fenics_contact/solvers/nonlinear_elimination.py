@@ -42,6 +42,7 @@ class EliminationOptions:
 
     Attributes:
         points: Points chosen at a time; as many more where others end the step.
+        enough: Change of s along the path that is far enough for no more to be chosen.
         chosen: Distance from which on a point is chosen.
         allowed: Largest distance of a point that is not chosen.
         bisections: Of the change of s up to which no more points bend than are chosen.
@@ -56,6 +57,7 @@ class EliminationOptions:
     """
 
     points: int = 24
+    enough: float = 0.2
     chosen: float = 0.15
     allowed: float = 0.3
     bisections: int = 6
@@ -415,7 +417,8 @@ class NonlinearElimination:
         """
         with np.errstate(all="ignore"):
             curve, traced, reached = self._curves(reach, orientation, limit)
-            if traced.stopped is not None:
+            far = reached and abs(traced.last.s - self.back) > self.options.enough
+            if traced.stopped is not None and not far:
                 more = self._worst(self._distances(traced.stopped))
                 if len(more):
                     self._solve_for_answers(more)
