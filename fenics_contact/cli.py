@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, raised_together
+from fenics_contact.errors import InputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
 
@@ -38,6 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if comm.rank == 0:
             print(f"fenics-contact: {error}", file=sys.stderr)
         return BAD_INPUT
+    except SolverError as error:
+        if comm.rank == 0:
+            print(f"fenics-contact: not solved: {error}", file=sys.stderr)
+        return EXIT_CODES["not_converged"]
     except KeyboardInterrupt:
         return INTERRUPTED
     except Exception:

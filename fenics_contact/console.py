@@ -79,11 +79,11 @@ def counted(number: int, noun: str) -> str:
 def summary(result: Result) -> str:
     """Load factor, bracket and verification of a result, in a few lines."""
     if result.status == "unstable":
-        return "unstable: there is no equilibrium under the dead load alone"
+        return f"unstable: {result.reason()}"
     lines = []
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
-        lines += _end_lines(f"load factor{reversed_load}", end)
+        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
     seconds = result.seconds
     if bonded := seconds.get("bonded", 0.0):
         lines.append(
@@ -93,11 +93,13 @@ def summary(result: Result) -> str:
     return "\n".join(lines)
 
 
-def _end_lines(name: str, end: Collapse) -> list[str]:
+def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
-        return [f"{name}: unbounded, nothing limits the live load"]
-    if end.state is None or end.certificate is None:
+        return [f"{name}: unbounded, {reason}"]
+    if end.reason:
+        return [f"{name}: NOT CONVERGED, {reason}"]
+    if end.state is None or end.certificate is None or np.isnan(end.load_factor):
         return [f"{name}: NOT CONVERGED, no state was found"]
     programs = "rigid blocks without friction, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"

@@ -21,7 +21,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import SolveOptions
-from fenics_contact.solvers.problem import Array
+from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -61,13 +61,18 @@ def raise_load(
     strategy: Strategy,
     options: SolveOptions,
     find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+    start: State | None = None,
 ) -> Collapse:
-    """The collapse that `find_collapse` finds from the last state under rising load factors."""
+    """The collapse that `find_collapse` finds from the last state under rising load factors.
+
+    The first state is next to `start`, or else next to the bonded response to the dead load.
+    """
     bounds = case.problem.comm.bcast(case.blocks.bounds())
     if bounds.lower == np.inf:
-        return Collapse("unbounded", float(np.inf), case.blocks.bounds)
+        wedging = case.blocks.wedging()
+        return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
     upper = np.inf if bounds.upper is None else bounds.upper
-    climb = _Climb(case, strategy, options, upper)
+    climb = _Climb(case, strategy, options, upper, start)
     try:
         climb.run()
     except SolverError as error:
@@ -98,12 +103,18 @@ class _Climb:
     """
 
     def __init__(
-        self, case: LoadCase, strategy: Strategy, options: SolveOptions, upper: float
+        self,
+        case: LoadCase,
+        strategy: Strategy,
+        options: SolveOptions,
+        upper: float,
+        start: State | None,
     ) -> None:
         self.case, self._strategy, self._options, self._upper = case, strategy, options, upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
         none = np.zeros_like(case.first_pressure)
-        self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+        bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+        self.state = start or bonded
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
         self.lower, self.failed = 0.0, np.inf

@@ -170,10 +170,13 @@ class _Search:
     def result(self, status: str) -> Collapse:
         """Report the best state."""
         case, best = self.case, self.best
+        wedging = case.blocks.wedging() if status == "unbounded" else None
         histories = tuple(one.history for one in self.found)
         if best is None:
             factor = np.inf if status == "unbounded" else np.nan
-            return Collapse(status, float(factor), case.blocks.bounds, history=histories)
+            return Collapse(
+                status, float(factor), case.blocks.bounds, history=histories, wedging=wedging
+            )
         state, certificate = best.verified.state, best.verified.certificate
         if status == "not_converged":
             _log.warning("not verified: %s", certificate.failures or "not converged")
@@ -193,6 +196,7 @@ class _Search:
             certificate,
             histories,
             best.ratio,
+            wedging=wedging,
         )
 
 

@@ -13,7 +13,7 @@ from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints
-from fenics_contact.output.plotting import draw_capacity, draw_collapse
+from fenics_contact.output.plotting import draw_blocks, draw_capacity, draw_collapse
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
@@ -34,6 +34,10 @@ def write_result(result: Result, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         record.unlink(missing_ok=True)
     comm.barrier()
+    if result.fall is not None and options.pictures:
+        mode = result.discretization.rigid_motion(result.fall)
+        title = f"{_opening(result.scene.title)}falls under its dead load"
+        draw_blocks(result.discretization, result.falling, title, folder / "collapse.png", mode)
     for direction, end in result.ends.items():
         _write_collapse(result, direction, end, folder)
     if result.capacity and comm.rank == 0:
@@ -55,14 +59,18 @@ def write_result(result: Result, folder: Path) -> None:
 
 
 def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
-    """ParaView files and picture of one end; none for an unlimited load, which has no collapse."""
-    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
-        return
+    """ParaView files and picture of one end; the picture alone where nothing limits the load."""
     discretization, scene = result.discretization, result.scene
     first, sign, reversal = scene.comm.rank == 0, 1.0, ""
     if direction == "negative":
         sign, reversal = -1.0, " (live load reversed)"
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
+    if end.status == "unbounded" and scene.output.pictures:
+        title = f"{_opening(scene.title)}unbounded, these blocks wedge{reversal}"
+        path = folder / f"collapse{suffix}.png"
+        draw_blocks(discretization, result.wedged(end), title, path)
+    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
+        return
     if scene.output.paraview:
         motions = end.state.displacement, end.state.elastic, end.mode
         write_blocks(folder / f"blocks{suffix}.pvd", discretization, *motions)
@@ -77,7 +85,12 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
 def _title(scene: str, end: Collapse) -> str:
     """Title of the scene, status and load factor of a collapse."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    return (f"{scene}: " if scene else "") + f"{status}load factor {end.load_factor:.6g}"
+    return f"{_opening(scene)}{status}load factor {end.load_factor:.6g}"
+
+
+def _opening(title: str) -> str:
+    """How a title begins that tells of a scene with a title of its own."""
+    return f"{title}: " if title else ""
 
 
 def result_record(result: Result) -> Record:
@@ -90,6 +103,9 @@ def result_record(result: Result) -> Record:
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
         "bounds": _record(result.bounds, "lower", "upper"),
+        "reason": result.reason() or None,
+        "falling_blocks": result.falling.tolist(),
+        "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),
         "method": None,
         "error_estimate": None,
         "residuals": None,

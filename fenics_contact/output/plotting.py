@@ -21,6 +21,8 @@ from fenics_contact.mesh import Array, Indices
 AMPLITUDE = 0.08
 #: Width of the axes of a structure, and limits of their height, inches.
 WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
+#: Blocks that are numbered in a picture.
+LEGIBLE = 60
 RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
@@ -56,6 +58,38 @@ def draw_collapse(
     figure.savefig(path, dpi=150)
 
 
+def draw_blocks(
+    discretization: Discretization,
+    blocks: Indices,
+    title: str,
+    path: Path,
+    mode: Array | None = None,
+) -> None:
+    """Draw some blocks with their numbers among all, into a .png file. Collective.
+
+    With a mode, this rank's part in the supports' coordinates, the blocks move by it.
+    """
+    boundary = discretization.boundary
+    motion = np.zeros((len(boundary.nodes), 2, 2))
+    if mode is not None:
+        velocity = discretization.cartesian(mode)
+        motion = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
+        fastest = float(np.linalg.norm(motion, axis=2).max()) or 1.0
+        motion *= AMPLITUDE * float(_size(boundary).max()) / fastest
+    if discretization.scene.comm.rank != 0:
+        return
+    figure, (axes,) = _figure_of(boundary, 1)
+    marked = np.zeros(int(boundary.body.max()) + 1)
+    marked[blocks] = 1.0
+    _draw_blocks(axes, boundary, motion, marked)
+    for block in blocks[:LEGIBLE]:
+        place = boundary.points[boundary.body == block, :2] + motion[boundary.body == block]
+        axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
+    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
+    figure.suptitle(title, fontsize=13)
+    figure.savefig(path, dpi=150)
+
+
 def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, path: Path) -> None:
     """Draw the capacity curve, load factor over displacement, into a .png file, on this rank."""
     from matplotlib.figure import Figure
@@ -78,20 +112,21 @@ def _size(boundary: Boundary) -> Array:
     return np.ptp(boundary.points.reshape(-1, 2), axis=0)
 
 
-def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
-    """A figure with two axes of the structure's shape side by side."""
+def _figure_of(boundary: Boundary, count: int = 2) -> tuple[Any, Any]:
+    """A figure with axes of the structure's shape side by side."""
     from matplotlib.figure import Figure
 
     width, height = _size(boundary)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
-    figure = Figure(figsize=(2.0 * WIDTH, tall + 1.4), layout="constrained")
+    figure = Figure(figsize=(count * WIDTH, tall + 1.4), layout="constrained")
     margin = 1.3 * AMPLITUDE * max(width, height)
     low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
     x, y = np.column_stack([low - margin, high + margin])
-    both = figure.subplots(1, 2, subplot_kw={"aspect": "equal", "xlim": x, "ylim": y})
-    for axes in both:
+    shape = {"aspect": "equal", "xlim": x, "ylim": y}
+    row = figure.subplots(1, count, squeeze=False, subplot_kw=shape)[0]
+    for axes in row:
         axes.axis("off")
-    return figure, both
+    return figure, row
 
 
 def _at_nodes(discretization: Discretization, velocity: Array, nodes: Indices) -> Array:
@@ -129,13 +164,14 @@ def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> 
     axes.add_collection(PathCollection(outlines, **style))
 
 
-def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
-    """Outlines at rest, and the blocks displaced, shaded by how far they move."""
+def _draw_blocks(axes: Any, boundary: Boundary, motion: Array, size: Array | None = None) -> None:
+    """Outlines at rest, and the blocks displaced, shaded by a size: how far they move."""
     from matplotlib import colormaps
 
     rest = boundary.points[:, :2]
-    size = np.zeros(int(boundary.body.max()) + 1)
-    np.maximum.at(size, boundary.body, np.linalg.norm(motion, axis=2).max(axis=1))
+    if size is None:
+        size = np.zeros(int(boundary.body.max()) + 1)
+        np.maximum.at(size, boundary.body, np.linalg.norm(motion, axis=2).max(axis=1))
     relative = size / (size.max() or 1.0)
     shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
     shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
