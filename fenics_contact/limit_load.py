@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +11,9 @@ from typing import Protocol
 
 from dolfinx import fem
 
-from fenics_contact.analysis.dead_load import dead_load_state
+from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.history import CapacityPoint, Step
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.analysis.result import Collapse, Result
@@ -22,15 +21,12 @@ from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.mesh import Array
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
-
-#: Sign of the live load by direction.
-SIGNS = {"positive": 1.0, "negative": -1.0}
 
 
 class LimitLoad(Result):
@@ -128,7 +124,7 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
         for name in (asked if stands_frictionless else SIGNS)
     }
     found = {name: _collapse(case) for name, case in cases.items()}
-    found = _reaching_zero(cases, found, asked)
+    found = reaching_zero(cases, found, asked)
     seconds["solve"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     result = _result(discretization, ends, seconds)
@@ -151,44 +147,6 @@ def _collapse(case: LoadCase) -> Collapse:
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
-
-
-def _reaching_zero(
-    cases: Mapping[str, LoadCase], found: Mapping[str, Collapse], asked: Sequence[str]
-) -> dict[str, Collapse]:
-    """Ends of the range of load factors, from a state under the dead load alone where need be.
-
-    An end below zero leaves out the dead load alone, which then has no equilibrium on the way
-    there. Another one is looked for, and the load factor rises from it.
-    """
-    case = next(iter(cases.values()))
-    scene = case.discretization.scene
-    options, strategy = scene.solve, strategy_of(scene)
-    margin = -options.tolerance * case.scales.load_factor
-    short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
-    if not short:
-        return dict(found)
-    factors = sorted(SIGNS[name] * end.load_factor for name, end in found.items())
-    reason = (
-        "no equilibrium was found under the dead load alone, only with load factors from"
-        f" {factors[0]:.6g} to {factors[-1]:.6g}"
-    )
-    state = dead_load_state(case, strategy, options.tolerance)
-    if state is None:
-        return {n: replace(end, status="not_converged", reason=reason) for n, end in found.items()}
-    ends = dict(found)
-    for name in short.intersection(asked):
-        problem = cases[name].problem
-        start = problem.state(state.displacement, 0.0, state.pressure, state.shear)
-        end = raise_load(cases[name], strategy, options, find_collapse, start)
-        if end.load_factor < margin and end.path is not None:
-            reason = (
-                f"equilibrium was found up to a load factor of {SIGNS[name] * end.path.lower:.6g},"
-                f" and a collapse only at {SIGNS[name] * end.load_factor:.6g}"
-            )
-            end = replace(end, status="not_converged", reason=reason)
-        ends[name] = end
-    return ends
 
 
 def _result(

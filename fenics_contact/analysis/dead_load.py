@@ -13,12 +13,16 @@ mechanism, and this state says nothing of others.
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import Strategy, Task
+from fenics_contact.analysis.load_case import SIGNS, LoadCase
+from fenics_contact.analysis.load_control import raise_load
+from fenics_contact.analysis.result import Collapse
+from fenics_contact.analysis.strategy import Strategy, Task, strategy_of
+from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.problem import Scales, State
 
@@ -75,3 +79,41 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
             u = state.displacement / part
             return problem.state(u, 0.0, state.pressure / part, state.shear / part)
     return None
+
+
+def reaching_zero(
+    cases: Mapping[str, LoadCase], found: Mapping[str, Collapse], asked: Sequence[str]
+) -> dict[str, Collapse]:
+    """Ends of the range of load factors, from a state under the dead load alone where need be.
+
+    An end below zero leaves out the dead load alone, which then has no equilibrium on the way
+    there. Another one is looked for, and the load factor rises from it.
+    """
+    case = next(iter(cases.values()))
+    scene = case.discretization.scene
+    options, strategy = scene.solve, strategy_of(scene)
+    margin = -options.tolerance * case.scales.load_factor
+    short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
+    if not short:
+        return dict(found)
+    factors = sorted(SIGNS[name] * end.load_factor for name, end in found.items())
+    reason = (
+        "no equilibrium was found under the dead load alone, only with load factors from"
+        f" {factors[0]:.6g} to {factors[-1]:.6g}"
+    )
+    state = dead_load_state(case, strategy, options.tolerance)
+    if state is None:
+        return {n: replace(end, status="not_converged", reason=reason) for n, end in found.items()}
+    ends = dict(found)
+    for name in short.intersection(asked):
+        problem = cases[name].problem
+        start = problem.state(state.displacement, 0.0, state.pressure, state.shear)
+        end = raise_load(cases[name], strategy, options, find_collapse, start)
+        if end.load_factor < margin and end.path is not None:
+            reason = (
+                f"equilibrium was found up to a load factor of {SIGNS[name] * end.path.lower:.6g},"
+                f" and a collapse only at {SIGNS[name] * end.load_factor:.6g}"
+            )
+            end = replace(end, status="not_converged", reason=reason)
+        ends[name] = end
+    return ends

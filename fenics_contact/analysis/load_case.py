@@ -14,6 +14,9 @@ from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
+#: Sign of the live load by direction.
+SIGNS = {"positive": 1.0, "negative": -1.0}
+
 
 @dataclass(frozen=True)
 class LoadCase:

@@ -76,7 +76,8 @@ def test_0_for_a_load_that_nothing_limits(name, folder, capsys):
     found, record = solved_here(folder, capsys, UNBOUNDED[name])
     assert (record["status"], record["load_factor"]) == ("unbounded", None), found.out
     assert record["bounds"]["upper"] is None
-    assert "unbounded" in found.out
+    assert record["wedged_blocks"] == [0]
+    assert "unbounded, nothing limits the live load: block 0 at" in found.out
     assert (found.code, found.err) == (0, "")
 
 
@@ -87,6 +88,22 @@ def test_3_for_a_structure_that_cannot_stand(name, folder, capsys):
     assert "unstable" in found.out and "load factor =" not in found.out
     assert record["status"] == "unstable"
     assert record["load_factor"] is record["load_factor_negative"] is None
+    assert record["reason"] in found.out and record["falling_blocks"]
+
+
+JAMMED = {
+    "foundations": {"left": {"friction": 0.5}, "right": {"friction": 0.5}},
+    "joints": LEFT_OUT,
+}
+
+
+def test_4_where_only_rigid_blocks_with_associative_friction_stand(folder, capsys):
+    """A block between two walls that nothing presses on it: only its weight lifted holds it."""
+    changes = JAMMED | {"loads.live.body": [0.0, 9.81]}
+    found, record = solved_here(folder, capsys, changes)
+    assert (found.code, record["status"]) == (4, "not_converged")
+    assert "no equilibrium was found under the dead load alone" in record["reason"]
+    assert record["reason"] in found.out and record["falling_blocks"] == []
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
