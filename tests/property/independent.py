@@ -495,7 +495,7 @@ TOLERANCES: Mapping[str, float] = {
     "equilibrium": 1e-6,
     "tension": 1e-6,
     "friction": 1e-5,
-    "penetration": 1e-6,
+    "penetration": 1e-5,
     "open under pressure": 1e-5,
     "slip along shear": 1e-5,
     "slip below the bound": 1e-5,

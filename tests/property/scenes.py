@@ -98,13 +98,16 @@ def bond(random: Random, blocks: int) -> Outline:
     courses = int(np.clip(round(np.sqrt(blocks) * random.uniform(0.6, 1.6)), 1, blocks))
     bricks, height = max(1, round(blocks / courses)), random.uniform(0.3, 0.7)
     overlap, missing = random.uniform(0.2, 0.8), random.choice([0.0, 0.08, 0.2])
-    found = []
+    found, below = [], []
     for level in range(courses):
         inside = np.arange(1, bricks) + (overlap - 0.5) * (level % 2)
         cuts = np.concatenate([[0.0], inside if bricks > 1 else [], [bricks]])
-        y = level * height
-        row = [rectangle(a, y, b, y + height) for a, b in pairwise(cuts)]
-        found += [block for block in row if level == 0 or random.random() >= missing]
+        stays = random.random(bricks) >= missing if level else np.ones(bricks, dtype=bool)
+        row = [ends for ends, there in zip(pairwise(cuts), stays, strict=True) if there]
+        # Nothing hangs in the air: what stays has something below.
+        row = [(a, b) for a, b in row if not level or any(c < b and a < d for c, d in below)]
+        below = row
+        found += [rectangle(a, level * height, b, (level + 1) * height) for a, b in below]
     return Outline.of(found)
 
 
