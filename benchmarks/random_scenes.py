@@ -47,8 +47,10 @@ DEAR, LISTED = 100.0, 10
 
 COLUMNS = "{:>6} {:15} {:>6} {:>8} {:13} {:>13} {:>8} {:>7} {:>9} {:13} {}"
 FORMS = {"load_factor": ".6g", "seconds": ".2f", "cost": ".1f"}
-NAMES = ("seed", "kind", "blocks", "elements", "status", "load_factor", "seconds", "cost")
-NAMES += ("factoris.", "verdict", "why")
+NAMES = (
+    *("seed", "kind", "blocks", "elements", "status", "load_factor", "seconds", "cost"),
+    *("factoris.", "verdict", "why"),
+)
 
 
 def measure(seed: int) -> Row:
@@ -105,9 +107,9 @@ def rows_of(seeds: Sequence[int], jobs: int, time_out: float) -> list[Row]:
         if not hasattr(own, "worker"):
             own.worker = Worker()
             workers.append(own.worker)
-        blank = {**dict.fromkeys(NAMES, ""), **asdict(Draw.of_seed(seed))}
-        blank |= dict.fromkeys(FORMS, math.nan)
-        row = blank | own.worker.call("benchmarks.random_scenes:measure", time_out, seed=seed)
+        blank: Row = {**dict.fromkeys(NAMES, ""), **asdict(Draw.of_seed(seed))}
+        row = blank | dict.fromkeys(FORMS, math.nan)
+        row |= own.worker.call("benchmarks.random_scenes:measure", time_out, seed=seed)
         row["verdict"] = verdict(row)
         show(row)
         return row

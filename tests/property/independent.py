@@ -398,11 +398,11 @@ def _motion(file: Mapping[str, Array]) -> list[tuple[Array, Array, Array]]:
     cell = np.repeat(np.arange(len(ends)), np.diff(ends, prepend=0))
     body = file["body"][cell].astype(int)
     nodes = file["connectivity"].astype(int)
-    names = "points", "displacement", "collapse_mode"
     found = []
     for one in range(body.max() + 1):
         mine = np.unique(nodes[body == one])
-        found.append(tuple(file[name][mine, :2] for name in names))
+        place, u, v = (file[name][mine, :2] for name in ("points", "displacement", "collapse_mode"))
+        found.append((place, u, v))
     return found
 
 
@@ -410,21 +410,20 @@ def unbalanced(blocks: Blocks, written: Written) -> Array:
     """Force that every block misses of equilibrium, over the forces on it, shape (blocks,)."""
     contacts = written.contacts
     loads = blocks.dead + written.load_factor * blocks.live
-    parts = [
-        blocks.pairs(contacts, force[:, None] * direction)
-        for force, direction in (
-            (written.normal, contacts.normal),
-            (written.shear, contacts.tangent),
-        )
-    ]
-    rest = loads + sum(np.asarray(part.sum(axis=1)).reshape(-1, 3) for part in parts)
+    rest, size = loads.copy(), np.abs(loads)
+    for force, direction in (
+        (written.normal, contacts.normal),
+        (written.shear, contacts.tangent),
+    ):
+        part = blocks.pairs(contacts, force[:, None] * direction)
+        rest += np.asarray(part.sum(axis=1)).reshape(-1, 3)
+        size += np.asarray(abs(part).sum(axis=1)).reshape(-1, 3)
     if len(blocks.held):
         react = blocks.reactions.toarray()
         rest = rest.ravel() - react @ np.linalg.lstsq(react, rest.ravel(), rcond=None)[0]
         rest = rest.reshape(-1, 3)
-    size = np.abs(loads).max(axis=1)
-    size += sum(np.asarray(abs(part).sum(axis=1)).reshape(-1, 3) for part in parts).max(axis=1)
-    return np.abs(rest).max(axis=1) / np.where(size > 0.0, size, 1.0)
+    largest = size.max(axis=1)
+    return np.abs(rest).max(axis=1) / np.where(largest > 0.0, largest, 1.0)
 
 
 def misses(blocks: Blocks, written: Written) -> dict[str, float]:

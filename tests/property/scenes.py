@@ -23,7 +23,7 @@ from tests.drawing import rectangle, turned
 
 Array = npt.NDArray[np.float64]
 Random = np.random.Generator
-Segment = tuple[npt.ArrayLike, npt.ArrayLike]
+Segment = Any  # ((x0, y0), (x1, y1)), arrays or tuples
 
 YOUNG, DENSITY = 1e9, 2000.0  # Pa, kg/m3
 
@@ -98,7 +98,8 @@ def bond(random: Random, blocks: int) -> Outline:
     courses = int(np.clip(round(np.sqrt(blocks) * random.uniform(0.6, 1.6)), 1, blocks))
     bricks, height = max(1, round(blocks / courses)), random.uniform(0.3, 0.7)
     overlap, missing = random.uniform(0.2, 0.8), random.choice([0.0, 0.08, 0.2])
-    found, below = [], []
+    found: list[list[tuple[float, float]]] = []
+    below: list[tuple[float, float]] = []
     for level in range(courses):
         inside = np.arange(1, bricks) + (overlap - 0.5) * (level % 2)
         cuts = np.concatenate([[0.0], inside if bricks > 1 else [], [bricks]])
@@ -407,7 +408,11 @@ class Draw:
         parts = Parts(outline, random, DENSITY * GRAVITY * height)
         stones, supports = materials(random), parts.supports()
         # A live load on one side could act on held blocks alone.
-        chosen = {"supports": supports, **parts.loads(live_body=bool(supports)), **parts.laws()}
+        chosen: dict[str, Any] = {
+            "supports": supports,
+            **parts.loads(live_body=bool(supports)),
+            **parts.laws(),
+        }
         if "base" in supports:
             chosen["foundations"] = {}
         chosen["materials"] = {name: stones[name] for name in sorted(set(named))}
