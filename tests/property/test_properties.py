@@ -164,6 +164,13 @@ def test_unstable_is_proved():
     assert not answer(Draw("bond", blocks=2, elements=1, seed=0)).wrong
 
 
+@pytest.mark.xfail(reason="HiGHS of scipy 1.10 answers 'status 15' whether the dead load stands")
+@alone
+def test_unstable_scene_is_found_so():
+    found = answer(Draw.of_seed(447))
+    assert (found.result.status, found.wrong) == ("unstable", [])
+
+
 @pytest.mark.slow
 @alone
 def test_mirror_image_has_the_mirrored_answer():
