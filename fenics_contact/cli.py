@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, raised_together
+from fenics_contact.errors import InputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
 
@@ -38,6 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if comm.rank == 0:
             print(f"fenics-contact: {error}", file=sys.stderr)
         return BAD_INPUT
+    except SolverError as error:
+        if comm.rank == 0:
+            print(f"fenics-contact: not solved: {error}", file=sys.stderr)
+        return EXIT_CODES["not_converged"]
     except KeyboardInterrupt:
         return INTERRUPTED
     except Exception:
@@ -97,14 +101,16 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene, find its limit load, print it and write its files."""
     start = time.perf_counter()
     loud = comm.rank == 0 and not options.quiet
-    if loud:
-        print(f"reading {options.scene}", flush=True)
+
+    def say(text: str) -> None:
+        if loud:
+            print(text, flush=True)
+
+    say(f"reading {options.scene}")
     folder = _output_folder(options, comm)
     scene = Scene.from_file(options.scene, comm, options.overrides)
     read = time.perf_counter() - start
-    if loud:
-        blocks = counted(scene.mesh.body_count, "block")
-        print(f"{blocks} on {counted(comm.size, 'rank')}", flush=True)
+    say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
     with contextlib.closing(shown(scene.solve.tolerance)) as progress:
@@ -112,11 +118,9 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()
-    if loud:
-        print(summary(result), flush=True)
+    say(summary(result) if loud else "")
     result.write(folder)
-    if loud:
-        print(f"written to {folder}", flush=True)
+    say(f"written to {folder}")
     return EXIT_CODES[result.status]
 
 

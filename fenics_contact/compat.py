@@ -33,22 +33,16 @@ def create_mesh(
 ) -> mesh.Mesh:
     """Distribute a mesh given on one rank (the others pass empty arrays), without ghost cells.
 
-    Args:
-        comm: Communicator of the mesh.
-        cell_name: "triangle" or "quadrilateral".
-        cells: Point indices of the cells in gmsh order, shape (cells, nodes).
-        points: Coordinates, shape (points, 2).
-        destinations: Rank of every cell given here, shape (cells,); None: graph partitioning.
+    `cells` have their points in gmsh order, shape (cells, nodes); `points` are coordinates, shape
+    (points, 2); `destinations` is the rank of every cell given here, None for graph partitioning.
     """
-    kind = getattr(mesh.CellType, cell_name)
-    cells = cells[:, cpp.io.perm_gmsh(kind, cells.shape[1])]
+    cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     given = list(inspect.signature(mesh.create_mesh).parameters)
     with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
     modes = () if with_ghost_mode else (mesh.GhostMode.none,)
+    partitioner: Any = mesh.create_cell_partitioner(*modes)
     if destinations is not None:
-        partitioner: Any = _given_partition(destinations)
-    else:
-        partitioner = mesh.create_cell_partitioner(*modes)
+        partitioner = _given_partition(destinations)
     domain = ufl.Mesh(_coordinate_element(cell_name))
     if with_ghost_mode:
         return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
@@ -89,22 +83,7 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, _nodes_of_cell(domain.topology))
-
-
-def facets_of_cells(topology: Any) -> npt.NDArray[np.int32]:
-    """Facets of every local cell, shape (cells, facets of a cell)."""
-    return _rows(topology.connectivity(2, 1), _nodes_of_cell(topology))
-
-
-def facet_vertices(topology: Any) -> npt.NDArray[np.int32]:
-    """Cell-local vertices of every facet of a cell, shape (facets of a cell, 2)."""
-    return _rows(cpp.mesh.get_entity_vertices(topology.cell_type, 1), 2)
-
-
-def _nodes_of_cell(topology: Any) -> int:
-    """Number of nodes of a straight-sided cell, which is also that of its facets."""
-    return dict(CELL_TYPES.values())[topology.cell_type.name]
+    return _rows(domain.geometry.dofmap, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:

@@ -22,14 +22,12 @@ class Progress:
     def __init__(self, tolerance: float) -> None:
         """Count digits down to the change of the friction bound at which a solve ends."""
         self._digits = -math.log10(tolerance)
-        self._name = ""
-        self._count = 0
+        self._name, self._count = "", 0
 
     def step(self, direction: str, step: Step) -> None:
         """Show one fixed-point iteration."""
         self._count = self._count + 1 if direction == self._name else 1
-        change = max(step.bound_change, 1e-300)
-        gained = min(max(-math.log10(change), 0.0), self._digits)
+        gained = min(max(-math.log10(max(step.bound_change, 1e-300)), 0.0), self._digits)
         text = (
             f"iteration {self._count:3d}  load factor {step.load_factor:.8g}"
             f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
@@ -81,40 +79,40 @@ def counted(number: int, noun: str) -> str:
 def summary(result: Result) -> str:
     """Load factor, bracket and verification of a result, in a few lines."""
     if result.status == "unstable":
-        return "unstable: there is no equilibrium under the dead load alone"
+        return f"unstable: {result.reason()}"
     lines = []
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
-        lines += _end_lines(f"load factor{reversed_load}", end)
-    if bonded := result.seconds.get("bonded", 0.0):
-        ratio = result.seconds["solve"] / bonded
+        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    seconds = result.seconds
+    if bonded := seconds.get("bonded", 0.0):
         lines.append(
-            f"{result.factorizations} factorisations, {result.seconds['total']:.2f} s; solving took"
-            f" {ratio:.1f} bonded solves"
+            f"{result.factorizations} factorisations, {seconds['total']:.2f} s; solving took"
+            f" {seconds['solve'] / bonded:.1f} bonded solves"
         )
     return "\n".join(lines)
 
 
-def _end_lines(name: str, end: Collapse) -> list[str]:
+def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
-        return [f"{name}: unbounded, nothing limits the live load"]
-    if end.state is None:
+        return [f"{name}: unbounded, {reason}"]
+    if end.reason:
+        return [f"{name}: NOT CONVERGED, {reason}"]
+    if end.state is None or end.certificate is None or np.isnan(end.load_factor):
         return [f"{name}: NOT CONVERGED, no state was found"]
     programs = "rigid blocks without friction, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
     certificate = end.certificate
     if end.status != "limit":
-        failures = {} if certificate is None else certificate.failures
-        names = ", ".join(f"{k} {v:.1e}" for k, v in failures.items()) or "no convergence"
-        return [first, f"NOT CONVERGED: this is not a limit load ({names})"]
-    if certificate is None:
-        return [first]
-    equilibrium, friction = (certificate.residuals[name] for name in ("equilibrium", "friction"))
+        failures = (f"{law} {value:.1e}" for law, value in certificate.failures.items())
+        missed = ", ".join(failures) or "no convergence"
+        return [first, f"NOT CONVERGED: this is not a limit load ({missed})"]
+    equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
     return [
         first,
-        f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, error of the load"
-        f" factor at most {certificate.error_estimate:.0e}",
+        f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
+        f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
     ]
 
 

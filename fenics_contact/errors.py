@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from mpi4py import MPI
 
 
 class ContactError(Exception):
@@ -24,15 +22,9 @@ class SolverError(ContactError):
 
 @contextmanager
 def raised_together(comm: MPI.Comm) -> Iterator[None]:
-    """Turn an `InputError` raised by some ranks inside the block into the same one on all ranks.
+    """Raise on all ranks the `InputError` of the lowest rank that raised one inside the block.
 
     The block itself must not communicate: a rank that raises leaves it early.
-
-    Args:
-        comm: Communicator of the ranks that enter the block together.
-
-    Raises:
-        InputError: On every rank, the one of the lowest rank that raised.
     """
     message = None
     try:

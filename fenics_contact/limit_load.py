@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Protocol
 
 from dolfinx import fem
 
+from fenics_contact.analysis.dead_load import dead_load_state
 from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
@@ -24,6 +25,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.scene import Scene
+from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
 
@@ -60,11 +62,7 @@ class LimitLoad(Result):
         self.seconds["bounds"] += time.perf_counter() - start
 
     def write(self, folder: str | Path) -> None:
-        """Write result.json, and files and pictures as the scene's output options say.
-
-        Args:
-            folder: Where to; made if need be.
-        """
+        """Write result.json, and what the scene's output options say; the folder is made."""
         self.hold_against_brackets()
         write_result(self, Path(folder))
 
@@ -74,19 +72,15 @@ class Monitor(Protocol):
 
     def step(self, direction: str, step: Step) -> None:
         """After a step in direction "positive" or "negative"."""
+        return
 
     def point(self, done: int, total: int, point: CapacityPoint) -> None:
         """After a point of the capacity curve."""
+        return
 
 
-class _Silent:
+class _Silent(Monitor):
     """A monitor that says nothing."""
-
-    def step(self, direction: str, step: Step) -> None:
-        """Nothing."""
-
-    def point(self, done: int, total: int, point: CapacityPoint) -> None:
-        """Nothing."""
 
 
 def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
@@ -117,10 +111,10 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
     stands_frictionless = blocks.stands(friction=False)
-    stands = stands_frictionless or blocks.stands()
+    fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
-    if not stands:
-        return _result(discretization, {}, seconds)
+    if fall is not None:
+        return _result(discretization, {}, seconds, fall)
     kind = strategy_of(scene).kind
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
@@ -129,26 +123,20 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     asked = tuple(SIGNS) if direction == "both" else (direction,)
     # Where the dead load needs friction to stand, the range of load factors must reach to either
     # side of zero, whichever end of it was asked for.
-    needed = asked if stands_frictionless else tuple(SIGNS)
     cases = {
         name: LoadCase.of(discretization, bonded, SIGNS[name], kind, partial(monitor.step, name))
-        for name in needed
+        for name in (asked if stands_frictionless else SIGNS)
     }
     found = {name: _collapse(case) for name, case in cases.items()}
+    found = _reaching_zero(cases, found, asked)
     seconds["solve"] = time.perf_counter() - start
-    ends = {name: end if SIGNS[name] > 0.0 else end.reversed() for name, end in found.items()}
-    margin = scene.solve.tolerance * next(iter(cases.values())).scales.load_factor
-    if _excludes_zero(ends, margin):
-        return _result(discretization, {}, seconds)
-    result = _result(discretization, {name: ends[name] for name in asked}, seconds)
+    ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
+    result = _result(discretization, ends, seconds)
     if scene.output.capacity and result.status == "limit":
-        start = time.perf_counter()
-        points = capacity_curve(
-            cases[asked[0]], found[asked[0]], scene.output.capacity, monitor.point
-        )
-        result.capacity = tuple(
-            replace(point, load_factor=SIGNS[asked[0]] * point.load_factor) for point in points
-        )
+        start, first = time.perf_counter(), asked[0]
+        count = scene.output.capacity
+        curve = capacity_curve(cases[first], found[first], count, monitor.point)
+        result.capacity = tuple(replace(p, load_factor=SIGNS[first] * p.load_factor) for p in curve)
         seconds["capacity"] = time.perf_counter() - start
         result.factorizations = discretization.factorizations()
     return result
@@ -165,16 +153,49 @@ def _collapse(case: LoadCase) -> Collapse:
     return find_collapse(case, strategy_of(scene), options.tolerance)
 
 
-def _excludes_zero(ends: Mapping[str, Collapse], margin: float) -> bool:
-    """Whether the load factors found leave out zero, the dead load alone."""
-    return any(
-        end.status == "limit" and SIGNS[name] * end.load_factor < -margin
-        for name, end in ends.items()
+def _reaching_zero(
+    cases: Mapping[str, LoadCase], found: Mapping[str, Collapse], asked: Sequence[str]
+) -> dict[str, Collapse]:
+    """Ends of the range of load factors, from a state under the dead load alone where need be.
+
+    An end below zero leaves out the dead load alone, which then has no equilibrium on the way
+    there. Another one is looked for, and the load factor rises from it.
+    """
+    case = next(iter(cases.values()))
+    scene = case.discretization.scene
+    options, strategy = scene.solve, strategy_of(scene)
+    margin = -options.tolerance * case.scales.load_factor
+    short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
+    if not short:
+        return dict(found)
+    factors = sorted(SIGNS[name] * end.load_factor for name, end in found.items())
+    reason = (
+        "no equilibrium was found under the dead load alone, only with load factors from"
+        f" {factors[0]:.6g} to {factors[-1]:.6g}"
     )
+    state = dead_load_state(case, strategy, options.tolerance)
+    if state is None:
+        return {n: replace(end, status="not_converged", reason=reason) for n, end in found.items()}
+    ends = dict(found)
+    for name in short.intersection(asked):
+        problem = cases[name].problem
+        start = problem.state(state.displacement, 0.0, state.pressure, state.shear)
+        end = raise_load(cases[name], strategy, options, find_collapse, start)
+        if end.load_factor < margin and end.path is not None:
+            reason = (
+                f"equilibrium was found up to a load factor of {SIGNS[name] * end.path.lower:.6g},"
+                f" and a collapse only at {SIGNS[name] * end.load_factor:.6g}"
+            )
+            end = replace(end, status="not_converged", reason=reason)
+        ends[name] = end
+    return ends
 
 
 def _result(
-    discretization: Discretization, ends: dict[str, Collapse], seconds: dict[str, float]
+    discretization: Discretization,
+    ends: dict[str, Collapse],
+    seconds: dict[str, float],
+    fall: Array | None = None,
 ) -> LimitLoad:
     spared = skipped_iterations([one for end in ends.values() for one in end.history])
     for item in spared:
@@ -186,4 +207,5 @@ def _result(
         seconds,
         discretization.factorizations(),
         discretization.mode_tally.count,
+        fall=fall,
     )

@@ -22,11 +22,10 @@ Labels = npt.NDArray[np.int32]
 Flags = npt.NDArray[np.bool_]
 Tags = npt.NDArray[np.uint64]
 Names = frozenset[str]
+Groups = Mapping[tuple[int, int], str]  # names by dimension and gmsh's tag
 
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
-
-_LINE = 1  # gmsh element type of a straight facet
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,10 @@ class TaggedMesh:
 
     Attributes:
         source: Where the mesh came from, for messages.
-        facets: Input nodes of the tagged facets, smaller first, shape (facets, 2), each once.
+        facets: Input nodes of the tagged facets, smaller first, each once, shape (facets, 2).
         facet_groups: Physical groups of those facets, as an index into `facet_sets`.
-        cell_sets: The sets of group names that occur on cells.
-        facet_sets: The sets of group names that occur on facets.
+        cell_sets: Sets of group names that occur on cells.
+        facet_sets: Sets of group names that occur on facets.
         cell_names: Names of all two-dimensional groups.
         facet_names: Names of all one-dimensional groups.
     """
@@ -46,19 +45,19 @@ class TaggedMesh:
     source: str
     facets: Indices
     facet_groups: Labels
-    cell_sets: tuple[frozenset[str], ...]
-    facet_sets: tuple[frozenset[str], ...]
+    cell_sets: tuple[Names, ...]
+    facet_sets: tuple[Names, ...]
     cell_names: tuple[str, ...]
     facet_names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class GmshMesh(TaggedMesh):
-    """The planar cells and tagged facets of a gmsh model, on one rank.
+    """Planar cells and tagged facets of a gmsh model, on one rank.
 
     Attributes:
         cell_name: "triangle" or "quadrilateral".
-        points: Coordinates of the nodes the cells use, shape (points, 2), in the unit of the file.
+        points: Coordinates of the nodes that cells use, shape (points, 2).
         cells: Node indices in gmsh order, shape (cells, nodes of a cell).
         cell_groups: Physical groups of every cell, as an index into `cell_sets`.
     """
@@ -74,8 +73,8 @@ class BlockMesh(TaggedMesh):
     """A distributed mesh whose bodies (connected sets of cells) share no node.
 
     Attributes:
-        domain: The dolfinx mesh.
-        body: Body of every local cell, shape (local cells,); bodies are numbered by first cell.
+        domain: dolfinx mesh.
+        body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
     """
@@ -92,11 +91,7 @@ class BlockMesh(TaggedMesh):
 
     @classmethod
     def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> BlockMesh:
-        """Read a gmsh file on rank 0 and distribute it.
-
-        Args:
-            path: A .msh file, planar in x and y, with named physical groups.
-            comm: Communicator; the one PETSc was started with when not given.
+        """Read a planar gmsh file on rank 0 and distribute it, by default on PETSc's communicator.
 
         Raises:
             InputError: On all ranks, if the file is missing, not gmsh's, or not a mesh of blocks.
@@ -105,52 +100,50 @@ class BlockMesh(TaggedMesh):
 
     @classmethod
     def from_model(cls, model: Any, comm: MPI.Comm | None = None) -> BlockMesh:
-        """Distribute the current gmsh model of rank 0 (the other ranks' models are not looked at).
-
-        The model is `gmsh.model` as the builders of `fenics_contact.meshing` return it, `comm` and
-        errors are those of `from_file`.
-        """
+        """Distribute the current gmsh model of rank 0, as builders return it; see `from_file`."""
         return cls._distribute(lambda: extract(model, "the gmsh model"), comm)
 
     @classmethod
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
-        mesh, body, rank, empty = None, np.empty(0, dtype=np.int32), None, None
+        rest: Any = None
+        mesh, body, rank = None, np.empty(0, dtype=np.int32), None
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
                 body = bodies_of_cells(mesh)
                 rank = ranks_of_bodies(mesh, body, comm.size)
-                arrays = {name: getattr(mesh, name)[:0] for name in ("points", "cells")}
-                empty = replace(mesh, cell_groups=mesh.cell_groups[:0], **arrays)
-        rest, whole = comm.bcast((empty, rank is not None))
+                arrays = ("points", "cells", "cell_groups")
+                rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in arrays})
+        rest, whole = comm.bcast((rest, rank is not None))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
         domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
         numbers = np.column_stack([body, mesh.cell_groups])
         input_cells = comm.gather(np.asarray(domain.topology.original_cell_index))
-        mine = comm.scatter([numbers[cells] for cells in input_cells or ()])
-        return cls(
-            domain=domain,
-            body=mine[:, 0],
-            body_count=comm.allreduce(int(mine[:, 0].max(initial=-1)), MPI.MAX) + 1,
-            cell_groups=mine[:, 1],
-            **{item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)},
-        )
+        body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T
+        count = comm.allreduce(int(body.max(initial=-1)), MPI.MAX) + 1
+        tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
+        return cls(**tags, domain=domain, body=body, body_count=count, cell_groups=groups)
 
 
 @contextmanager
-def gmsh_session() -> Iterator[Any]:
-    """gmsh, started if need be, silent, and without its hold on Ctrl-C; yields the module."""
+def gmsh_session(**options: float) -> Iterator[Any]:
+    """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
     gmsh.initialize(readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
+    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
     try:
+        for name, value in options.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
         yield gmsh
     finally:
+        for name, value in before.items():
+            gmsh.option.setNumber(f"Mesh.{name}", value)
         signal.signal(signal.SIGINT, handler)
 
 
@@ -174,46 +167,29 @@ def _read(path: Path) -> GmshMesh:
 
 
 def extract(model: Any, source: str) -> GmshMesh:
-    """Cells, tagged facets and group names of the current gmsh model.
-
-    Args:
-        model: `gmsh.model`.
-        source: What to call the model in messages.
+    """Cells, tagged facets and group names of the current `gmsh.model`, `source` in messages.
 
     Raises:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
     names = {(d, t): model.getPhysicalName(d, t) or str(t) for d, t in model.getPhysicalGroups()}
-    cell_names, facet_names = (
-        tuple(dict.fromkeys(name for (d, _), name in names.items() if d == dim)) for dim in (2, 1)
-    )
+    by_dim = ([name for (d, _), name in names.items() if d == dim] for dim in (2, 1))
+    cell_names, facet_names = (tuple(dict.fromkeys(some)) for some in by_dim)
     if not cell_names:
-        raise InputError(
-            f"{source} has no two-dimensional physical group; put the blocks' surfaces into one"
-        )
-    cell_name, cells, groups_of_cells = _cells(model, names, source)
-    used, flat = np.unique(cells, return_inverse=True)
+        problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
+        raise InputError(f"{source} {problem}")
+    cell_name, nodes, groups_of_cells = _cells(model, names, source)
+    used, flat = np.unique(nodes, return_inverse=True)
     facets, facet_groups, facet_sets = _facets(model, names, used)
     cell_groups, cell_sets = _numbered(groups_of_cells)
-    mesh = GmshMesh(
-        source=source,
-        facets=facets,
-        facet_groups=facet_groups,
-        cell_sets=cell_sets,
-        facet_sets=facet_sets,
-        cell_names=cell_names,
-        facet_names=facet_names,
-        cell_name=cell_name,
-        points=_coordinates(model, used, source),
-        cells=flat.reshape(cells.shape),
-        cell_groups=cell_groups,
-    )
-    _check_areas(mesh)
-    return mesh
+    points, cells = _coordinates(model, used, source), flat.reshape(nodes.shape)
+    _check_areas(points, cells, source)
+    tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
+    return GmshMesh(source, *tags, cell_name, points, cells, cell_groups)
 
 
 def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
-    """The different sets among many, and every one as an index into these."""
+    """Every set as an index into the different ones, and these."""
     index: dict[Names, int] = {}
     labels = [index.setdefault(names, len(index)) for names in groups]
     return np.array(labels, dtype=np.int32), tuple(index)
@@ -231,9 +207,7 @@ def _coordinates(model: Any, nodes: Tags, source: str) -> Array:
     return points[:, :2].copy()
 
 
-def _elements(
-    model: Any, dim: int, names: Mapping[tuple[int, int], str]
-) -> Iterator[tuple[Names, int, Tags]]:
+def _elements(model: Any, dim: int, names: Groups) -> Iterator[tuple[Names, int, Tags]]:
     """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
     for _, entity in model.getEntities(dim):
         tags = model.getPhysicalGroupsForEntity(dim, entity)
@@ -243,9 +217,7 @@ def _elements(
                 yield frozenset(names[dim, int(tag)] for tag in tags), int(kind), flat
 
 
-def _cells(
-    model: Any, names: Mapping[tuple[int, int], str], source: str
-) -> tuple[str, Tags, list[Names]]:
+def _cells(model: Any, names: Groups, source: str) -> tuple[str, Tags, list[Names]]:
     """Cell name, nodes of the cells, and their groups."""
     found = list(_elements(model, 2, names))
     kinds = {kind for _, kind, _ in found}
@@ -262,14 +234,13 @@ def _cells(
     return name, np.concatenate([flat for *_, flat in found]).reshape(-1, width), groups
 
 
-def _facets(
-    model: Any, names: Mapping[tuple[int, int], str], used: Tags
-) -> tuple[Indices, Labels, tuple[Names, ...]]:
+def _facets(model: Any, names: Groups, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
     """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
     groups: dict[tuple[int, int], Names] = {}
     for more, kind, flat in _elements(model, 1, names):
-        lines = flat.reshape(-1, 2) if kind == _LINE else flat[:0].reshape(0, 2)
-        for first, second in np.sort(lines, axis=1).tolist():
+        if kind != 1:  # gmsh's number of a straight line
+            continue
+        for first, second in np.sort(flat.reshape(-1, 2), axis=1).tolist():
             groups[first, second] = groups.get((first, second), frozenset()) | more
     nodes = np.array(list(groups), dtype=used.dtype).reshape(-1, 2)
     index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
@@ -278,21 +249,18 @@ def _facets(
     return np.sort(index[known], axis=1), labels[known], sets
 
 
-def _check_areas(mesh: GmshMesh) -> None:
+def _check_areas(points: Array, cells: Indices, source: str) -> None:
     """Refuse cells without area."""
-    corners = mesh.points[mesh.cells]
+    corners = points[cells]
     # Relative to the first corner, so that far-away origins cost no digits.
     shifted = corners - corners[:, :1]
     following = np.roll(shifted, -1, axis=1)
-    cross = shifted[..., 0] * following[..., 1] - shifted[..., 1] * following[..., 0]
-    area = 0.5 * np.abs(cross.sum(axis=1))
+    area = 0.5 * np.abs(np.linalg.det(np.stack([shifted, following], axis=2)).sum(axis=1))
     longest2 = ((following - shifted) ** 2).sum(axis=2).max(axis=1)
     flat = np.flatnonzero(area <= 1e-10 * longest2)
     if len(flat):
         x, y = corners[flat[0]].mean(axis=0)
-        raise InputError(
-            f"{mesh.source}: {len(flat)} cells have no area, the first at ({x:g}, {y:g})"
-        )
+        raise InputError(f"{source}: {len(flat)} cells have no area, the first at ({x:g}, {y:g})")
 
 
 def bodies_of_cells(mesh: GmshMesh) -> Labels:
@@ -316,7 +284,7 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
 
 
 def _connected(entities: Indices) -> Labels:
-    """Labels 0, 1, ... of the sets of cells that are connected through entities they share."""
+    """Number of the set of cells, connected through shared entities, that every cell is in."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -1,16 +1,15 @@
 """gmsh builders: walls in courses, arches, and blocks given by their corners.
 
-Every builder returns `gmsh.model`, meshed; its model is gmsh's current one and replaces an earlier
-model of the same name, so that drawing many does not fill the memory. Arguments in common: `size`,
-the largest length of an element along the sides, m, and `quadrilaterals`, for quadrilateral cells
-in place of triangles. Builders raise `InputError` for sizes or numbers that are not positive.
+Every builder returns `gmsh.model`, meshed; it replaces an earlier model of the same name, so that
+drawing many does not fill the memory. Arguments in common: `size`, the largest length of an element
+along the sides, m, and `quadrilaterals`, for quadrilateral cells in place of triangles. Builders
+raise `InputError` for sizes or numbers that are not positive.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
-
-_ELEMENT_TYPES = {2: 1, 3: 2, 4: 3}  # gmsh's, by number of nodes
+Polygons = list[Array]
 
 #: Corners closer than this, relative to the size of the drawing, are the same point.
 COINCIDENT = 1e-9
@@ -37,33 +35,27 @@ def model_from_arrays(
 
     Args:
         points: Coordinates, shape (points, 2).
-        cells: Node indices of the cells by group name, each of shape (cells, 3) or (cells, 4).
-        facets: Node indices of facets by group name, each of shape (facets, 2).
+        cells: Nodes of the cells by group name, each of shape (cells, 3) or (cells, 4).
+        facets: Nodes of facets by group name, each of shape (facets, 2).
         name: Name of the model.
     """
-    coordinates = np.zeros((len(np.asarray(points)), 3))
-    coordinates[:, :2] = points
+    coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
-        nodes = np.arange(1, len(coordinates) + 1)
-        tables = [
-            (dim, group, np.asarray(table, dtype=np.int64))
-            for dim, groups in ((2, cells), (1, facets))
-            for group, table in groups.items()
-        ]
         first = 1
-        for dim, group, table in tables:
-            if table.size == 0:
-                continue
-            entity = model.addDiscreteEntity(dim)
-            if len(nodes):  # all nodes are classified on the first surface
-                model.mesh.addNodes(dim, entity, nodes, coordinates.ravel())
-                nodes = nodes[:0]
-            elements = np.arange(first, first + len(table))
-            first += len(table)
-            kind = _ELEMENT_TYPES[table.shape[1]]
-            model.mesh.addElementsByType(entity, kind, elements, table.ravel() + 1)
-            model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        for dim, groups in ((2, cells), (1, facets)):
+            for group, members in groups.items():
+                table = np.asarray(members, dtype=np.int64)
+                if not table.size:
+                    continue
+                entity = model.addDiscreteEntity(dim)
+                if first == 1:  # all nodes are classified on the first entity
+                    model.mesh.addNodes(dim, entity, [], coordinates.ravel())
+                kind = table.shape[1] - 1  # gmsh's number of a line, triangle, quadrilateral
+                tags = np.arange(first, first + len(table))
+                first += len(table)
+                model.mesh.addElementsByType(entity, kind, tags, table.ravel() + 1)
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
         return model
 
 
@@ -82,7 +74,7 @@ def wall(
     elements: int = 2,
     quadrilaterals: bool = False,
 ) -> Any:
-    """Mesh a wall laid in courses, every block a body with nodes of its own.
+    """Mesh a wall laid in courses.
 
     The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (outline),
     "bed" and "head" (both sides of horizontal and vertical joints), "opening" (other free edges).
@@ -92,7 +84,7 @@ def wall(
             number is a void of that length.
         block: Length and height of one block, m.
         elements: Number of elements along half a block.
-        quadrilaterals: See above.
+        quadrilaterals: In place of triangles.
     """
     length, height = block
     if length <= 0.0 or height <= 0.0 or elements < 1:
@@ -123,7 +115,7 @@ def _rectangles(
     rectangles = [
         (left * length, level * height, right * length, (level + 1) * height)
         for level, (row, course) in enumerate(zip(ends, courses, strict=True))
-        for (left, right), size in zip(itertools.pairwise(row), course, strict=True)
+        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
         if size > 0.0
     ]
     if not rectangles:
@@ -208,18 +200,18 @@ def polygons(
     groups: Segments | None = None,
     quadrilaterals: bool = False,
 ) -> Any:
-    """Mesh straight-sided blocks given by their corners, every block a body with its own nodes.
+    """Mesh straight-sided blocks given by their corners.
 
     Where a corner of one block lies on the side of another (a T-joint) that side gets a node
     there, and shared stretches are divided alike, so that facets on both sides coincide.
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: See above; when not given a quarter of the side of a square of the blocks' mean area.
-        names: Two-dimensional group of every block; "blocks" for all when not given.
-        groups: Segments ((x0, y0), (x1, y1)) by group name: sides lying on a segment belong to the
-            group. When not given, "base" is what lies at the lowest level of the drawing.
-        quadrilaterals: See above.
+        size: Of elements; by default a quarter of the side of a square of the blocks' mean area.
+        names: Two-dimensional group of every block; by default "blocks" for all.
+        groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
+            default, "base" is what lies at the lowest level of the drawing.
+        quadrilaterals: In place of triangles.
 
     Raises:
         InputError: If a block has fewer than three corners or no area, or a group no side.
@@ -236,47 +228,34 @@ def polygons(
     near = COINCIDENT * float(max(high - low))
     groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
-    subdivision = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
-    with gmsh_session() as gmsh, _mesh_options(gmsh, {"MeshSizeMax": size, **subdivision}):
+    halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
+    with gmsh_session(MeshSizeMax=size, **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        _draw(model, [_with_t_joints(b, corners, near) for b in blocks], size, names, groups, near)
+        blocks = [_with_t_joints(block, corners, near) for block in blocks]
+        _draw(model, blocks, names, groups, size, near)
         model.mesh.generate(2)
     return model
 
 
-@contextmanager
-def _mesh_options(gmsh: Any, options: Mapping[str, float]) -> Iterator[None]:
-    """Set some of gmsh's options of meshing for a while."""
-    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
-    try:
-        for name, value in options.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-        yield
-    finally:
-        for name, value in before.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-
-
 def _draw(
-    model: Any,
-    blocks: Sequence[Array],
-    size: float,
-    names: Sequence[str],
-    groups: Segments,
-    near: float,
+    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, size: float, near: float
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
-    surfaces: dict[str, list[int]] = {}
+    geo = model.geo
+    surfaces: dict[str, list[int]] = {name: [] for name in names}
     on_group: dict[str, list[int]] = {name: [] for name in groups}
     for block, block_name in zip(blocks, names, strict=True):
-        lines = _add_sides(model.geo, block, size)
-        surface = model.geo.addPlaneSurface([model.geo.addCurveLoop(lines)])
-        surfaces.setdefault(block_name, []).append(surface)
+        points, ends = [geo.addPoint(x, y, 0.0) for x, y in block], np.roll(block, -1, axis=0)
+        lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
+        for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):
+            # Both blocks of a joint must come to the same number, whatever their rounding.
+            geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
+        surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
         for name, segments in groups.items():
             on = [_on_segment(block, segment, near) for segment in segments]
             sides = np.any([start & np.roll(start, -1) for start in on], axis=0)
             on_group[name] += np.array(lines)[sides].tolist()
-    model.geo.synchronize()
+    geo.synchronize()
     for dim, members in ((2, surfaces), (1, on_group)):
         for name, tags in members.items():
             if not tags:
@@ -304,36 +283,22 @@ def _area(corners: Array) -> float:
 def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
     """Which points lie on a segment, its ends included."""
     start, end = np.asarray(segment, dtype=float)
-    length = float(np.linalg.norm(end - start))
-    along = (points - start) @ (end - start) / length
-    across = (points - start) @ np.array([start[1] - end[1], end[0] - start[0]]) / length
-    return (np.abs(across) <= near) & (along >= -near) & (along <= length + near)
+    x, y = (end - start) / np.linalg.norm(end - start)
+    along, across = ((points - start) @ np.array([[x, -y], [y, x]])).T
+    return (np.abs(across) <= near) & (along >= -near) & (along <= np.hypot(*(end - start)) + near)
 
 
 def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        low, high = np.minimum(start, end) - near, np.maximum(start, end) + near
-        close = corners[np.all((corners >= low) & (corners <= high), axis=1)]
-        close = close[_on_segment(close, (start, end), near)]
         length = np.linalg.norm(end - start)
-        along = np.sort((close - start) @ (end - start) / length)
+        on_side = corners[_on_segment(corners, (start, end), near)]
+        along = np.sort((on_side - start) @ (end - start) / length)
         inside = along[(along > near) & (along < length - near)]
         inside = inside[np.diff(inside, prepend=-np.inf) > near]
         pieces += [start[None], start + inside[:, None] * (end - start) / length]
     return np.concatenate(pieces)
-
-
-def _add_sides(geo: Any, outline: Array, size: float) -> list[int]:
-    """Add the sides of one block, divided into elements; returns gmsh's curves in order."""
-    points = [geo.addPoint(x, y, 0.0) for x, y in outline]
-    lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
-    lengths = np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
-    for line, length in zip(lines, lengths, strict=True):
-        # Both blocks of a joint must come to the same number, whatever their rounding.
-        geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
-    return lines
 
 
 def arch(
@@ -355,7 +320,7 @@ def arch(
         radius: Of the middle of the ring, m.
         embrace: Angle between the springings, degrees, at most 360.
         elements: Number of elements through the thickness.
-        quadrilaterals: See above.
+        quadrilaterals: In place of triangles.
 
     Raises:
         InputError: If the thickness reaches the centre.

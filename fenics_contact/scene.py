@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -14,15 +15,11 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.toml_tables import from_table, read_toml
 
-LAWS = ("coulomb", "tresca", "frictionless")
-SUPPORTS = ("fixed", "roller")
-PLANES = ("strain", "stress")
-
-#: What `Scene` and its file have alike.
-SHARED = ("materials", "joints", "foundations", "supports", "title", "solve", "output")
-
-#: Values that options of `SolveOptions` take.
+#: Values that strings can have, by name of their key.
 CHOICES = {
+    "law": ("coulomb", "tresca", "frictionless"),
+    "supports": ("fixed", "roller"),
+    "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
     "direction": ("positive", "negative", "both"),
     "control": ("work", "load"),
@@ -36,7 +33,8 @@ def _require(condition: bool, message: str) -> None:
         raise InputError(message)
 
 
-def _require_choice(name: str, value: str, known: Sequence[str]) -> None:
+def _require_choice(name: str, value: str, kind: str = "") -> None:
+    known = CHOICES[kind or name]
     _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
 
 
@@ -49,9 +47,9 @@ class Material:
     """Linear elasticity and weight.
 
     Attributes:
-        young: Young's modulus, Pa, positive.
-        poisson: Poisson's ratio, above -1 and below 0.5.
-        density: kg/m3, not negative.
+        young: Young's modulus, Pa.
+        poisson: Poisson's ratio.
+        density: kg/m3.
     """
 
     young: float
@@ -70,8 +68,7 @@ class JointLaw:
     """What a joint carries besides pressure.
 
     Attributes:
-        law: "coulomb" (shear up to friction times pressure), "tresca" (up to a given bound) or
-            "frictionless".
+        law: "coulomb" (shear up to friction x pressure), "tresca" (up to a bound), "frictionless".
         friction: Coefficient of friction, for "coulomb".
         bound: Shear strength, Pa, for "tresca".
     """
@@ -81,15 +78,12 @@ class JointLaw:
     bound: float | None = None
 
     def __post_init__(self) -> None:
-        _require_choice("law", self.law, LAWS)
+        _require_choice("law", self.law)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
-            value = getattr(self, name)
-            if self.law != owner:
-                _require(value is None, f"law '{self.law}' takes no {name}")
-            elif value is None:
-                raise InputError(f"law '{owner}' needs {name}")
-            else:
-                _require_not_negative(name, value)
+            value, given = getattr(self, name), getattr(self, name) is not None
+            _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
+            _require(given or self.law != owner, f"law '{owner}' needs {name}")
+            _require_not_negative(name, value or 0.0)
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ class Load:
     """A body force and tractions.
 
     Attributes:
-        body: Acceleration, m/s2; the force is density times it.
+        body: Acceleration, m/s2, times density.
         traction: Force per area, Pa, by name of a one-dimensional group.
     """
 
@@ -124,12 +118,9 @@ class SolveOptions:
             forces, normal and shear in turn ("splitting") or both at once ("active-set").
         direction: Which end of the range of load factors: "positive", "negative" or "both".
         tolerance: On the load factor, relative.
-        control: What is prescribed on the way: the "work" of the live load, or the "load" factor,
-            raised from zero.
-        slip: Where slip is measured from: the "stress-free" state, or the state before, in
-            "load-steps"; the latter needs control = "load".
-        states: Whether to report the "first" collapse state found, or to look for others and
-            report the "lowest"; the latter needs control = "work".
+        control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
+        slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
+        states: Report the "first" collapse state found, or the "lowest" (with control = "work").
     """
 
     method: str = "auto"
@@ -140,16 +131,12 @@ class SolveOptions:
     states: str = "first"
 
     def __post_init__(self) -> None:
-        for name, known in CHOICES.items():
-            _require_choice(name, getattr(self, name), known)
-        tolerance, by_load = self.tolerance, self.control == "load"
-        _require(
-            1e-12 <= tolerance <= 0.1, f"tolerance = {tolerance} must lie between 1e-12 and 0.1"
-        )
-        if self.slip == "load-steps" and not by_load:
-            raise InputError("slip = 'load-steps' needs control = 'load'")
-        if self.states == "lowest" and by_load:
-            raise InputError("states = 'lowest' needs control = 'work'")
+        for name in ("method", "direction", "control", "slip", "states"):
+            _require_choice(name, getattr(self, name))
+        given, by_load = self.tolerance, self.control == "load"
+        _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
+        _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
+        _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 
 
 @dataclass(frozen=True)
@@ -159,8 +146,7 @@ class OutputOptions:
     Attributes:
         paraview: ParaView files of fields and joints.
         pictures: collapse.png, and capacity.png where there is a curve.
-        capacity: Number of points on the capacity curve, 0 for none; with control = "load" it has
-            those of the load steps.
+        capacity: Number of points on the capacity curve, 0 for none.
     """
 
     paraview: bool = True
@@ -171,17 +157,28 @@ class OutputOptions:
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Shared:
+    """What a scene and its file have alike; see `Scene`."""
+
+    joints: Mapping[str, JointLaw] = field(default_factory=dict)
+    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
+    supports: Mapping[str, str] = field(default_factory=dict)
+    title: str = ""
+    solve: SolveOptions = field(default_factory=SolveOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+
+
 @dataclass(frozen=True)
-class Scene:
+class Scene(_Shared):
     """Blocks, what joins and holds them, and what loads them.
 
     Attributes:
-        mesh: The blocks.
-        materials: By name of a two-dimensional group; "default" for cells in no group named.
-        dead: Load that acts first and stays.
+        mesh: Blocks.
+        materials: By name of a two-dimensional group; "default" for others.
         live: Load multiplied by the load factor.
-        joints: Law by name of a one-dimensional group, where two blocks touch; "default" for
-            facets that touch and are in no group named.
+        dead: Load that acts first and stays.
+        joints: Law by name of a one-dimensional group where two blocks touch; "default" for others.
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
         plane: "strain" or "stress".
@@ -198,20 +195,14 @@ class Scene:
     materials: Mapping[str, Material]
     live: Load
     dead: Load = field(default_factory=Load)
-    joints: Mapping[str, JointLaw] = field(default_factory=dict)
-    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
-    supports: Mapping[str, str] = field(default_factory=dict)
     plane: str = "strain"
     degree: int = 1
-    title: str = ""
-    solve: SolveOptions = field(default_factory=SolveOptions)
-    output: OutputOptions = field(default_factory=OutputOptions)
 
     def __post_init__(self) -> None:
-        _require_choice("plane.state", self.plane, PLANES)
+        _require_choice("plane.state", self.plane)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         for name, kind in self.supports.items():
-            _require_choice(f"supports.{name}", kind, SUPPORTS)
+            _require_choice(f"supports.{name}", kind, "supports")
         self._check_names()
         self._check_materials()
 
@@ -228,7 +219,7 @@ class Scene:
 
         Args:
             path: The TOML file; its mesh is found relative to it.
-            comm: Communicator; the one PETSc was started with when not given.
+            comm: By default, the communicator that PETSc was started with.
             overrides: Assignments "joints.default.friction=0.5" made on top of the file.
 
         Raises:
@@ -238,11 +229,12 @@ class Scene:
         tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
         return cls(
             mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
             plane=tables.plane.state,
             degree=tables.mesh.degree,
-            **{name: getattr(tables, name) for name in SHARED},
+            **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
         )
 
     def material(self, groups: Iterable[str]) -> Material:
@@ -265,8 +257,8 @@ class Scene:
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
-        roles = [*self.joints, *self.foundations, *self.supports]
-        for name in sorted(name for name in roles if name != "default" and roles.count(name) > 1):
+        roles = sorted([*self.joints, *self.foundations, *self.supports])
+        for name in (a for a, b in pairwise(roles) if a == b != "default"):
             raise InputError(
                 f"group '{name}' has two roles; it can be a joint, a foundation or a support"
             )
@@ -311,17 +303,11 @@ class _LoadTables:
 
 
 @dataclass(frozen=True)
-class _SceneTables:
+class _SceneTables(_Shared):
     loads: _LoadTables
     mesh: _MeshTable = field(default_factory=_MeshTable)
     materials: Mapping[str, Material] = field(default_factory=dict)
-    joints: Mapping[str, JointLaw] = field(default_factory=dict)
-    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
-    supports: Mapping[str, str] = field(default_factory=dict)
     plane: _PlaneTable = field(default_factory=_PlaneTable)
-    title: str = ""
-    solve: SolveOptions = field(default_factory=SolveOptions)
-    output: OutputOptions = field(default_factory=OutputOptions)
 
     def __post_init__(self) -> None:
         _require(bool(self.materials), "materials is missing; give [materials.default]")

@@ -1,7 +1,4 @@
-"""TOML tables -> checked dataclasses, from their own fields and defaults.
-
-Every message names the key that is wrong.
-"""
+"""TOML tables -> checked dataclasses, by their fields and defaults; messages name the key."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ _EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
 
 
 def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """The tables of a TOML file, read on rank 0, with assignments "a.b=1" made on top of it.
+    """Tables of a TOML file, read on rank 0, with assignments "a.b=1" made on top of it.
 
     Raises:
         InputError: On all ranks, if the file is missing or not TOML, or an assignment is wrong.
@@ -47,15 +44,10 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
 
 
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
-    """A dataclass from a TOML table.
+    """A dataclass from a TOML table; `key` is the table's name, empty for a whole file.
 
     A field is read by its type: a number, string, flag, pair of numbers, another dataclass, or a
     mapping of names to any of these. A dataclass with a default may be left out like its fields.
-
-    Args:
-        kind: The dataclass.
-        table: The value of the key.
-        key: Name of the table, for messages; empty for that of a whole file.
 
     Raises:
         InputError: If a key is unknown or missing, or a value is wrong for its type or dataclass.
@@ -63,7 +55,7 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
     prefix = f"{key}." if key else ""
     table = _as_table(key, table)
     kinds = get_type_hints(kind)
-    for name in (name for name in table if name not in kinds):
+    for name in [name for name in table if name not in kinds]:
         close = difflib.get_close_matches(name, kinds, 1)
         hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(kinds))}"
         raise InputError(f"unknown key '{prefix}{name}'; {hint}")
@@ -83,7 +75,6 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
 
 
 def _value(key: str, value: Any, kind: Any) -> Any:
-    """A value of a given type."""
     if isinstance(kind, UnionType):  # "... | None" for what may be left out
         kind = get_args(kind)[0]
     if is_dataclass(kind):
@@ -96,7 +87,7 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if get_origin(kind) is tuple:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
             raise InputError(f"{key} = {value!r} must be two numbers, [x, y]")
-        return _number(key, value[0]), _number(key, value[1])
+        return tuple(_number(key, item) for item in value)
     if type(value) is not kind:  # a truth value is no whole number
         raise InputError(f"{key} = {value!r} must be {_EXACT[kind]}")
     return value

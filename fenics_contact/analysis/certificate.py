@@ -34,7 +34,7 @@ TOLERANCES: Mapping[str, float] = {
     "mode_penetration": 1e-5,
     "mode_elastic": 1e-4,
     "mode_power": 1e-4,
-    # Of the state's own friction bound: as the bound follows, the load factor may still change by
+    # For the state's own friction bound: as the bound follows, the load factor may still change by
     # 10 to 1 000 times as much. A larger gap counts where a larger tolerance is asked for.
     "limit": 3e-6,
     "bracket": 1e-6,
@@ -46,10 +46,8 @@ class CertificateOptions:
     """Numbers of the residuals.
 
     Attributes:
-        rounding: What strains the blocks may differ by this from the part of u that does: digits
-            of u, relative.
-        small_factor: Load factors are judged relative to themselves, or to this fraction of the
-            typical one.
+        rounding: Digits of u, relative: so much may `State.elastic` differ from that part of u.
+        small_factor: Load factors are judged relative to this part of the typical one at least.
     """
 
     rounding: float = 1e-13
@@ -74,13 +72,11 @@ class Certificate:
 
     Attributes:
         residuals: By name; relative, zero for an exact state.
-        error_estimate: Difference of the load factor and the program's for the state's friction.
+        error_estimate: Gap: load factor less the program's for the state's friction, absolute.
         worst_joint: Where the joint laws are missed most.
-        kinematic_factor: Load factor at which the mode dissipates what the loads do on it,
-            (sum g |B_T v| - f_D.v) / f_L.v. With given friction it is an upper bound, and the
-            program's load factor, a static one, a lower bound on the limit load.
-        static_factor: Load factor of the rigid-block program with the state's friction; or of the
-            state, whose forces are a solution of that program, where the mode confirms it.
+        kinematic_factor: (sum g |B_T v| - f_D.v) / f_L.v: upper bound on the limit load for the
+            friction of the state.
+        static_factor: Lower one: the rigid-block program's, or, where the mode confirms it, lambda.
         size: Load factor that differences of load factors are relative to.
         tolerance: On the load factor, as asked for.
     """
@@ -124,53 +120,33 @@ def certify(
     points: npt.NDArray[np.int64] | None = None,
     tolerance: float = 0.0,
 ) -> Certificate:
-    """Recompute all conditions of a collapse state.
+    """Recompute all conditions of a collapse state, relative to `scales`.
 
     Args:
         problem: Stiffness, loads and joints.
-        state: Displacements, load factor and joint forces to be verified.
+        state: Displacements, load factor and joint forces.
         mode: Collapse mode v.
-        scales: Typical sizes, which residuals are relative to.
-        rigid_limit: Limit load of the rigid blocks with the friction forces of the state; nan if
-            it is not known.
+        scales: Typical sizes.
+        rigid_limit: Limit load of the rigid blocks with the friction of the state; nan: unknown.
         points: Numbers of this rank's joint points, by which to name the worst.
         tolerance: On the load factor, as asked for.
     """
-    residuals = state_residuals(problem, state, scales)
-    residuals |= _mode_residuals(problem, state, mode, scales)
-    factor = _size(state, scales)
+    size = max(abs(state.load_factor), OPTIONS.small_factor * scales.load_factor)
     missed = abs(rigid_limit - state.load_factor)
-    residuals["limit"] = missed / factor
+    residuals = {
+        **state_residuals(problem, state, scales),
+        **_mode_residuals(problem, state, mode, scales, size),
+        "limit": missed / size,
+    }
     worst = None if points is None else worst_joint(problem, state, scales, points)
     kinematic = kinematic_factor(problem, state, mode)
-    return Certificate(residuals, missed, worst, kinematic, rigid_limit, factor, tolerance)
-
-
-def outside_bracket(
-    load_factor: float, bracket: tuple[float | None, float | None], missed: float, size: float
-) -> float:
-    """Distance of a load factor from its bracket, beyond what it may be wrong by, over `size`.
-
-    The forces of a verified state solve the associative program: this checks the other residuals.
-
-    Args:
-        load_factor: lambda.
-        bracket: Lower and upper bound; None where one is not known.
-        missed: What the load factor may be wrong by.
-        size: Load factor of the result.
-    """
-    lower = -np.inf if bracket[0] is None else bracket[0]
-    upper = np.inf if bracket[1] is None else bracket[1]
-    outside = max(lower - load_factor, load_factor - upper, 0.0)
-    return max(outside - missed, 0.0) / size
+    return Certificate(residuals, missed, worst, kinematic, rigid_limit, size, tolerance)
 
 
 def kinematic_factor(problem: ContactProblem, state: State, mode: Array) -> float:
     """Load factor at which a mode dissipates what the loads do on it; nan if they do nothing."""
-    slip = problem.tangential @ mode
-    bound = problem.bound(np.maximum(state.pressure, 0.0))
     live = problem.dot(problem.live, mode)
-    rest = problem.sum(bound * np.abs(slip)) - problem.dot(problem.dead, mode)
+    rest = _dissipation(problem, state, mode) - problem.dot(problem.dead, mode)
     return rest / live if live else float("nan")
 
 
@@ -183,32 +159,17 @@ def state_residuals(
     """
     forces = problem.dead + state.load_factor * problem.live
     forces += problem.joint_forces(state.pressure, state.shear)
-    rest = problem.stiffness @ _elastic_part(problem, state) - forces
+    elastic = problem.elastic_part(state.displacement)
+    rounding = OPTIONS.rounding * problem.max(np.abs(state.displacement))
+    if problem.max(np.abs(state.elastic - elastic)) <= rounding:
+        elastic = state.elastic  # has more digits
     joints = _joint_misses(problem, state, scales, bound)
     work = problem.dot(problem.live, state.displacement)
     unit = scales.displacement * problem.sum(np.abs(problem.live))
     return {
-        "equilibrium": problem.max(np.abs(rest)) / scales.force,
+        "equilibrium": problem.max(np.abs(problem.stiffness @ elastic - forces)) / scales.force,
         **{name: problem.max(values) for name, values in joints.items()},
         "work": abs(work - state.work) / max(abs(state.work), unit),
-    }
-
-
-def _joint_misses(
-    problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
-) -> dict[str, Array]:
-    """What this rank's points miss of the joint laws, relative to `scales`."""
-    d, f = scales.displacement, scales.force
-    opening = problem.normal @ state.displacement
-    slip = problem.tangential @ state.displacement - problem.slip_origin
-    if bound is None:
-        bound = problem.bound(np.maximum(state.pressure, 0.0))
-    return {
-        "tension": -state.pressure / f,
-        "penetration": -opening / d,
-        "complementarity": np.abs(opening * state.pressure) / (d * f),
-        "friction": (np.abs(state.shear) - bound) / f,
-        "slip_direction": np.abs(bound * np.abs(slip) + state.shear * slip) / (d * f),
     }
 
 
@@ -230,36 +191,47 @@ def worst_joint(
     return max(everywhere, key=lambda one: one.residual / TOLERANCES[one.law])
 
 
-def _elastic_part(problem: ContactProblem, state: State) -> Array:
-    """Displacements that strain the blocks: those that the state brings, if they are those of u."""
-    elastic = problem.elastic_part(state.displacement)
-    largest = problem.max(np.abs(state.displacement))
-    if problem.max(np.abs(state.elastic - elastic)) <= OPTIONS.rounding * largest:
-        return state.elastic
-    return elastic
-
-
-def _size(state: State, scales: Scales) -> float:
-    """Load factor that differences of load factors are relative to."""
-    return max(abs(state.load_factor), OPTIONS.small_factor * scales.load_factor)
+def _joint_misses(
+    problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
+) -> dict[str, Array]:
+    """What this rank's points miss of the joint laws, relative to `scales`."""
+    d, f = scales.displacement, scales.force
+    opening = problem.normal @ state.displacement
+    slip = problem.tangential @ state.displacement - problem.slip_origin
+    if bound is None:
+        bound = _bound(problem, state)
+    return {
+        "tension": -state.pressure / f,
+        "penetration": -opening / d,
+        "complementarity": np.abs(opening * state.pressure) / (d * f),
+        "friction": (np.abs(state.shear) - bound) / f,
+        "slip_direction": np.abs(bound * np.abs(slip) + state.shear * slip) / (d * f),
+    }
 
 
 def _mode_residuals(
-    problem: ContactProblem, state: State, mode: Array, scales: Scales
+    problem: ContactProblem, state: State, mode: Array, scales: Scales, size: float
 ) -> dict[str, float]:
+    """What a mode misses of a collapse mode, relative; `size` as in `Certificate`."""
     unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
-    opening, slip = problem.normal @ mode, problem.tangential @ mode
-    bound = problem.bound(np.maximum(state.pressure, 0.0))
-    dissipation = problem.sum(bound * np.abs(slip))
+    dissipation = _dissipation(problem, state, mode)
     live_work = problem.dot(problem.live, mode)
     power = state.load_factor * live_work + problem.dot(problem.dead, mode)
     straining = problem.elastic_part(mode)
     elastic = problem.dot(straining, problem.stiffness @ straining)
-    factor = _size(state, scales)
     return {
         "mode_work": abs(live_work - 1.0),
-        "mode_penetration": problem.max(-opening) / unit,
+        "mode_penetration": problem.max(-(problem.normal @ mode)) / unit,
         # Change of the load factor, were the motion to go on as far again.
-        "mode_elastic": elastic * abs(state.work) / factor,
-        "mode_power": abs(dissipation - power) / max(dissipation, abs(power), factor),
+        "mode_elastic": elastic * abs(state.work) / size,
+        "mode_power": abs(dissipation - power) / max(dissipation, abs(power), size),
     }
+
+
+def _dissipation(problem: ContactProblem, state: State, mode: Array) -> float:
+    """The sum of g |B_T v|, W per metre of thickness."""
+    return problem.sum(_bound(problem, state) * np.abs(problem.tangential @ mode))
+
+
+def _bound(problem: ContactProblem, state: State) -> Array:
+    return problem.bound(np.maximum(state.pressure, 0.0))

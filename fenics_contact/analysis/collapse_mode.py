@@ -8,7 +8,7 @@ in its sliding joints, the rigid-block program with the friction forces of the s
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,8 +30,7 @@ class ModeOptions:
         mu: Products of open and sliding joints, in units of force times displacement.
         stiffest: Cap on the springs of closed joints, in units of the mean diagonal of K. No
             forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
-        not_unique: A mode that penetrates by more than this part of its size is one of many, of
-            which others do no better.
+        not_unique: A mode that penetrates by more than this part of its size is one of many.
     """
 
     mu: float = 1e-12
@@ -50,53 +49,56 @@ class Verified:
     mode: Array
     certificate: Certificate
 
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """Order of modes: one that passed first, then the smaller gap."""
+        gap = self.certificate.gap
+        return not self.certificate.mode_passed, gap if np.isfinite(gap) else np.inf
+
 
 def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
     """The collapse mode of a state, and their certificate.
 
-    Args:
-        case: The load case.
-        state: The state.
-        scales: Typical sizes.
-        tolerance: On the load factor, relative.
-        gap: Gap between load factor and rigid-block program up to which an elastic mode is enough.
+    The tolerance is that on the load factor, relative. Up to `gap` between load factor and
+    rigid-block program an elastic mode is enough.
     """
 
-    def certified(mode: Array, rigid_limit: float) -> Certificate:
+    def certified(mode: Array, rigid_limit: float) -> Verified:
         points = case.discretization.operators.points
-        return certify(case.problem, state, mode, scales, rigid_limit, points, tolerance)
+        certificate = certify(case.problem, state, mode, scales, rigid_limit, points, tolerance)
+        return Verified(state, mode, certificate)
 
     best = _best_elastic_mode(case, state, scales, certified, gap)
-    if best is not None and best.certificate.mode_passed and best.certificate.gap <= gap:
+    passed = best is not None and best.certificate.mode_passed
+    if best is not None and best.worth <= (False, gap):
         confirmed = replace(best.certificate, static_factor=state.load_factor)
         return replace(best, certificate=confirmed)
     strength = case.discretization.all_points(case.problem.bound(state.pressure))
-    rigid_limit, motion = np.nan, None
+    limit, motion = None, None
     try:
         limit, motion = case.blocks.collapse(strength)
-        rigid_limit = np.nan if limit is None else limit
     except SolverError as error:
         _log.info("  no rigid mode: %s", error)
-        if best is not None and best.certificate.mode_passed:
+        if best is not None and passed:
             return best
+    rigid_limit = np.nan if limit is None else limit
     if best is not None:
-        certificate = certified(best.mode, rigid_limit)
-        if certificate.mode_passed or motion is None:
-            return replace(best, certificate=certificate)
+        best = certified(best.mode, rigid_limit)
+        if best.certificate.mode_passed or motion is None:
+            return best
     if motion is None:
         motion = np.zeros((case.block_count, 3))  # certifies nothing
-    mode = case.discretization.rigid_motion(motion)
-    return Verified(state, mode, certified(mode, rigid_limit))
+    return certified(case.discretization.rigid_motion(motion), rigid_limit)
 
 
-def elastic_mode(kkt: PerturbedKKT, state: State, options: ModeOptions = OPTIONS) -> Array:
+def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
     """du/dT at a state, with f_L . du/dT = 1, by the conditions `kkt` with or without given bound.
 
     Raises:
         SolverError: If A is singular.
     """
-    near = kkt.on_central_path(state, options.mu, COLD)
-    linear = Linearization(kkt, near, options.stiffest, options.mu)
+    near = kkt.on_central_path(state, OPTIONS.mu, COLD)
+    linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
     return linear.live_response / linear.flexibility
 
 
@@ -104,37 +106,27 @@ def _best_elastic_mode(
     case: LoadCase,
     state: State,
     scales: Scales,
-    certified: Callable[[Array, float], Certificate],
+    certified: Callable[[Array, float], Verified],
     gap: float,
 ) -> Verified | None:
     """The better of the modes of a state with a friction bound that follows and one that stays.
 
     The mode bounds the limit with the state's friction from above, the state's forces from below.
     """
+    conditions = [case.given(case.problem.bound(state.pressure), state.work, scales)]
+    if case.problem.coulomb:
+        conditions.insert(0, case.coulomb(state.work, scales))
     best: Verified | None = None
-    for kkt in _conditions(case, state, scales):
+    for kkt in conditions:
         try:
             mode = elastic_mode(kkt, state)
         except SolverError as error:
             _log.info("  no elastic mode: %s", error)
             continue
-        certificate = certified(mode, kinematic_factor(case.problem, state, mode))
-        if best is None or _worth(certificate) < _worth(best.certificate):
-            best = Verified(state, mode, certificate)
-        if _worth(certificate) <= (False, gap):
-            break
-        if not certificate.residuals["mode_penetration"] <= OPTIONS.not_unique:
+        found = certified(mode, kinematic_factor(case.problem, state, mode))
+        if best is None or found.worth < best.worth:
+            best = found
+        penetration = found.certificate.residuals["mode_penetration"]
+        if found.worth <= (False, gap) or not penetration <= OPTIONS.not_unique:
             break
     return best
-
-
-def _conditions(case: LoadCase, state: State, scales: Scales) -> Iterator[PerturbedKKT]:
-    if case.problem.coulomb:
-        yield case.coulomb(state.work, scales)
-    yield case.given(case.problem.bound(state.pressure), state.work, scales)
-
-
-def _worth(certificate: Certificate) -> tuple[bool, float]:
-    """Order of certificates: a passed mode first, then the smaller gap."""
-    gap = certificate.gap
-    return not certificate.mode_passed, gap if np.isfinite(gap) else np.inf

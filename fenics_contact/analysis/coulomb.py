@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,14 +36,14 @@ class FixedPointOptions:
         smaller: A change of the bound counts as smaller below this part of the smallest so far.
         cycle: Iterations without a smaller one that make a cycle.
         slowest: Contractions closer to one than this count as this in the estimate of the error.
-        safety: The slowest direction hides among others: what secants promise is multiplied by it.
+        safety: Factor of what secants promise: the slowest direction hides among others.
         centring: Products of a warm start, in units of the last change of the bound.
         least_centring: Least products of a warm start.
         further: Factor of the products where a warm start finds nothing.
-        precision: Tolerance of a state, in units of a power of that change.
-        order: The power.
+        precision: Tolerance of a state, in units of that change to the power `order`.
+        order: That power.
         loosest: Largest tolerance of a state.
-        tightest: Smallest.
+        tightest: Smallest tolerance of a state.
     """
 
     max_iterations: int = 150
@@ -64,22 +63,12 @@ class FixedPointOptions:
     tightest: float = 1e-12
 
 
-class GivenFriction(Protocol):
-    """Finds states with given friction."""
+OPTIONS = FixedPointOptions()
 
-    def __call__(self, bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-        """State with friction bound g at this rank's points, N per metre of thickness.
-
-        Args:
-            bound: g.
-            start: State to start from.
-            mu: Products to start with, in units of force times displacement; 1 from afar.
-            tolerance: On the residuals, relative.
-
-        Raises:
-            SolverError: If none is found.
-        """
-        ...
+#: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
+#: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
+#: residuals. Raises `SolverError` where none is found.
+GivenFriction = Callable[[Array, State, float, float], Solution]
 
 
 def solve_fixed_point(
@@ -90,7 +79,7 @@ def solve_fixed_point(
     tolerance: float,
     monitor: Callable[[Step], None],
     factorizations: Callable[[], int],
-    options: FixedPointOptions | None = None,
+    options: FixedPointOptions = OPTIONS,
 ) -> tuple[Solution, History]:
     """State whose friction bound g is Coulomb's, and the history, which says if it converged.
 
@@ -104,63 +93,47 @@ def solve_fixed_point(
         factorizations: Number of factorisations so far.
         options: Numbers of the iteration.
     """
-    options = options or FixedPointOptions()
-    iteration = _Iteration(problem, solve, start, _Relaxation(problem.sum, options), options)
+    relaxation = _Relaxation(problem.sum, options)
     steps: list[Step] = []
-    converged = False
+    change, converged = float(np.inf), False
     while len(steps) < options.max_iterations and not converged:
         before = factorizations()
         try:
-            step, bound = iteration.next(bound)
+            solution = _state(solve, bound, start, change, options)
         except SolverError as error:
             if not steps:
                 raise
             _log.info("  fixed point stops: no state for the next bound (%s)", error)
             break
-        steps.append(replace(step, factorizations=factorizations() - before))
+        start = solution.state
+        target = problem.bound(start.pressure)
+        change = _norm(problem, target - bound) / (_norm(problem, target) or 1.0)
+        omega = relaxation.next(target - bound, change)
+        spent = factorizations() - before
+        steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
         monitor(steps[-1])
         converged = _converged(steps, tolerance, options)
-    cycles = iteration.relaxation.cycles
-    return iteration.solution, History(tuple(steps), cycles, "fixed-point", converged)
+        bound = np.maximum(bound + omega * (target - bound), 0.0)
+    return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
 
 
-@dataclass
-class _Iteration:
-    """g^{k+1} = g^k + omega (F r_N - g^k), one step at a time."""
+def _state(
+    solve: GivenFriction, bound: Array, start: State, change: float, options: FixedPointOptions
+) -> Solution:
+    """State with given bound, as exact as the last change of the bound deserves."""
+    tolerance = options.precision * min(change, 1.0) ** options.order
+    tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
+    mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
+    while mu < 1.0:
+        try:
+            return solve(bound, start, mu, tolerance)
+        except SolverError:
+            mu *= options.further
+    return solve(bound, start, 1.0, tolerance)
 
-    problem: ContactProblem
-    solve: GivenFriction
-    start: State
-    relaxation: _Relaxation
-    options: FixedPointOptions
-    change: float = float(np.inf)
-    solution: Solution = field(init=False)
 
-    def next(self, bound: Array) -> tuple[Step, Array]:
-        """The step at g^k, its factorisations not counted yet, and g^{k+1}."""
-        self.solution = self._state(bound)
-        self.start = state = self.solution.state
-        target = self.problem.bound(state.pressure)
-        self.change = self._norm(target - bound) / (self._norm(target) or 1.0)
-        omega = self.relaxation.next(target - bound, self.change)
-        step = Step(state.load_factor, self.change, omega, 0, self.relaxation.secant)
-        return step, np.maximum(bound + omega * (target - bound), 0.0)
-
-    def _state(self, bound: Array) -> Solution:
-        """State with given bound, as exact as the last change of the bound deserves."""
-        options, change = self.options, self.change
-        tolerance = options.precision * min(change, 1.0) ** options.order
-        tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
-        mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
-        while mu < 1.0:
-            try:
-                return self.solve(bound, self.start, mu, tolerance)
-            except SolverError:
-                mu *= options.further
-        return self.solve(bound, self.start, 1.0, tolerance)
-
-    def _norm(self, values: Array) -> float:
-        return float(np.sqrt(self.problem.sum(values**2)))
+def _norm(problem: ContactProblem, values: Array) -> float:
+    return float(np.sqrt(problem.sum(values**2)))
 
 
 def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptions) -> bool:
@@ -172,10 +145,7 @@ def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptio
 
 
 def _series(steps: Sequence[Step], options: FixedPointOptions) -> float:
-    """Estimate of the sum of all further changes relative to the last: a geometric series.
-
-    With relaxation the changes do not tell the contraction; secants do.
-    """
+    """Sum of all further changes over the last: a geometric series, by changes and by secants."""
     contraction = History(tuple(steps)).contraction
     contraction = min(contraction or 0.5, options.slowest)
     secant = min(step.secant for step in steps[len(steps) // 2 :])
@@ -217,16 +187,14 @@ class _Relaxation:
         """Start with omega = 1; `total` sums an array over all ranks."""
         self._total, self._options = total, options
         self._last: Array | None = None
-        self._omega = 1.0
-        self._cap = options.relaxation[1]
+        self._omega, self._cap = 1.0, options.relaxation[1]
         self._best, self._since = np.inf, 0
         self.cycles, self.secant = 0, 1.0
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
         options, last = self._options, self._omega
-        self._omega = self._irons_tuck(difference)
-        aligned = self._aligned(difference)
+        aligned = self._last is not None and self._follow(difference, self._last)
         if change < options.smaller * self._best:
             self._best, self._since = change, 0
         elif not aligned:
@@ -242,20 +210,13 @@ class _Relaxation:
         self._last = difference
         return self._omega
 
-    def _irons_tuck(self, difference: Array) -> float:
-        if self._last is None:
-            return self._omega
-        step = difference - self._last
-        square = self._total(step * step)
-        moved = self._omega**2 * self._total(self._last * self._last)
+    def _follow(self, difference: Array, last: Array) -> bool:
+        """Set omega by Irons and Tuck; whether the change points where the last one did."""
+        step = difference - last
+        square, of_last = self._total(step * step), self._total(last * last)
+        moved = self._omega**2 * of_last
         self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
-        if not square > 0.0:
-            return self._omega
-        return -self._omega * self._total(self._last * step) / square
-
-    def _aligned(self, difference: Array) -> bool:
-        """Whether the change points where the last one did."""
-        if self._last is None:
-            return False
-        sizes = self._total(difference**2) * self._total(self._last**2)
-        return self._total(difference * self._last) > self._options.aligned * np.sqrt(sizes)
+        if square > 0.0:
+            self._omega = -self._omega * self._total(last * step) / square
+        sizes = self._total(difference**2) * of_last
+        return self._total(difference * last) > self._options.aligned * np.sqrt(sizes)

@@ -45,11 +45,6 @@ class History:
     splitting: SplittingHistory | None = None
 
     @property
-    def at_once(self) -> bool:
-        """Whether one monolithic step was all."""
-        return self.method == "monolithic" and len(self.steps) == 1
-
-    @property
     def contraction(self) -> float | None:
         """Factor by which the change of the bound fell per iteration, mean of the last half."""
         changes = [step.bound_change for step in self.steps[len(self.steps) // 2 :]]
@@ -74,6 +69,13 @@ class LoadStep:
 
 
 @dataclass(frozen=True)
+class CapacityPoint(LoadStep):
+    """Point of the capacity curve: a state between rest and collapse, which was found."""
+
+    converged: bool = True
+
+
+@dataclass(frozen=True)
 class LoadPath:
     """Load factors with and without equilibrium, from load control.
 
@@ -89,32 +91,9 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
-class CapacityPoint:
-    """Point of the capacity curve: a state between rest and collapse.
-
-    Attributes:
-        displacement: As that of `LoadStep`, m.
-        load_factor: lambda, not above zero where the curve is that of the live load reversed.
-        work: T, N m per metre of thickness.
-        converged: Whether load factor and friction stand still there.
-    """
-
-    displacement: float
-    load_factor: float
-    work: float
-    converged: bool
-
-
-@dataclass(frozen=True)
 class CollapseState:
-    """One of several collapse states of a direction.
+    """One of several collapse states of a direction; fields as those of `Collapse`."""
 
-    Attributes:
-        start: Where the search for it began.
-        status: As that of `Collapse`.
-        load_factor: nan if no state was found.
-    """
-
-    start: str
+    start: str  # where the search for it began
     status: str
     load_factor: float

@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.solvers.problem import ContactProblem, State
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 
 @dataclass(frozen=True)
@@ -41,9 +39,7 @@ class Contact(IntEnum):
 
 @dataclass(frozen=True)
 class JointValues:
-    """Values at all joint points, in the order of `Joints`; the same on all ranks.
-
-    Arrays have the shape (points,).
+    """Values at all joint points, in the order of `Joints`, shape (points,); alike on all ranks.
 
     Attributes:
         normal_force: r_N >= 0, N per metre of thickness.
@@ -92,21 +88,19 @@ class JointValues:
 
 def joint_values(
     problem: ContactProblem,
-    of_all: Callable[[Array], Array],
+    gather: Callable[[Array], Array],
     length: Array,
     state: State,
     mode: Array,
 ) -> JointValues:
     """Joint values of a state and its mode, on all ranks together.
 
-    `of_all` turns values at this rank's joint points into those at all points; `length` is that of
-    joint at every point, m.
+    `gather` turns values at this rank's points into those at all; `length` is that of each, m.
     """
-    normal, shear = of_all(state.pressure), of_all(state.shear)
-    gap, slip, opening_rate, slip_rate = (
-        of_all(operator @ motion)
+    normal, shear = gather(state.pressure), gather(state.shear)
+    motions = [
+        gather(operator @ motion)
         for motion in (state.displacement, mode)
         for operator in (problem.normal, problem.tangential)
-    )
-    pressure, stress = normal / length, shear / length
-    return JointValues(normal, shear, pressure, stress, gap, slip, opening_rate, slip_rate)
+    ]
+    return JointValues(normal, shear, normal / length, shear / length, *motions)

@@ -46,10 +46,7 @@ class LoadCase:
         kind: str,
         monitor: Callable[[Step], None],
     ) -> LoadCase:
-        """The live load as given (sign 1) or reversed (-1): the sign is applied here only.
-
-        `bonded` is the response to the live load as given.
-        """
+        """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only."""
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
         scales = typical_sizes(discretization.problem, bonded)

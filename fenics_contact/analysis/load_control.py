@@ -21,7 +21,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import SolveOptions
-from fenics_contact.solvers.problem import Array
+from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -38,10 +38,8 @@ class LoadOptions:
         least: The width is relative to this part of the typical load factor at least.
         far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
-        margin: The collapse lies between the last two load factors to this multiple of the
-            tolerance: so close to the limit, load factors are less exact than states.
-        beyond_onset: The capacity curve ends at this multiple of the work at which the collapse
-            begins.
+        margin: To this multiple of the tolerance the collapse lies between the last load factors.
+        beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
     """
 
     first_step: float = 0.25
@@ -63,16 +61,18 @@ def raise_load(
     strategy: Strategy,
     options: SolveOptions,
     find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+    start: State | None = None,
 ) -> Collapse:
-    """The collapse at the end of the states under rising load factors.
+    """The collapse that `find_collapse` finds from the last state under rising load factors.
 
-    `find_collapse` of `work_control` finds it from the last state on.
+    The first state is next to `start`, or else next to the bonded response to the dead load.
     """
     bounds = case.problem.comm.bcast(case.blocks.bounds())
     if bounds.lower == np.inf:
-        return Collapse("unbounded", float(np.inf), case.blocks.bounds)
+        wedging = case.blocks.wedging()
+        return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
     upper = np.inf if bounds.upper is None else bounds.upper
-    climb = _Climb(case, strategy, options.tolerance, upper, options.slip == "load-steps")
+    climb = _Climb(case, strategy, options, upper, start)
     try:
         climb.run()
     except SolverError as error:
@@ -103,13 +103,18 @@ class _Climb:
     """
 
     def __init__(
-        self, case: LoadCase, strategy: Strategy, tolerance: float, upper: float, by_steps: bool
+        self,
+        case: LoadCase,
+        strategy: Strategy,
+        options: SolveOptions,
+        upper: float,
+        start: State | None,
     ) -> None:
-        self.case, self._strategy, self._tolerance = case, strategy, tolerance
-        self._upper, self._by_steps = upper, by_steps
+        self.case, self._strategy, self._options, self._upper = case, strategy, options, upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
         none = np.zeros_like(case.first_pressure)
-        self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+        bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+        self.state = start or bonded
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
         self.lower, self.failed = 0.0, np.inf
@@ -121,14 +126,13 @@ class _Climb:
             SolverError: If no equilibrium is found under the dead load.
         """
         typical = self.case.scales.load_factor
-        width = max(OPTIONS.width, self._tolerance)
+        width = max(OPTIONS.width, self._options.tolerance)
         step = OPTIONS.first_step * min(self._upper, typical)
         target, again = 0.0, False
         for _ in range(OPTIONS.max_steps):
             if self._reached(target):
-                # The step that failed before may have been too long for the solver alone.
-                step = 2.0 * (target - self.lower) if again else step
-                self.failed = np.inf if again else self.failed
+                if again:  # the step that failed before may have been too long for the solver alone
+                    step, self.failed = 2.0 * (target - self.lower), np.inf
                 self.lower, again = target, False
                 step *= OPTIONS.growth if len(self.steps) > 2 else 1.0
             elif not self.steps:
@@ -149,7 +153,7 @@ class _Climb:
         case, before = self.case, self.state
         displacement = max(case.scales.displacement, abs(before.work) / self._unit)
         scales = replace(case.scales, displacement=displacement)
-        task = Task(case, before.work, scales, self._tolerance)
+        task = Task(case, before.work, scales, self._options.tolerance)
         try:
             state = self._strategy.equilibrium(task, before, target)
         except SolverError as error:
@@ -163,7 +167,7 @@ class _Climb:
         if len(self.steps) > 1 and moved > 0.0:
             self.direction = (state.displacement - before.displacement) / moved
         self.state = state
-        if self._by_steps:
+        if self._options.slip == "load-steps":
             origin = case.problem.tangential @ state.displacement
             self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
         return True
@@ -177,16 +181,11 @@ def capacity_curve(
 ) -> list[CapacityPoint]:
     """Load factors at rising work up to a collapse and a little beyond; those found.
 
-    Slip is measured from the stress-free state at every point.
-
-    Args:
-        case: The load case.
-        end: Its collapse.
-        points: Number of points; with load control its steps are the points.
-        monitor: Called after every point with its number, the number of points, and the point.
+    Slip is measured from the stress-free state. With load control its steps are the points. The
+    monitor is told the number of a point, that of all, and the point.
     """
     if end.path is not None:
-        return [CapacityPoint(**vars(step), converged=True) for step in end.path.steps]
+        return [CapacityPoint(**vars(step)) for step in end.path.steps]
     if end.state is None:
         return []
     unit = case.problem.sum(np.abs(case.problem.live))
@@ -197,6 +196,6 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        curve.append(CapacityPoint(state.work / unit, state.load_factor, state.work, True))
+        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work))
         monitor(number, points, curve[-1])
     return curve

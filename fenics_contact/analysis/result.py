@@ -11,18 +11,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_contact.analysis.certificate import Certificate, outside_bracket
+from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.mesh import Indices
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.problem import State
+from fenics_contact.solvers.problem import Array, State
 from fenics_contact.solvers.splitting import SplittingHistory
 
-Array = npt.NDArray[np.float64]
+#: Blocks fall, or wedge, from this part of the largest motion, or force, on.
+MOVES = 1e-6
+#: Blocks that a line names.
+NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -34,14 +38,16 @@ class Collapse:
         load_factor: lambda; nan if no state was found.
         program: Solves the rigid-block programs for the bracket of this end.
         state: State reached, in the supports' coordinates; None if there is none.
-        mode: Collapse mode v in the supports' coordinates, this rank's part; f_L.v = 1 with the
-            live load as it acts.
+        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
         joints: Forces, openings and slips of the joints in this state and mode.
         certificate: Verification of the state.
         history: Iterations for all states, at rising T.
         work_ratio: T in units of the live load's work on the bonded structure.
         path: Load factors with equilibrium, under load control.
-        states: Collapse states found from different first bounds, where they were looked for.
+        states: Those found from different starts, where they were looked for.
+        reason: Why there is no limit load, for people.
+        wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
+            balance the live load alone, N/m for a load factor of 1, shape (2, points).
     """
 
     status: str
@@ -55,6 +61,8 @@ class Collapse:
     work_ratio: float = 0.0
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
+    reason: str = ""
+    wedging: Array | None = None
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -67,12 +75,21 @@ class Collapse:
         return self.program()
 
     def held_against_bracket(self) -> Collapse:
-        """With the load factor's distance from its bracket in the certificate, and what follows."""
-        if self.status != "limit" or self.certificate is None:
+        """With the load factor's distance from its bracket in the certificate, and what follows.
+
+        The forces of a verified state solve the associative program: this checks the other
+        residuals. The load factor of a state that is none of equilibrium is left out if it is
+        beyond the bracket.
+        """
+        if self.certificate is None or self.status == "unbounded":
             return self
-        bracket = self.bounds.lower, self.bounds.upper
-        missed, size = self.certificate.error_estimate, self.certificate.size
-        outside = outside_bracket(self.load_factor, bracket, missed, size)
+        bounds = self.bounds
+        lower = -np.inf if bounds.lower is None else bounds.lower
+        upper = np.inf if bounds.upper is None else bounds.upper
+        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
+        outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
+        if self.status != "limit":
+            return replace(self, load_factor=np.nan) if outside > 0.0 else self
         residuals = {**self.certificate.residuals, "bracket": outside}
         certificate = replace(self.certificate, residuals=residuals)
         status = "limit" if certificate.passed else "not_converged"
@@ -96,6 +113,20 @@ class Collapse:
         )
 
 
+def _large(size: Array) -> Indices:
+    """Numbers of the blocks for which something is not small."""
+    return np.flatnonzero(size > MOVES * size.max(initial=0.0))
+
+
+def _named(blocks: Indices, centre: Array, what: str) -> str:
+    """Blocks by number and place, as far as a line has room, and what they do."""
+    names = [f"{block} at ({centre[block, 0]:.3g}, {centre[block, 1]:.3g})" for block in blocks]
+    if len(names) == 1:
+        return f"block {names[0]} {what}s"
+    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"blocks {', '.join(names[:NAMED])}{rest} {what}"
+
+
 def _negated(record: Any, *fields: str) -> Any:
     """A record with the opposite sign of some fields, of its load factor by default."""
     names = fields or ("load_factor",)
@@ -108,13 +139,14 @@ class Result:
 
     Attributes:
         discretization: Scene, joints, supports and function space; its matrices may be gone.
-        ends: Collapse by direction, "positive" (live load as given) before "negative" (reversed);
-            empty where there is no equilibrium under the dead load.
+        ends: Collapse by direction, "positive" first; empty if the dead load has no equilibrium.
         skipped: What the scene did not need and why, for people.
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
         capacity: Points of the capacity curve.
+        fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
+            their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
 
     discretization: Discretization
@@ -124,6 +156,7 @@ class Result:
     factorizations: int
     mode_factorizations: int = 0
     capacity: tuple[CapacityPoint, ...] = ()
+    fall: Array | None = None
 
     @property
     def scene(self) -> Scene:
@@ -132,13 +165,42 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Status of all ends; "unstable" without equilibrium under the dead load alone."""
+        """Status of all ends; "unstable" if the dead load has no equilibrium, which is proved."""
         found = {end.status for end in self.ends.values()}
         if not found:
             return "unstable"
         if "not_converged" in found:
             return "not_converged"
         return found.pop() if len(found) == 1 else "limit"
+
+    @property
+    def falling(self) -> Indices:
+        """Numbers of the blocks that fall under the dead load alone."""
+        if self.fall is None:
+            return np.empty(0, dtype=np.int64)
+        turning = np.abs(self.fall[:, 2]) * self.discretization.bodies.size
+        return _large(np.hypot(self.fall[:, 0], self.fall[:, 1]) + turning)
+
+    def wedged(self, end: Collapse) -> Indices:
+        """Numbers of the blocks that wedge where nothing limits the load of one end."""
+        size = np.zeros(len(self.discretization.bodies.centre))
+        if end.wedging is not None:
+            force = np.abs(end.wedging).max(axis=0)
+            for side in self.discretization.joints.bodies.T:
+                np.maximum.at(size, side[side != GROUND], force[side != GROUND])
+        return _large(size)
+
+    def reason(self, end: Collapse | None = None) -> str:
+        """Why there is no limit load, of one end or at all, for people; empty where there is."""
+        centre = self.discretization.bodies.centre
+        if not self.ends:
+            blocks = _named(self.falling, centre, "fall")
+            return f"there is no equilibrium under the dead load alone: {blocks}"
+        if end is None:
+            return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
+        if end.status != "unbounded":
+            return end.reason
+        return f"nothing limits the live load: {_named(self.wedged(end), centre, 'wedge')}"
 
     @property
     def positive(self) -> Collapse | None:

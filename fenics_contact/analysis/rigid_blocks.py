@@ -4,10 +4,17 @@
                               r_N >= 0,   |r_T| <= F r_N + g.
 
 With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
-multipliers of equilibrium are the rigid motions of a collapse (A. Charnes, H.J. Greenberg's
-duality; see R.K. Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). With
-Coulomb friction it is the limit load for associative slip, an upper bound; without friction it is
-a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+multipliers of equilibrium are the rigid motions of a collapse (R.K. Livesley, Int. J. Numer. Meth.
+Eng. 12 (1978) 1853). With Coulomb friction it is the limit load for associative slip, an upper
+bound; without friction it is a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+
+HiGHS may leave open whether a program has a solution. Then the least missing forces are asked for,
+
+    min |s|_1   subject to   R^T (f + B_N^T r_N + B_T^T r_T) + s = 0,   r_N, r_T as above,
+
+which have an answer: f = f_D tells whether the dead load has an equilibrium, f = f_L with g = 0
+whether nothing limits the live load. The multipliers of missing forces are motions of the blocks
+by which the loads do work and no joint resists (Farkas' lemma): how the blocks fall.
 
 On a straight face between two bodies only the resultants matter: the normal forces at its two ends
 and one shear force are enough, whatever the mesh.
@@ -18,6 +25,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,8 +35,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.errors import SolverError
-
-Array = npt.NDArray[np.float64]
+from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
 
@@ -38,13 +45,14 @@ class ProgramOptions:
     """Numbers of the linear programs.
 
     Attributes:
-        collinear: Directions and offsets, over the structure's size, of faces on one line agree to
-            this fraction.
+        collinear: Difference of direction, and offset over the structure's size, of one line.
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
+        rounding: Missing forces in the same units, summed, that count as none.
     """
 
     collinear: float = 1e-6
     feasibility: float = 1e-10
+    rounding: float = 1e-8
 
 
 OPTIONS = ProgramOptions()
@@ -90,21 +98,15 @@ class LimitBounds:
 
     Attributes:
         lower: Frictionless, not below 0; None if the dead load needs friction to stand.
-        upper: Associative; infinite if nothing limits the load, None if it is not known. (With the
-            live load reversed, the two change places and signs.)
-        stands: Whether the dead load alone has an equilibrium with associative friction.
-        stands_frictionless: Whether it has one without friction.
+        upper: Associative; infinite if nothing limits the load, None if it is not known.
     """
 
     lower: float | None
     upper: float | None
-    stands: bool
-    stands_frictionless: bool
 
     def reversed(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
-        lower, upper = (None if b is None else -b + 0.0 for b in (self.upper, self.lower))
-        return replace(self, lower=lower, upper=upper)
+        return LimitBounds(*(None if b is None else -b + 0.0 for b in (self.upper, self.lower)))
 
     def __str__(self) -> str:
         if self.lower is None and self.upper is None:
@@ -125,43 +127,133 @@ class _Optimum:
     pressure: Array | None = None
 
 
+@dataclass(frozen=True)
+class _Program:
+    """Equilibrium E x + f_D + lambda f_L = 0 of the bodies in their free motions.
+
+    The unknowns x are, at both ends of every face, multiples of the edges (1, F) and (1, -F) of
+    Coulomb's cone, one of them where F = 0; then the shear force that a face's strength bounds.
+    """
+
+    joints: Joints
+    bodies: RigidBodies
+    faces: Faces
+
+    @cached_property
+    def _ends(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Ends of faces; those of them with friction."""
+        return self.faces.ends.T.ravel(), np.flatnonzero(np.tile(self.faces.friction, 2))
+
+    @cached_property
+    def _used(self) -> npt.NDArray[np.bool_]:
+        """Motions that supports leave free, among three of every body."""
+        return np.any(self.bodies.free != 0.0, axis=1).ravel()
+
+    @cached_property
+    def forces(self) -> Any:
+        """E, sparse."""
+        from scipy.sparse import diags, hstack
+
+        ends, rough = self._ends
+        normal = self._columns(ends, self.joints.normal)
+        shear = self._columns(self.faces.ends[:, 0], self.joints.tangent)
+        sliding = hstack([shear, shear]) @ diags(np.tile(self.faces.friction, 2))
+        columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], shear])
+        return columns.tocsr()[self._used]
+
+    def load(self, resultants: Array) -> Array:
+        """A load in the rows of E, from its resultants on the bodies, shape (bodies, 3)."""
+        return np.einsum("bmk,bm->bk", self.bodies.free, resultants).ravel()[self._used]
+
+    def limits(self, unit: float) -> list[tuple[float | None, float | None]]:
+        """Least and largest x, forces in a unit; an infinite one leaves the strengths out."""
+        ends, rough = self._ends
+        strength = self.faces.strength / unit
+        return [(0.0, None)] * (len(ends) + len(rough)) + [*zip(-strength, strength, strict=True)]
+
+    def point_forces(self, x: Array) -> Array:
+        """Normal and shear forces at the ends of faces, as an array of all points (2, points)."""
+        ends, rough = self._ends
+        forward, edges, bound = np.split(x, [len(ends), len(ends) + len(rough)])
+        backward = np.bincount(rough, edges, len(ends)).astype(float)
+        shear = np.tile(self.faces.friction, 2) * (forward - backward)
+        shear[: len(bound)] += bound
+        count = len(self.joints.length)
+        return np.stack([np.bincount(ends, f, count) for f in (forward + backward, shear)])
+
+    def motions(self, multipliers: Array) -> Array:
+        """Rigid motions (a, b, c) of all bodies from multipliers of equilibrium."""
+        motion = np.zeros(len(self._used))
+        motion[self._used] = multipliers
+        motion = np.einsum("bmk,bk->bm", self.bodies.free, motion.reshape(-1, 3))
+        motion[:, 2] /= self.bodies.size
+        return motion
+
+    def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
+        """Generalised forces on the bodies' free motions of unit forces at joint points."""
+        from scipy.sparse import csc_matrix
+
+        bodies, joints = self.bodies, self.joints
+        column, side = np.nonzero(joints.bodies[points] != GROUND)
+        point = points[column]
+        body, sign = joints.bodies[point, side], 2.0 * side - 1.0
+        motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+        force = sign[:, None] * np.einsum("nim,ni->nm", motion, directions[point])
+        values = np.einsum("nmk,nm->nk", bodies.free[body], force)
+        rows = 3 * body[:, None] + np.arange(3)
+        indices = rows.ravel(), np.repeat(column, 3)
+        return csc_matrix((values.ravel(), indices), (3 * len(bodies.centre), len(points)))
+
+
 class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
     def __init__(self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm) -> None:
         """Take all joint points, the bodies' motions and loads, and the ranks to share results."""
         self._joints, self._bodies, self._comm = joints, bodies, comm
-        self._known: dict[tuple[bool, bool], float | None] = {}
+        self._limits: dict[bool, float | None] = {}
+        self._falls: dict[bool, Array | None] = {}
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
         self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
 
     def limit(self, friction: bool = True) -> float | None:
-        """Largest load factor in the direction of the live load.
+        """Largest load factor: infinite where nothing limits it, None without equilibrium.
 
-        Infinite where nothing limits it, None where there is no equilibrium.
-
-        Args:
-            friction: With the scene's friction, Coulomb's taken as associative, or without any.
+        With the scene's friction, Coulomb's taken as associative, or without any.
         """
         return self._on_root(lambda: self._limit(friction))
 
     def stands(self, friction: bool = True) -> bool:
         """Whether the dead load alone has an equilibrium."""
-        return self._on_root(lambda: self._limit(friction, dead_only=True)) is not None
+        return self.fall(friction) is None
+
+    def fall(self, friction: bool = True) -> Array | None:
+        """Rigid motions (a, b, c) of the bodies by which the dead load falls; None if it stands.
+
+        Shape (bodies, 3), about their centres. No joint resists them, with associative friction or
+        without any: they prove that there is no equilibrium.
+        """
+        return self._on_root(lambda: self._fall(friction))
+
+    def wedging(self) -> Array | None:
+        """Forces (normal, shear) at all joint points that balance the live load alone, or None.
+
+        Shape (2, points), N/m for a load factor of 1, on all ranks. Any multiple of them may be
+        added, with associative friction, so that nothing limits the load.
+        """
+        return self._on_root(lambda: self._wedging(self._program(friction=True)))
 
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
         """Limit load as `limit` gives it, and collapse mode, with given friction.
 
         The mode consists of the bodies' rigid motions (a, b, c) about their centres, shape
-        (bodies, 3), with f_L.v = 1; None unless the load factor is finite.
-
-        Args:
-            strength: Bounds on the shear forces at all joint points, N/m, on all ranks.
+        (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` bounds the
+        shear forces at all joint points, N/m, on all ranks.
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
-        found = self._on_root(lambda: self._solve(faces))
+        found = self._on_root(lambda: self._largest(_Program(self._joints, self._bodies, faces)))
         return found.factor, found.motion
 
     def associative_pressure(self) -> Array | None:
@@ -169,40 +261,96 @@ class RigidBlocks:
 
         They act at the ends of straight faces; None unless the load factor is finite.
         """
-        return self._on_root(lambda: self._solve(self._faces(friction=True)).pressure)
+        return self._on_root(lambda: self._largest(self._program(friction=True)).pressure)
 
     def bounds(self) -> LimitBounds:
-        """All bounds at once, solved on this rank alone, where and when they are shown.
+        """Both bounds, solved on this rank alone, where and when they are shown.
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
-        bare = self._limit(friction=False, dead_only=True) is not None
-        stands = bare or self._limit(friction=True, dead_only=True) is not None
+        bare = self._fall(friction=False) is None
+        stands = bare or self._fall(friction=True) is None
         lower = self._shown(friction=False) if bare else None
         upper = self._shown(friction=True) if stands else np.inf
-        lower = None if lower is None else max(lower, 0.0)
-        return LimitBounds(lower, upper, stands, bare)
+        return LimitBounds(None if lower is None else max(lower, 0.0), upper)
 
     def _shown(self, friction: bool) -> float | None:
         """A load factor to be shown, no -0.0; None if the program fails."""
         try:
             factor = self._limit(friction)
-            return None if factor is None else factor + 0.0
         except SolverError as error:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
+        return None if factor is None else factor + 0.0
 
-    def _limit(self, friction: bool, dead_only: bool = False) -> float | None:
+    def _limit(self, friction: bool) -> float | None:
         """Load factor of a program, solved once and on this rank alone."""
-        key = friction, dead_only
-        if key not in self._known:
-            self._known[key] = self._solve(self._faces(friction), dead_only).factor
-        return self._known[key]
+        if friction not in self._limits:
+            self._limits[friction] = self._largest(self._program(friction)).factor
+        return self._limits[friction]
 
-    def _faces(self, friction: bool) -> Faces:
+    def _fall(self, friction: bool) -> Array | None:
+        """Motions by which the dead load falls, solved for once and on this rank alone."""
+        if friction not in self._falls:
+            program = self._program(friction)
+            right, limits = (
+                -program.load(self._bodies.dead) / self._force,
+                program.limits(self._force),
+            )
+            none = np.zeros(len(limits))
+            # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
+            plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
+            missing, multipliers = 0.0, none
+            if _answer(none, program.forces, right, limits, "highs-ds", plain).status != 0:
+                missing, multipliers, _ = _least_missing(program.forces, right, limits)
+            falls = missing > OPTIONS.rounding
+            self._falls[friction] = program.motions(-multipliers) if falls else None
+        return self._falls[friction]
+
+    def _wedging(self, program: _Program) -> Array | None:
+        """Forces that balance the live load alone, N/m for a load factor of 1: small and few."""
+        unit = self._force / self._load
+        limits = program.limits(np.inf)
+        right = -program.load(self._bodies.live) / unit
+        missing, _, x = _least_missing(program.forces, right, limits)
+        if missing > OPTIONS.rounding:
+            return None
+        least = _answer(np.ones(len(limits)), program.forces, right, limits, "highs-ds")
+        return program.point_forces(unit * (least.x if least.status == 0 else x))
+
+    def _largest(self, program: _Program) -> _Optimum:
+        """The largest load factor of a program."""
+        from scipy.sparse import hstack
+
+        right, live = (
+            program.load(load) / self._force for load in (-self._bodies.dead, self._bodies.live)
+        )
+        columns = hstack([self._load * live[:, None], program.forces]).tocsr()
+        limits = [(None, None), *program.limits(self._force)]
+        cost = -np.eye(1, len(limits)).ravel()
+        # The interior point method is ten times as fast on large walls.
+        for method in ("highs-ipm", "highs-ds"):
+            answer = _answer(cost, columns, right, limits, method)
+            if answer.status == 0:
+                factor, motion = (
+                    float(answer.x[0]) * self._load,
+                    program.motions(answer.eqlin.marginals),
+                )
+                work = float(np.sum(program.load(self._bodies.live) * answer.eqlin.marginals))
+                pressure = program.point_forces(answer.x[1:] * self._force)[0]
+                return _Optimum(factor, motion / work if work else None, pressure)
+        if _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
+            return _Optimum(None)
+        if self._wedging(program) is not None:
+            return _Optimum(np.inf)
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+
+    def _program(self, friction: bool) -> _Program:
+        """The program with the scene's friction, or without any."""
         faces = straight_faces(self._joints, self._joints.shear_strength)
         none = np.zeros_like(faces.friction)
-        return faces if friction else replace(faces, friction=none, strength=none)
+        faces = faces if friction else replace(faces, friction=none, strength=none)
+        return _Program(self._joints, self._bodies, faces)
 
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""
@@ -217,83 +365,37 @@ class RigidBlocks:
             raise SolverError(message)
         return answer
 
-    def _solve(self, faces: Faces, dead_only: bool = False) -> _Optimum:
-        """Build a program and solve it.
 
-        Variables: load factor; at both ends of every face multiples of the edges (1, F) and (1, -F)
-        of Coulomb's cone, one of them where F = 0; the shear force that a face's strength bounds.
-        """
-        from scipy.sparse import diags, hstack
+def _least_missing(columns: Any, right: Array, limits: list[Any]) -> tuple[float, Array, Array]:
+    """Least sum of forces missing to equilibrium, its multipliers, and the unknowns.
 
-        joints, bodies = self._joints, self._bodies
-        ends = faces.ends.T.ravel()
-        friction = np.tile(faces.friction, 2)
-        rough = np.flatnonzero(friction)
-        normal = self._columns(ends, joints.normal)
-        shear = self._columns(faces.ends[:, 0], joints.tangent)
-        sliding = hstack([shear, shear]) @ diags(friction)
-        dead, live = (
-            np.einsum("bmk,bm->bk", bodies.free, load).ravel()
-            for load in (bodies.dead / self._force, bodies.live * self._load / self._force)
-        )
-        edges = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough]])
-        points = np.append(ends, ends[rough])
-        equilibrium = hstack([live[:, None], edges, shear]).tocsr()
-        used = np.any(bodies.free != 0.0, axis=1).ravel()
-        strength = faces.strength / self._force
-        limits = [(0.0, 0.0) if dead_only else (None, None), *[(0.0, None)] * len(points)]
-        limits += zip(-strength, strength, strict=True)
-        answer = _largest_first(equilibrium[used], -dead[used], limits, dead_only)
-        if answer.status != 0:
-            return _Optimum(np.inf if answer.status == 3 else None)
-        motion = np.zeros(len(used))
-        motion[used] = answer.eqlin.marginals
-        motion = np.einsum("bmk,bk->bm", bodies.free, motion.reshape(-1, 3))
-        work = float(np.sum(motion * bodies.live))
-        motion[:, 2] /= bodies.size
-        forces = answer.x[1 : 1 + len(points)] * self._force
-        pressure = np.bincount(points, forces, len(joints.length)).astype(float)
-        factor = float(answer.x[0]) * self._load
-        return _Optimum(factor, motion / work if work else None, pressure)
+    Raises:
+        SolverError: If HiGHS finds no answer.
+    """
+    from scipy.sparse import eye, hstack
 
-    def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
-        """Generalised forces on the bodies' free motions of unit forces at joint points."""
-        from scipy.sparse import coo_matrix, csc_matrix
-
-        bodies, joints = self._bodies, self._joints
-        shape = 3 * len(bodies.centre), len(points)
-        total = csc_matrix(shape)
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            kept = np.flatnonzero(joints.bodies[points, side] != GROUND)
-            point = points[kept]
-            body = joints.bodies[point, side]
-            motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
-            force = sign * np.einsum("nim,ni->nm", motion, directions[point])
-            values = np.einsum("nmk,nm->nk", bodies.free[body], force)
-            rows = 3 * body[:, None] + np.arange(3)
-            indices = rows.ravel(), np.repeat(kept, 3)
-            total += coo_matrix((values.ravel(), indices), shape).tocsc()
-        return total
+    rows, unknowns = columns.shape
+    missing = eye(rows, format="csr")
+    cost = np.concatenate([np.zeros(unknowns), np.ones(2 * rows)])
+    limits = [*limits, *[(0.0, None)] * (2 * rows)]
+    for method in ("highs-ds", "highs-ipm"):
+        answer = _answer(cost, hstack([columns, missing, -missing]), right, limits, method)
+        if answer.status == 0:
+            return float(answer.fun), answer.eqlin.marginals, answer.x[:unknowns]
+    raise SolverError(f"rigid-block linear program failed: {answer.message}")
 
 
-def _largest_first(equilibrium: Any, right: Array, limits: list[Any], any_will_do: bool) -> Any:
-    """HiGHS' answer with the largest first variable: of status 0, 2 infeasible, or 3 unbounded."""
+def _answer(
+    cost: Array,
+    columns: Any,
+    right: Array,
+    limits: list[Any],
+    method: str,
+    options: dict[str, Any] | None = None,
+) -> Any:
+    """HiGHS' answer with the least cost; its status is 0 where it has one."""
     from scipy.optimize import linprog
 
-    cost = np.zeros(equilibrium.shape[1])
-    cost[0] = -1.0
     names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-    options: dict[str, Any] = dict.fromkeys(names, OPTIONS.feasibility)
-    program = cost, None, None, equilibrium, right, limits
-    # The interior point method is ten times as fast on large walls, but not where any equilibrium
-    # will do: there the simplex method with Dantzig's plain pricing is.
-    if any_will_do:
-        options["simplex_dual_edge_weight_strategy"] = "dantzig"
-    else:
-        answer = linprog(*program, "highs-ipm", options=options)
-        if answer.status == 0:
-            return answer
-    answer = linprog(*program, "highs-ds", options=options)  # tells infeasible from unbounded
-    if answer.status not in (0, 2, 3):
-        raise SolverError(f"rigid-block linear program failed: {answer.message}")
-    return answer
+    options = dict.fromkeys(names, OPTIONS.feasibility) | (options or {})
+    return linprog(cost, None, None, columns, right, limits, method, options=options)

@@ -1,8 +1,8 @@
-"""Which solver is tried when: the one list.
+"""Which solver is tried when: the one list, at the end of this file.
 
 An attempt looks for the state of a load case at one work T of its live load, and raises
-`SolverError` where it finds none. The methods are tuples of attempts; the next one is tried where
-the one before found nothing (`work_control`).
+`SolverError` where it finds none. A method is a tuple of attempts; the next one is tried where the
+one before found nothing (`work_control`).
 """
 
 from __future__ import annotations
@@ -10,22 +10,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import partial, wraps
+from typing import Concatenate, ParamSpec
 
 import numpy as np
 
+from fenics_contact.analysis import coulomb
 from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.analysis.coulomb import FixedPointOptions, GivenFriction, solve_fixed_point
 from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.arclength import (
-    FALLING_PRODUCTS,
-    RISING_WORK,
-    Continuation,
-    PathPoint,
-)
+from fenics_contact.solvers.arclength import FALLING_PRODUCTS, RISING_WORK, Continuation, PathPoint
 from fenics_contact.solvers.delassus import JointPoints
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
@@ -36,14 +33,36 @@ from fenics_contact.solvers.interior_point import (
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
-from fenics_contact.solvers.splitting import (
-    JointForceSolver,
-    ProximalStep,
-    alternately,
-    at_once,
-)
+from fenics_contact.solvers.splitting import JointForceSolver, ProximalStep, alternately, at_once
 
 _log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """Products along the paths, in units of force times elastic displacement.
+
+    Attributes:
+        rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
+            larger ones miss low collapse states.
+        few: Blocks from which on products are larger: paths of large walls turn back more often.
+        many: They grow like this power of the number of blocks.
+        ends: Where the interior point method is tried; the first is where block modes are left.
+        next: Where it starts from a state next to the one sought.
+        finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
+    """
+
+    rising_work: float = 1e-2
+    few: int = 100
+    many: float = 0.8
+    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
+    next: tuple[float, ...] = (3e-2, 3e-4)
+    finish: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
+    )
+
+
+OPTIONS = PathOptions()
 
 
 @dataclass(frozen=True)
@@ -69,14 +88,16 @@ class Task:
         return products * self.scales.elastic_part
 
     @property
-    def tolerances(self) -> Tolerances:
-        """How exact the state has to be for that.
+    def rising_mu(self) -> float:
+        """Products while the work rises."""
+        larger = max(1.0, self.case.block_count / OPTIONS.few) ** OPTIONS.many
+        return self.mu(OPTIONS.rising_work * larger)
 
-        With given friction the method converges to rounding at once; with Coulomb friction digits
-        may be lost.
-        """
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exact the state has to be for the load factor."""
         if not self.case.problem.coulomb:
-            return Tolerances()
+            return Tolerances()  # converges to rounding at once
         residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
         return Tolerances(residual, 5e-2 * self.tolerance)
 
@@ -86,94 +107,80 @@ class Task:
         return self.case.coulomb(self.work, self.scales)
 
 
-Attempt = Callable[[Task], tuple[Solution, History]]
+Answer = tuple[Solution, History]
+Attempt = Callable[[Task], Answer]
 Approach = Callable[[Task, PerturbedKKT, Callable[[State], State]], PathPoint]
 Minimiser = Callable[[ProximalStep, Array], Array]
+_Given = ParamSpec("_Given")
+
+#: Continuation of conditions `PerturbedKKT`; to replace the method, replace it here.
+falling = partial(Continuation, path=FALLING_PRODUCTS)
+rising = partial(Continuation, path=RISING_WORK)
 
 
-@dataclass(frozen=True)
-class PathOptions:
-    """Products along the paths, in units of force times elastic displacement.
+def monolithic(
+    solve: Callable[Concatenate[Task, _Given], Solution],
+) -> Callable[Concatenate[Task, _Given], Answer]:
+    """An attempt without iterations on the friction bound: its history has one step."""
 
-    Attributes:
-        rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
-            larger ones miss low collapse states.
-        few: Blocks from which on products are larger: paths of large walls turn back more often.
-        many: They grow like this power of the number of blocks.
-        ends: Where the interior point method is tried; the first is where block modes are left.
-        next: Where it starts from a state next to the one sought.
-        finish: When it has stalled there, and the path is followed further: where its error has
-            not halved over four steps. Digits are lost far along a mechanism, so that more error
-            is accepted; the certificate tells what the state is worth.
-    """
+    @wraps(solve)
+    def attempt(task: Task, *args: _Given.args, **options: _Given.kwargs) -> Answer:
+        count = task.case.discretization.factorizations
+        before = count()
+        solution = solve(task, *args, **options)
+        step = Step(solution.state.load_factor, 0.0, 1.0, count() - before)
+        task.case.monitor(step)
+        return solution, History((step,), 0, "monolithic", True)
 
-    rising_work: float = 1e-2
-    few: int = 100
-    many: float = 0.8
-    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
-    next: tuple[float, ...] = (3e-2, 3e-4)
-    finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
-    )
-
-    def products(self, blocks: int) -> float:
-        """Products while the work rises."""
-        return self.rising_work * max(1.0, blocks / self.few) ** self.many
+    return attempt
 
 
-OPTIONS = PathOptions()
+# ---- monolithic attempts: friction is in the equations
 
 
-def interior_point(task: Task) -> tuple[Solution, History]:
+@monolithic
+def interior_point(task: Task) -> Solution:
     """State by the interior point method from the bonded response."""
     start = task.case.bonded_state(task.work)
-    return _once(task, lambda: solve_interior_point(task.kkt, start, 1.0, task.tolerances))
+    return solve_interior_point(task.kkt, start, 1.0, task.tolerances)
 
 
-def further_along_rising_work(task: Task) -> tuple[Solution, History]:
+@monolithic
+def further_along_rising_work(task: Task) -> Solution:
     """State by continuation of the structure from the last state, as the work rises."""
     if task.last is None:
         raise SolverError("no state at less work")
-    mu = task.mu(OPTIONS.ends[0])
-    continuation = Continuation(task.kkt, RISING_WORK)
-    begin = continuation.begin(task.last, mu)
-
-    def solve() -> Solution:
-        point = continuation.follow(begin, task.work)
-        return _to_end(task, point.state, point.mu)
-
-    return _once(task, solve)
+    path = rising(task.kkt)
+    point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
+    return _to_end(task, point.state, point.mu)
 
 
-def along_block_modes(task: Task, approach: Approach) -> tuple[Solution, History]:
-    """State by continuation of the structure that moves in the modes of its blocks, to its end.
+@monolithic
+def along_falling_products(task: Task) -> Solution:
+    """State by continuation of the structure from products of 1 under the whole work."""
+    return _to_end(task, task.case.bonded_state(task.work), 1.0)
 
-    Args:
-        task: What is asked for.
-        approach: Leads to a point under the whole work; from there the products fall.
+
+@monolithic
+def along_block_modes(task: Task, approach: Approach) -> Solution:
+    """State by continuation in block modes at first.
+
+    `approach` leads to a point under the whole work; from there the products fall.
     """
-
-    def solve() -> Solution:
-        case = task.case
-        modes = case.discretization.block_modes
-        with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-            problem = modes.under(case.problem)
-            kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
-            point = approach(task, kkt, modes.restricted)
-            falling = Continuation(replace(kkt, work=point.work), FALLING_PRODUCTS)
-            point = falling.follow(point, task.mu(OPTIONS.ends[0]))
-        return _to_end(task, modes.prolonged(point.state), point.mu)
-
-    return _once(task, solve)
+    modes, tally = task.case.discretization.block_modes, task.case.discretization.mode_tally
+    with modes.stiffness(GENERAL, tally) as stiffness:
+        problem = modes.under(task.case.problem)
+        kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
+        point = approach(task, kkt, modes.restricted)
+        point = falling(kkt).follow(point, task.mu(OPTIONS.ends[0]))
+    return _to_end(task, modes.prolonged(point.state), point.mu)
 
 
 def rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
     """The point where the work has risen from that on the bonded structure to T."""
-    first = min(task.case.bonded_work, task.work)
-    start = restricted(task.case.bonded_state(first))
-    continuation = Continuation(kkt, RISING_WORK)
-    mu = task.mu(OPTIONS.products(task.case.block_count))
-    return continuation.follow(continuation.begin(start, mu), task.work)
+    path = rising(kkt)
+    start = restricted(task.case.bonded_state(min(task.case.bonded_work, task.work)))
+    return path.follow(path.begin(start, task.rising_mu), task.work)
 
 
 def large_products(
@@ -181,47 +188,120 @@ def large_products(
 ) -> PathPoint:
     """The point with products of 1 next to the bonded structure under the whole work."""
     start = restricted(task.case.bonded_state(task.work))
-    return Continuation(kkt, FALLING_PRODUCTS).begin(start, 1.0)
+    return falling(kkt).begin(start, 1.0)
 
 
-def along_falling_products(task: Task) -> tuple[Solution, History]:
-    """State by continuation of the structure from products of 1 under the whole work."""
+def next_to(state: State, direction: Array | None) -> Attempt:
+    """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
 
-    def solve() -> Solution:
-        return _to_end(task, task.case.bonded_state(task.work), 1.0)
+    @monolithic
+    def attempt(task: Task) -> Solution:
+        if direction is None:
+            raise SolverError("no direction in which to go on")
+        u = state.displacement + (task.work - state.work) * direction
+        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
+        return _warm(task, task.kkt, moved)
 
-    return _once(task, solve)
+    return attempt
 
 
-def fixed_point(task: Task, first: Array | None = None) -> tuple[Solution, History]:
-    """State by the fixed point on the friction bound, by the interior point method.
+def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
+    """State at a prescribed load factor next to another one, or `SolverError`."""
+    return _warm(task, task.case.coulomb(start.work, task.scales, load_factor), start).state
 
-    Args:
-        task: What is asked for.
-        first: First bound at this rank's points, N per metre; F times the dead load's normal forces
-            when not given.
+
+def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
+    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
+    path = rising(task.kkt)
+    start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
+    point = path.begin(start, task.rising_mu)
+    for number, work in enumerate(works, 1):
+        try:
+            point = path.follow(point, work)
+            yield number, _to_end(replace(task, work=work), point.state, point.mu).state
+        except SolverError as error:
+            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+
+
+def _to_end(task: Task, state: State, mu: float) -> Solution:
+    """The state at the end of the central path, from a point near it, or `SolverError`."""
+    kkt = replace(task.kkt, work=state.work)
+    path = falling(kkt)
+    point = path.begin(state, mu)
+    for end in OPTIONS.ends:
+        point = path.follow(point, task.mu(end))
+        try:
+            return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+def _warm(task: Task, kkt: PerturbedKKT, start: State) -> Solution:
+    """Solution next to a state, or else from afar."""
+    for mu in (*map(task.mu, OPTIONS.next), 1.0):
+        try:
+            return solve_interior_point(kkt, start, mu, Tolerances())
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+# ---- attempts by the fixed point on the friction bound
+
+
+def fixed_point(task: Task, first: Array | None = None) -> Answer:
+    """State by the fixed point from a first bound, by the interior point method.
+
+    By default that bound is F times the dead load's normal forces, N per metre of thickness.
     """
-    case = task.case
+    bound = task.case.problem.bound(task.case.first_pressure) if first is None else first
+    return _iterated(task, _interior_point(task), task.case.bonded_state(task.work), bound)
+
+
+def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
+    """State at a prescribed load factor next to another one, or `SolverError`."""
+    bound = task.case.problem.bound(np.maximum(start.pressure, 0.0))
+    solution, history = _iterated(task, _interior_point(task, load_factor), start, bound)
+    if not history.converged:
+        raise SolverError("the fixed point on the friction bound does not converge")
+    return solution.state
+
+
+def _interior_point(task: Task, load_factor: float | None = None) -> GivenFriction:
+    """States with given friction, under the work of the task or a load factor."""
 
     def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-        kkt = case.given(bound, task.work, task.scales)
+        work = task.work if load_factor is None else start.work
+        kkt = task.case.given(bound, work, task.scales, load_factor)
         return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
 
-    bound = case.problem.bound(case.first_pressure) if first is None else first
-    start = case.bonded_state(task.work)
-    count = case.discretization.factorizations
-    return solve_fixed_point(case.problem, solve, start, bound, task.tolerance, case.monitor, count)
+    return solve
 
 
-def joint_forces(task: Task, minimise: Minimiser) -> tuple[Solution, History]:
+def _iterated(
+    task: Task,
+    solve: GivenFriction,
+    start: State,
+    bound: Array,
+    options: FixedPointOptions = coulomb.OPTIONS,
+    more: Callable[[], int] = lambda: 0,
+) -> Answer:
+    """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
+    case, tolerance = task.case, task.tolerance
+
+    def count() -> int:
+        return case.discretization.factorizations() + more()
+
+    told = case.monitor, count, options
+    return solve_fixed_point(case.problem, solve, start, bound, tolerance, *told)
+
+
+def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     """State by the fixed point on the friction bound, states with given friction by joint forces.
 
-    The states are as exact as the last change of the bound deserves: to first order, as each of
-    their digits costs sweeps.
-
-    Args:
-        task: What is asked for.
-        minimise: Over normal and shear forces `alternately` or `at_once`.
+    Each digit of theirs costs sweeps: they are exact to first order in the change of the bound.
+    `minimise` goes over normal and shear forces `alternately` or `at_once`.
     """
     case, rows = task.case, task.case.discretization.operators
     points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
@@ -234,140 +314,14 @@ def joint_forces(task: Task, minimise: Minimiser) -> tuple[Solution, History]:
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 
-        count = case.discretization.factorizations
-        solution, history = solve_fixed_point(
-            case.problem,
-            solve,
-            case.bonded_state(task.work),
-            case.problem.bound(case.first_pressure),
-            task.tolerance,
-            case.monitor,
-            lambda: count() + solver.factorizations,
-            options,
+        start, bound = case.bonded_state(task.work), case.problem.bound(case.first_pressure)
+        solution, history = _iterated(
+            task, solve, start, bound, options, lambda: solver.factorizations
         )
         return solution, replace(history, splitting=solver.history)
 
 
-def _once(task: Task, solve: Callable[[], Solution]) -> tuple[Solution, History]:
-    """A solution without iterations on the bound, as a history of one step."""
-    count = task.case.discretization.factorizations
-    before = count()
-    solution = solve()
-    step = Step(solution.state.load_factor, 0.0, 1.0, count() - before)
-    task.case.monitor(step)
-    return solution, History((step,), 0, "monolithic", True)
-
-
-def _to_end(task: Task, state: State, mu: float) -> Solution:
-    """The state at the end of the central path, from a point near it.
-
-    Raises:
-        SolverError: If the path is lost before the interior point method finishes.
-    """
-    kkt = replace(task.kkt, work=state.work)
-    continuation = Continuation(kkt, FALLING_PRODUCTS)
-    point = continuation.begin(state, mu)
-    for end in OPTIONS.ends:
-        point = continuation.follow(point, task.mu(end))
-        try:
-            return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
-        except SolverError as error:
-            failed = error
-    raise failed
-
-
-def next_to(state: State, direction: Array | None) -> Attempt:
-    """An attempt that starts from a state of equilibrium, moved on in a direction.
-
-    Args:
-        state: The state.
-        direction: Displacements with f_L.v = 1; None: the attempt finds nothing.
-    """
-
-    def attempt(task: Task) -> tuple[Solution, History]:
-        if direction is None:
-            raise SolverError("no direction in which to go on")
-        u = state.displacement + (task.work - state.work) * direction
-        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
-        return _once(task, lambda: _warm(task.kkt, moved, task))
-
-    return attempt
-
-
-def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
-    """State at a prescribed load factor next to another one, friction in the equations.
-
-    Raises:
-        SolverError: If there is none next to it.
-    """
-    kkt = task.case.coulomb(start.work, task.scales, load_factor)
-    return _warm(kkt, start, task).state
-
-
-def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
-    """State at a prescribed load factor next to another one, by the fixed point.
-
-    Raises:
-        SolverError: If none is found.
-    """
-    case = task.case
-
-    def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-        kkt = case.given(bound, start.work, task.scales, load_factor)
-        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
-
-    return _iterated(task, solve, start)
-
-
-def _warm(kkt: PerturbedKKT, start: State, task: Task) -> Solution:
-    """Solution next to a state, or else from afar."""
-    for mu in (*map(task.mu, OPTIONS.next), 1.0):
-        try:
-            return solve_interior_point(kkt, start, mu, Tolerances())
-        except SolverError as error:
-            failed = error
-    raise failed
-
-
-def _iterated(task: Task, solve: GivenFriction, start: State) -> State:
-    """State that the fixed point converges to.
-
-    Raises:
-        SolverError: If it does not.
-    """
-    case = task.case
-    solution, history = solve_fixed_point(
-        case.problem,
-        solve,
-        start,
-        case.problem.bound(np.maximum(start.pressure, 0.0)),
-        task.tolerance,
-        case.monitor,
-        case.discretization.factorizations,
-    )
-    if not history.converged:
-        raise SolverError("the fixed point on the friction bound does not converge")
-    return solution.state
-
-
-def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
-    """States at rising work, with their numbers from 1; those not found are left out.
-
-    Args:
-        task: With the largest work.
-        works: Rising.
-    """
-    continuation = Continuation(task.kkt, RISING_WORK)
-    first = min(task.case.bonded_work, works[0])
-    mu = task.mu(OPTIONS.products(task.case.block_count))
-    point = continuation.begin(task.case.bonded_state(first), mu)
-    for number, work in enumerate(works, 1):
-        at = replace(task, work=work)
-        try:
-            point = continuation.follow(point, work)
-            yield number, _to_end(at, point.state, point.mu).state
-        except SolverError as error:
-            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+# ---- the list
 
 
 @dataclass(frozen=True)
@@ -381,8 +335,8 @@ class WorkOptions:
         growth: Factor from one work to the next.
         largest: Largest work, in units of the first.
         missing: Works in a row without a state after which none is looked for.
-        gap: Of a collapse state, in units of the tolerance. It is that of the state's own friction
-            bound; as the bound follows, the load factor still changes by 10 to 40 times as much.
+        gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
+            load factor still changes by 10 to 40 times as much.
         gap_falls: Factor by which the gap must fall for a verified state to be improved on.
         unlimited: A load factor that grows like this power of the work is not limited.
     """
@@ -403,8 +357,8 @@ class Strategy:
 
     Attributes:
         attempts: States at a prescribed work: what is tried, in order.
-        further: State from one at less work, tried first where there is one; None: nothing.
         kind: Of factorisation, see `JointStiffness`.
+        further: State from one at less work, tried first where there is one; None: nothing.
         equilibrium: State at a prescribed load factor, next to another one.
         work: How the work grows.
     """
@@ -413,7 +367,7 @@ class Strategy:
     kind: str
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
-    work: WorkOptions = field(default_factory=WorkOptions)
+    work: WorkOptions = WorkOptions()
 
 
 #: Methods on joint forces, the same with Coulomb and with given friction.

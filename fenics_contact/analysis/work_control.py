@@ -21,14 +21,55 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB, Attempt, Strategy, Task, fixed_point
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
 
+def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Collapse:
+    """The collapse of a load case, to a relative tolerance on the load factor."""
+    options = strategy.work
+    search = _Search(case, strategy, tolerance)
+    ratio = first = max(options.first, options.first_of_many * case.block_count**2)
+    missing = 0
+    while ratio <= options.largest * first and missing < options.missing:
+        found = search.at(ratio)
+        missing = missing + 1 if found is None else 0
+        if search.done(found):
+            break
+        if search.unlimited:
+            return search.result("unbounded")
+        ratio *= options.growth
+    return search.result("limit" if search.verified else "not_converged")
+
+
+def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
+    """The lowest verified collapse of those that several starts lead to, with Coulomb friction."""
+    problem, points = case.problem, case.discretization.operators.points
+    bounds = {
+        "dead load": problem.bound(case.first_pressure),
+        "half of that": 0.5 * problem.bound(case.first_pressure),
+        "no friction": problem.strength,
+    }
+    associative = case.blocks.associative_pressure()
+    if associative is not None:
+        bounds["associative program"] = problem.bound(associative[points])
+    strategies = {"auto": COULOMB["auto"]}
+    for name, bound in bounds.items():
+        attempts = (partial(fixed_point, first=bound),)
+        strategies[name] = replace(COULOMB["fixed-point"], attempts=attempts)
+    strategies["monolithic"] = COULOMB["monolithic"]
+    found = {name: find_collapse(case, one, tolerance) for name, one in strategies.items()}
+    states = tuple(CollapseState(name, end.status, end.load_factor) for name, end in found.items())
+    limits = [end for end in found.values() if end.status == "limit"]
+    lowest = min(limits, key=lambda end: end.load_factor, default=found["auto"])
+    return replace(lowest, states=states)
+
+
 @dataclass(frozen=True)
 class _Found:
+    """A verified state at a work T, in units of that on the bonded structure."""
+
     verified: Verified
     history: History
     ratio: float
@@ -47,88 +88,27 @@ class _Found:
         return gap if np.isfinite(gap) else np.inf
 
 
-def find_collapse(
-    case: LoadCase,
-    strategy: Strategy,
-    tolerance: float,
-) -> Collapse:
-    """The collapse of a load case.
-
-    Args:
-        case: The load case.
-        strategy: How states are found.
-        tolerance: On the load factor, relative.
-    """
-    options = strategy.work
-    search = _Search(case, strategy, tolerance)
-    ratio = first = max(options.first, options.first_of_many * case.block_count**2)
-    missing = 0
-    while ratio <= options.largest * first and missing < options.missing:
-        found = search.at(ratio)
-        missing = missing + 1 if found is None else 0
-        if search.settled or (search.verified and (found is None or search.no_better)):
-            break
-        if search.unlimited:
-            return search.result("unbounded")
-        ratio *= options.growth
-    return search.result("limit" if search.verified else "not_converged")
-
-
-def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
-    """The lowest verified collapse of those that several starts lead to.
-
-    Args:
-        case: The load case, with Coulomb friction.
-        tolerance: On the load factor, relative.
-    """
-    found = {"auto": find_collapse(case, COULOMB["auto"], tolerance)}
-    problem, points = case.problem, case.discretization.operators.points
-    bounds = {
-        "dead load": problem.bound(case.first_pressure),
-        "half of that": 0.5 * problem.bound(case.first_pressure),
-        "no friction": problem.strength,
-    }
-    associative = case.blocks.associative_pressure()
-    if associative is not None:
-        bounds["associative program"] = problem.bound(associative[points])
-    for name, bound in bounds.items():
-        attempt = partial(fixed_point, first=bound)
-        strategy = replace(COULOMB["fixed-point"], attempts=(attempt,))
-        found[name] = find_collapse(case, strategy, tolerance)
-    found["monolithic"] = find_collapse(case, COULOMB["monolithic"], tolerance)
-    states = tuple(CollapseState(name, end.status, end.load_factor) for name, end in found.items())
-    limits = [end for end in found.values() if end.status == "limit"]
-    lowest = min(limits, key=lambda end: end.load_factor, default=found["auto"])
-    return replace(lowest, states=states)
-
-
 class _Search:
     """States of a load case at different works, and the best of them."""
 
     def __init__(self, case: LoadCase, strategy: Strategy, tolerance: float) -> None:
         self.case, self.strategy, self.options = case, strategy, strategy.work
-        self.tolerance = tolerance
+        self.tolerance, self.gap = tolerance, strategy.work.gap * tolerance
         self.found: list[_Found] = []
 
     def at(self, ratio: float) -> _Found | None:
-        """Find and verify the state at one work; None if there is none.
-
-        Args:
-            ratio: T in units of the live load's work on the bonded structure.
-        """
-        case = self.case
-        work = ratio * case.bonded_work
-        largest = max((abs(one.load_factor) for one in self.found), default=0.0)
-        scales = case.scales_at(work, largest)
+        """The verified state at a work T, in units of that on the bonded structure, if any."""
+        case, work = self.case, ratio * self.case.bonded_work
+        scales = case.scales_at(work, max((abs(one.load_factor) for one in self.found), default=0))
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
         for attempt in self._attempts():
-            answer = _tried(attempt, task)
-            if answer is None:
+            try:
+                solution, history = attempt(task)
+            except SolverError as error:
+                _log.info("  no state with T = %.3g: %s", work, error)
                 continue
-            solution, history = answer
-            gap = self.options.gap * self.tolerance
-            verified = verify(case, solution.state, scales, self.tolerance, gap)
+            verified = verify(case, solution.state, scales, self.tolerance, self.gap)
             self.found.append(_Found(verified, history, ratio))
             _log.info(
                 "  T = %.3g: load factor %.8g, gap %.1e, fails %s",
@@ -142,10 +122,10 @@ class _Search:
 
     def _attempts(self) -> tuple[Attempt, ...]:
         """What is tried: from the last state, and from afar as long as none is verified."""
-        strategy, best = self.strategy, self.best
-        if best is None or strategy.further is None:
+        strategy = self.strategy
+        if self.best is None or strategy.further is None:
             return strategy.attempts
-        return (strategy.further,) if best.passed else (strategy.further, *strategy.attempts)
+        return (strategy.further, *(() if self.verified else strategy.attempts))
 
     @property
     def best(self) -> _Found | None:
@@ -159,19 +139,15 @@ class _Search:
         """Whether the best state passes its certificate."""
         return self.best is not None and self.best.passed
 
-    @property
-    def settled(self) -> bool:
-        """Whether it is that of the collapse, to the tolerance asked for."""
-        best, asked = self.best, self.options.gap * self.tolerance
-        return best is not None and best.passed and best.gap <= asked
-
-    @property
-    def no_better(self) -> bool:
-        """Whether the last state does not improve on those before."""
-        if len(self.found) < 2:
+    def done(self, last: _Found | None) -> bool:
+        """Whether the best state is the collapse to the tolerance, or the last one no better."""
+        best = self.best
+        if best is None or not best.passed:
             return False
-        before = min(one.gap for one in self.found[:-1])
-        return self.found[-1].gap > self.options.gap_falls * before
+        if last is None or best.gap <= self.gap:
+            return True
+        before = min((one.gap for one in self.found[:-1]), default=np.inf)
+        return last.gap > self.options.gap_falls * before
 
     @property
     def unlimited(self) -> bool:
@@ -194,41 +170,34 @@ class _Search:
     def result(self, status: str) -> Collapse:
         """Report the best state."""
         case, best = self.case, self.best
+        wedging = case.blocks.wedging() if status == "unbounded" else None
         histories = tuple(one.history for one in self.found)
         if best is None:
             factor = np.inf if status == "unbounded" else np.nan
-            return Collapse(status, float(factor), case.blocks.bounds, history=histories)
+            return Collapse(
+                status, float(factor), case.blocks.bounds, history=histories, wedging=wedging
+            )
         state, certificate = best.verified.state, best.verified.certificate
         if status == "not_converged":
             _log.warning("not verified: %s", certificate.failures or "not converged")
         elif status == "limit":
             if best.gap > self.tolerance:
-                _log.warning(
-                    "the load factor is known to %.1e, not to the tolerance asked", best.gap
-                )
+                text = "the load factor is known to %.1e, not to the tolerance asked"
+                _log.warning(text, best.gap)
             state = _onset(case, best.verified)
-        discretization, mode = case.discretization, best.verified.mode
-        gather, length = discretization.all_points, discretization.joints.length
+        whole, mode = case.discretization, best.verified.mode
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
             mode,
-            joint_values(discretization.problem, gather, length, state, mode),
+            joint_values(case.problem, whole.all_points, whole.joints.length, state, mode),
             certificate,
             histories,
             best.ratio,
+            wedging=wedging,
         )
-
-
-def _tried(attempt: Attempt, task: Task) -> tuple[Solution, History] | None:
-    """What an attempt finds; None where it finds nothing."""
-    try:
-        return attempt(task)
-    except SolverError as error:
-        _log.info("  no state with T = %.3g: %s", task.work, error)
-        return None
 
 
 def _onset(case: LoadCase, verified: Verified) -> State:
@@ -250,10 +219,6 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     least = problem.comm.allreduce(least, MPI.MIN)
     if not 0.0 < least < np.inf:
         return state
+    u = state.displacement - least * mode
     elastic = state.elastic - least * problem.elastic_part(mode)
-    return replace(
-        state,
-        displacement=state.displacement - least * mode,
-        elastic=elastic,
-        work=state.work - least,
-    )
+    return replace(state, displacement=u, elastic=elastic, work=state.work - least)

@@ -1,8 +1,9 @@
-"""A scene discretised: everything volumetric, done once; owner of every PETSc object."""
+"""A scene discretised, once; owner of every PETSc object."""
 
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
-from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -19,7 +20,7 @@ from fenics_contact.discretization.rigid_motions import (
     motions,
     rigid_bodies,
 )
-from fenics_contact.discretization.supports import find_supports
+from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.errors import InputError
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
@@ -36,9 +37,9 @@ class Bonded:
 
     Attributes:
         dead: Displacements under the dead load, in the supports' coordinates.
-        live: Displacements under the live load.
-        dead_pressure: Normal forces at this rank's points under the dead load, N/m, at least 0.
-        live_pressure: Likewise under the live load.
+        live: Those under the live load.
+        dead_pressure: Normal forces under the dead load, N/m, at least 0.
+        live_pressure: Those under the live load.
         seconds: Time to assemble, analyse, factor and solve: one bonded solve.
     """
 
@@ -55,7 +56,7 @@ class Discretization:
     Attributes:
         scene: What was discretised.
         boundary: Facets of the blocks.
-        supports: What is held.
+        supports: Held displacements.
         elasticity: K, f_D, f_L.
         joints: Joint points.
         operators: Rows of B_N and B_T.
@@ -67,45 +68,29 @@ class Discretization:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Discretise a scene.
-
-        Raises:
-            InputError: If joints, supports or loads of the scene do not fit its mesh.
-        """
+        """Discretise; raises `InputError` if joints, supports or loads do not fit the mesh."""
         start = time.perf_counter()
         self.scene = scene
         space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
-        self.elasticity = assemble(scene, space, self.boundary, self.supports)
+        self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
-        self.bodies = rigid_bodies(
-            self.elasticity.centre,
-            self.elasticity.dead_resultant,
-            self.elasticity.live_resultant,
-            self.supports,
-            size,
-        )
-        check_held(
-            self.joints.bodies, self.joints.position, self.supports, self.bodies, scene.mesh.source
-        )
-        _check_live_load(self.elasticity, self.bodies, scene)
-        self.operators = joint_operators(self.joints, self.supports, self.elasticity.stiffness)
-        rigid = _rigid_motions(self.elasticity, self.bodies)
-        matrices = self.elasticity.stiffness, self.operators.normal, self.operators.tangential
-        self._maps = [SparseMap(matrix) for matrix in (*matrices, rigid)]
-        points = self.operators.points
-        self.problem = ContactProblem(
-            self._maps[0],
-            self.elasticity.dead,
-            self.elasticity.live,
-            self._maps[1],
-            self._maps[2],
-            self.joints.friction[points],
-            self.joints.shear_strength[points],
-            self._maps[3],
-        )
+        resultants = made.dead_resultant, made.live_resultant
+        self.bodies = bodies = rigid_bodies(made.centre, *resultants, self.supports, size)
+        sides, position = self.joints.bodies, self.joints.position
+        check_held(sides, position, self.supports, bodies, scene.mesh.source)
+        _check_live_load(made, bodies, scene)
+        self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
+        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
+        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
+        self._owned = ExitStack()
+        for operator in maps:
+            self._owned.callback(operator.close)
+        laws = self.joints.friction[rows.points], self.joints.shear_strength[rows.points]
+        loads = made.dead, made.live
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
@@ -118,12 +103,7 @@ class Discretization:
 
     def close(self) -> None:
         """Free the PETSc objects, on all ranks together."""
-        if "block_modes" in self.__dict__:
-            self.block_modes.close()
-        for stiffness in self._stiffnesses.values():
-            stiffness.close()
-        for operator in self._maps:
-            operator.close()
+        self._owned.close()
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
 
@@ -132,24 +112,18 @@ class Discretization:
         return self.tally.count + self.mode_tally.count
 
     def stiffness(self, kind: str) -> JointStiffness:
-        """K with joint springs; made when first asked for.
-
-        Args:
-            kind: Of factorisation, see `JointStiffness`.
-        """
+        """K with joint springs, made when first asked for, by `kind` of factorisation."""
         if kind not in self._stiffnesses:
-            operators = self.operators
-            rows = JointRows.single(
-                operators.dofs, operators.normal_rows, operators.tangential_rows
-            )
-            self._stiffnesses[kind] = JointStiffness(self.problem.stiffness, rows, kind, self.tally)
+            made = self.operators
+            rows = JointRows.single(made.dofs, made.normal_rows, made.tangential_rows)
+            stiffness = JointStiffness(self.problem.stiffness, rows, kind, self.tally)
+            self._stiffnesses[kind] = self._owned.enter_context(stiffness)
         return self._stiffnesses[kind]
 
     def bonded(self, kind: str) -> Bonded:
         """Solve with all joints closed, under the dead and under the live load.
 
-        Args:
-            kind: Of factorisation: that of the solves to come, so that one analysis does for all.
+        `kind` of factorisation is that of the solves to come: one analysis does for all.
         """
         start = time.perf_counter()
         problem, stiffness = self.problem, self.stiffness(kind)
@@ -163,15 +137,17 @@ class Discretization:
     @cached_property
     def block_modes(self) -> BlockModes:
         """The structure whose blocks only move, stretch and bend; made when first asked for."""
-        nodes, first = len(self.problem.dead) // 2, self.problem.stiffness.first_row // 2
-        body = self.elasticity.node_body[:nodes]
-        position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
-        directions = self.supports.free_directions(first + np.arange(nodes))
-        shapes = np.einsum("nji,njk->nik", directions, modes(position - self.bodies.centre[body]))
-        sides = self.joints.bodies[self.operators.points]
-        count = len(self.bodies.centre)
+        elasticity, count = self.elasticity, len(self.bodies.centre)
+        nodes = self._first_node + np.arange(len(elasticity.arm))
+        directions = self.supports.free_directions(nodes)
+        shapes = np.einsum("nji,njk->nik", directions, modes(elasticity.arm))
+        body, sides = elasticity.node_body, self.operators.sides
         blocks = Blocks.numbered_by_rank(self.scene.comm, body, sides, count)
-        return BlockModes(self.problem, shapes, blocks)
+        return self._owned.enter_context(BlockModes(self.problem, shapes, blocks))
+
+    @property
+    def _first_node(self) -> int:
+        return self.elasticity.space.dofmap.index_map.local_range[0]
 
     def bodies_area(self) -> float:
         """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
@@ -187,27 +163,27 @@ class Discretization:
         return everything
 
     def cartesian(self, values: Array) -> Array:
-        """Displacements in x and y of this rank's nodes, shape (nodes, 2), m.
-
-        Args:
-            values: Displacements or mode in the supports' coordinates, this rank's part.
-        """
-        first = self.elasticity.space.dofmap.index_map.local_range[0]
-        return self.supports.to_cartesian(values, first).reshape(-1, 2)
+        """Displacements in x and y, shape (nodes, 2), of this rank's in supports' coordinates."""
+        return self.supports.to_cartesian(values, self._first_node).reshape(-1, 2)
 
     def rigid_motion(self, motion: Array) -> Array:
-        """Displacements, in the supports' coordinates, of rigid motions (a, b, c) of the bodies.
+        """Displacements, in supports' coordinates, of motions (a, b, c), shape (bodies, 3)."""
+        per_unit = motions(self.elasticity.arm, 1.0)
+        u = np.einsum("nkm,nm->nk", per_unit, motion[self.elasticity.node_body])
+        return self.supports.to_supports(u.ravel(), self._first_node)
 
-        Args:
-            motion: Shape (bodies, 3), about the bodies' centres.
-        """
-        nodes = len(self.problem.dead) // 2
-        body = self.elasticity.node_body[:nodes]
-        position = self.elasticity.space.tabulate_dof_coordinates()[:nodes, :2]
-        arm = position - self.bodies.centre[body]
-        spin = motion[body, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-        u = (motion[body, :2] + spin).ravel()
-        return self.supports.to_supports(u, self.problem.stiffness.first_row // 2)
+
+def find_supports(scene: Scene, boundary: Boundary) -> Supports:
+    """Collect what the scene's supports hold.
+
+    Raises:
+        InputError: If a facet belongs to two supports.
+    """
+    role = boundary.role(scene.supports)
+    rows = np.flatnonzero(role >= 0)
+    fixed = np.array([kind == "fixed" for kind in scene.supports.values()], bool)[role[rows]]
+    nodes, points = boundary.nodes[rows], boundary.points[rows]
+    return supports_of(fixed, nodes, points, boundary.normal[rows], boundary.body[rows])
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
@@ -230,15 +206,11 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
 
 
 def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
-    """Orthonormal rigid motions of the bodies that no support touches as columns of a matrix.
-
-    Those that supports leave to others may be free to some digits only.
-    """
-    nodes, count = len(elasticity.dead) // 2, len(bodies.centre)
-    body = elasticity.node_body[:nodes]
+    """Orthonormal rigid motions, as columns of a matrix, of the bodies that no support touches."""
+    # Those that supports leave to other bodies may be free to some digits only.
+    body, nodes, count = elasticity.node_body, len(elasticity.arm), len(bodies.centre)
     comm = elasticity.stiffness.comm.tompi4py()
-    arm = elasticity.space.tabulate_dof_coordinates()[:nodes, :2] - bodies.centre[body]
-    motion = motions(arm, bodies.size)  # about the mean of the nodes: orthogonal
+    motion = motions(elasticity.arm, bodies.size)  # about the mean of the nodes: orthogonal
     squares = np.zeros((count, 3))
     np.add.at(squares, body, np.sum(motion**2, axis=1))
     untouched = np.all(bodies.free == np.eye(3), axis=(1, 2))
@@ -252,17 +224,10 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
 
 
 def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) -> None:
-    """The live load must push some body that supports do not hold.
-
-    Raises:
-        InputError: If it does not.
-    """
+    """Refuse a live load that pushes no body but those that supports hold."""
     force = np.abs(elasticity.live).reshape(-1, 2).max(axis=1)
-    body = elasticity.node_body[: len(force)]
-    pushed = np.zeros(len(bodies.centre))
-    np.maximum.at(pushed, body, force)
-    scene.comm.Allreduce(MPI.IN_PLACE, pushed, MPI.MAX)
-    if not np.any(pushed[bodies.floating] > 0.0):
+    pushed = bool(np.any(force[bodies.floating[elasticity.node_body]] > 0.0))
+    if not scene.comm.allreduce(pushed, MPI.LOR):
         raise InputError(
             "loads.live: the live load is zero on every free body; give it a body force on blocks"
             " with density, or a traction"

@@ -9,6 +9,7 @@ in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambd
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,27 +24,26 @@ from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Load, Scene
+from fenics_contact.scene import Load, Material, Scene
 
 
 @dataclass(frozen=True)
 class Elasticity:
     """Assembled elasticity of all blocks.
 
-    The matrix and vectors are in the supports' coordinates: rotated where a roller is inclined,
-    with the rows and columns of what is held replaced by a diagonal.
+    Matrix and vectors are in the supports' coordinates, with held rows and columns a diagonal.
 
     Attributes:
         space: Displacement space.
         stiffness: K, N/m per metre of thickness.
-        dead: f_D, N per metre of thickness, this rank's part, shape (2 * nodes of this rank,).
+        dead: f_D, N per metre of thickness, this rank's part.
         live: f_L, likewise.
         lame: Lame's lambda (of the plane state) and mu by cell, Pa.
-        dead_resultant: Force and moment about `centre` on every body, shape (bodies, 3), on all
-            ranks.
+        node_body: Body of every node of this rank.
+        arm: From the centre of its body to every node of this rank, m, shape (nodes, 2).
+        centre: Mean position of the nodes of every body, m, shape (bodies, 2), on all ranks.
+        dead_resultant: Force and moment about `centre` on every body, shape (bodies, 3).
         live_resultant: Likewise.
-        centre: Mean position of the nodes of every body, shape (bodies, 2), m; on all ranks.
-        node_body: Body of every local node, this rank's own ones first.
     """
 
     space: Any
@@ -51,10 +51,11 @@ class Elasticity:
     dead: Array
     live: Array
     lame: tuple[fem.Function, fem.Function]
+    node_body: Labels
+    arm: Array
+    centre: Array
     dead_resultant: Array
     live_resultant: Array
-    centre: Array
-    node_body: Labels
 
 
 def displacement_space(scene: Scene) -> Any:
@@ -68,19 +69,35 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     Raises:
         InputError: If a traction acts inside a block.
     """
-    density = _material_field(scene, "density")
-    loads = [_load(scene, space, boundary, load, density) for load in (scene.dead, scene.live)]
-    node_body, centre = _bodies_of_nodes(scene, space)
-    of_dead, of_live = (_resultants(scene, space, load, node_body, centre) for load in loads)
-    first = space.dofmap.index_map.local_range[0]
-    dead, live = (supports.constrain_vector(load, first) for load in loads)
-    lame = _lame(scene)
+    nodes = space.dofmap.index_map
+    position = space.tabulate_dof_coordinates()[:, :2]
+    body = np.zeros(len(position), dtype=np.int32)
+    body[compat.cell_dofs(space)] = scene.mesh.body[:, None]
+    body, position = body[: nodes.size_local], position[: nodes.size_local]
+    sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
+    centre = sums[:, 1:] / sums[:, :1]
+    arm = position - centre[body]
+    density = _material_field(scene, lambda material: material.density)
+    loads, resultants = [], []
+    for load in (scene.dead, scene.live):
+        force = _load(scene, space, boundary, load, density)
+        x, y = force.reshape(-1, 2).T
+        resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
+        loads.append(supports.constrain_vector(force, nodes.local_range[0]))
+    nus = 2.0 if scene.plane == "strain" else 1.0
+    lame = (
+        _material_field(
+            scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
+        ),
+        _material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
+    )
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
     stiffness = fem_petsc.assemble_matrix(form)
     stiffness.assemble()
-    supports.constrain_matrix(stiffness)
-    return Elasticity(space, stiffness, dead, live, lame, of_dead, of_live, centre, node_body)
+    stiffness = supports.constrain_matrix(stiffness)
+    dead, live = loads
+    return Elasticity(space, stiffness, dead, live, lame, body, arm, centre, *resultants)
 
 
 def strain(u: Any) -> Any:
@@ -101,20 +118,10 @@ def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
     return field
 
 
-def _material_field(scene: Scene, key: str) -> fem.Function:
-    """A property of the materials, constant by cell."""
-    values = [getattr(scene.material(groups), key) for groups in scene.mesh.cell_sets]
-    return cell_field(scene.mesh, key, np.array(values)[scene.mesh.cell_groups])
-
-
-def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
-    """Lame's parameters from Young's modulus and Poisson's ratio, in place of these."""
-    first, second = (_material_field(scene, key) for key in ("young", "poisson"))
-    e, nu = first.x.array.copy(), second.x.array.copy()
-    in_plane = 1.0 - 2.0 * nu if scene.plane == "strain" else 1.0 - nu
-    first.x.array[:] = e * nu / ((1.0 + nu) * in_plane)
-    second.x.array[:] = e / (2.0 * (1.0 + nu))
-    return first, second
+def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Function:
+    """A value of the materials, constant by cell."""
+    values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
+    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
 
 
 def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:
@@ -133,26 +140,6 @@ def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem
         fem.assemble_vector(forces.x.array, fem.form(ufl.inner(force, v) * ds(1)))
     compat.add_ghosts(forces)
     return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
-
-
-def _bodies_of_nodes(scene: Scene, space: Any) -> tuple[Labels, Array]:
-    """Body of every local node, and the mean node position of every body."""
-    position = space.tabulate_dof_coordinates()[:, :2]
-    node_body = np.zeros(len(position), dtype=np.int32)
-    node_body[compat.cell_dofs(space)] = scene.mesh.body[:, None]
-    owned = node_body[: space.dofmap.index_map.size_local]
-    ones = np.ones(len(owned))
-    sums = _sums_over_bodies(scene, owned, ones, *position[: len(owned)].T)
-    return node_body, sums[:, 1:] / sums[:, :1]
-
-
-def _resultants(scene: Scene, space: Any, load: Array, node_body: Labels, centre: Array) -> Array:
-    """Force and moment of nodal forces on every body, shape (bodies, 3)."""
-    force = load.reshape(-1, 2)
-    body = node_body[: len(force)]
-    arm = space.tabulate_dof_coordinates()[: len(force), :2] - centre[body]
-    moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-    return _sums_over_bodies(scene, body, *force.T, moment)
 
 
 def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:

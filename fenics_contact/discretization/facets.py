@@ -1,7 +1,6 @@
 """The blocks' boundary facets as one table, the same on every rank.
 
-Everything about joints, supports and outlines is decided on this table, by the same code on every
-rank; only boundary data is exchanged, once.
+Joints, supports and outlines are found on this table, by the same code on every rank.
 """
 
 from __future__ import annotations
@@ -18,6 +17,9 @@ from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, BlockMesh, Flags, Indices, Labels
 
+#: In place of a facet, node or body where rigid ground is.
+GROUND = -1
+
 
 @dataclass(frozen=True)
 class Boundary:
@@ -27,8 +29,8 @@ class Boundary:
         nodes: Displacement nodes of every facet, its two ends first, shape (facets, 2 or 3).
         points: Their coordinates, shape (facets, 2 or 3, 2), m.
         normal: Outward unit normals, shape (facets, 2).
-        length: Shape (facets,), m.
-        body: Body of every facet, shape (facets,).
+        length: m, shape (facets,).
+        body: Body of every facet.
         groups: Physical groups as an index into `facet_sets`, -1 for none.
         facet_sets: The sets of group names that occur.
         local: Rows of this rank's facets.
@@ -58,8 +60,7 @@ class Boundary:
         Raises:
             InputError: If a facet is in two of the groups, or inside a body.
         """
-        role = np.full(len(self.length), -1)
-        names = list(names)
+        role, names = np.full(len(self.length), -1), list(names)
         for position, name in enumerate(names):
             if name in self.interior:
                 raise InputError(
@@ -97,16 +98,22 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
 
 
 def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
-    """Columns of `Boundary` for this rank, and "inputs", its ends as sorted nodes of the input.
-
-    Also returns the facets' indices in the mesh.
-    """
-    domain = mesh.domain
-    facets, cell, side = _exterior_facets(domain.topology)
-    corner = compat.facet_vertices(domain.topology)[side]
+    """Columns of `Boundary` for this rank, with "inputs", input nodes of the ends; its facets."""
+    domain, layout = mesh.domain, space.dofmap.dof_layout
+    topology = domain.topology
+    for dims in ((1, 2), (2, 1)):
+        topology.create_connectivity(*dims)
+    facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
+    to_cell = topology.connectivity(1, 2)
+    cell = to_cell.array[to_cell.offsets[facets]]
     geometry = compat.geometry_dofs(domain)[cell]
-    ends = np.take_along_axis(geometry, corner, axis=1)
-    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], _facet_dofs(space)[side], axis=1)
+    count = geometry.shape[1]  # of sides, as of corners
+    sides = topology.connectivity(2, 1).array.reshape(-1, count)[cell]
+    # The two ends come first; they are numbered like the corners of the cell.
+    dofs = np.array([layout.entity_closure_dofs(1, side) for side in range(count)])
+    dofs = dofs[np.argmax(sides == facets[:, None], axis=1)]
+    ends = np.take_along_axis(geometry, dofs[:, :2], axis=1)
+    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], dofs, axis=1)
     points = space.tabulate_dof_coordinates()[nodes][:, :, :2]
     global_nodes = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
     along = points[:, 1] - points[:, 0]
@@ -114,35 +121,14 @@ def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
     normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
     centre = domain.geometry.x[geometry][:, :, :2].mean(axis=1)
     normal[np.sum(normal * (points[:, 0] - centre), axis=1) < 0.0] *= -1.0
-    table = {
+    return {
         "inputs": np.sort(np.asarray(domain.geometry.input_global_indices)[ends], axis=1),
         "nodes": np.asarray(global_nodes).reshape(nodes.shape),
         "points": points,
         "normal": normal,
         "length": length,
         "body": mesh.body[cell],
-    }
-    return table, facets
-
-
-def _facet_dofs(space: Any) -> Indices:
-    """Cell-local dofs of every facet of a cell, its two ends first."""
-    dofs, sides = space.dofmap.dof_layout.entity_dofs, compat.facet_vertices(space.mesh.topology)
-    return np.array(
-        [[*dofs(0, a), *dofs(0, b), *dofs(1, side)] for side, (a, b) in enumerate(sides)]
-    )
-
-
-def _exterior_facets(topology: Any) -> tuple[Labels, Labels, Indices]:
-    """Local facets with one cell, that cell, and the facet's number in it."""
-    topology.create_entities(1)
-    topology.create_connectivity(1, 2)
-    topology.create_connectivity(2, 1)
-    facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
-    to_cell = topology.connectivity(1, 2)
-    cell = to_cell.array[to_cell.offsets[facets]]
-    sides = compat.facets_of_cells(topology)[cell]
-    return facets, cell, np.argmax(sides == facets[:, None], axis=1)
+    }, facets
 
 
 def _groups(mesh: BlockMesh, inputs: Indices) -> tuple[Labels, Counter[str]]:

@@ -1,7 +1,8 @@
 """Joint points, at which blocks exchange forces, and their opening and slip B_N u and B_T u.
 
-A joint point is a pair of coinciding nodes of two blocks, or a node on rigid ground. With n the
-unit normal from the first side to the second and t = n turned by 90 degrees anticlockwise,
+A joint is where facets of two blocks coincide, a joint point a pair of nodes there, or a node on
+rigid ground. With n the unit normal from the first side to the second and t = n turned by 90
+degrees anticlockwise,
 
     w_N = n . (u_second - u_first) >= 0   opening,      w_T = t . (u_second - u_first)   slip;
 
@@ -17,11 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.pairing import GROUND, distances_of_ends, joint_facets
+from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
+from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Indices, Labels
 from fenics_contact.scene import JointLaw, Scene
+
+#: Facets face each other when their nodes agree to this fraction of their length.
+MATCHING = 1e-4
 
 #: Weights of a facet's nodes relative to each other, by number of nodes.
 NODAL_WEIGHTS = {2: (1, 1), 3: (1, 1, 4)}
@@ -34,12 +38,12 @@ class Joints:
     Attributes:
         nodes: Nodes of the first and second side, `GROUND` for rigid ground, shape (points, 2).
         bodies: Their bodies, likewise.
-        position: Shape (points, 2), m.
+        position: m, shape (points, 2).
         normal: Unit normal from first to second side, shape (points, 2).
-        length: Length of joint that belongs to the point, shape (points,), m.
-        law: Law of every point as an index into `laws`, shape (points,).
-        laws: The scene's laws.
-        names: The names of their groups.
+        length: Length of joint that belongs to the point, m, shape (points,).
+        law: Law of every point as an index into `laws`.
+        laws: Those of the scene's joints, then of its foundations.
+        names: Their groups.
         segments: Joint points at the ends of every facet of a joint, shape (facets, 2).
     """
 
@@ -61,26 +65,26 @@ class Joints:
     @property
     def friction(self) -> Array:
         """Coefficient of friction of every point, 0 where the law is not Coulomb's."""
-        return np.array([law.friction or 0.0 for law in self.laws] + [0.0])[self.law]
+        return np.array([law.friction or 0.0 for law in self.laws])[self.law]
 
     @property
     def shear_strength(self) -> Array:
         """Given bound on the shear force at every point, N/m; 0 where the law is not Tresca's."""
-        return np.array([law.bound or 0.0 for law in self.laws] + [0.0])[self.law] * self.length
+        return np.array([law.bound or 0.0 for law in self.laws])[self.law] * self.length
 
 
 @dataclass(frozen=True)
 class JointOperators:
-    """B_N and B_T with this rank's rows, and the joint points that those rows are.
+    """B_N and B_T, with what this rank's rows are.
 
     Attributes:
         normal: B_N, shape (points, displacements).
-        tangential: B_T, likewise.
-        points: Joint point of every local row.
-        sides: Bodies of both sides of every local row, `GROUND` for rigid ground, shape (rows, 2).
-        dofs: Global dofs of every local row, first side then second, shape (rows, 4); -1: none.
+        tangential: B_T.
+        points: Joint point of every row.
+        sides: Bodies of both sides, `GROUND` for rigid ground, shape (rows, 2).
+        dofs: Global dofs, first side then second, -1 for none, shape (rows, 4).
         normal_rows: Coefficients of B_N on those dofs, shape (rows, 4).
-        tangential_rows: Coefficients of B_T, likewise.
+        tangential_rows: Those of B_T.
     """
 
     normal: PETSc.Mat
@@ -93,14 +97,18 @@ class JointOperators:
 
 
 def find_joints(scene: Scene, boundary: Boundary) -> Joints:
-    """Points of all joints and foundations; raises as `joint_facets` does."""
-    sides, law = joint_facets(scene, boundary)
-    first, second = sides.T
+    """Points of all joints and foundations.
+
+    Raises:
+        InputError: If facets of a joint group have none opposite, touch without matching nodes,
+            or have no law or two.
+    """
+    (first, second), law = _joint_facets(scene, boundary)
     ground = first == GROUND
     base = np.where(ground, second, first)  # gives the order of the nodes
     per_facet = boundary.nodes.shape[1]
     # Nodes of the second side in the order of the first's, shape (facets, nodes of a facet, 2).
-    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
+    straight, crossed = (d.sum(axis=1) for d in _distances_of_ends(boundary, base, second))
     order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])[:, :per_facet]
     ours = np.where(ground[:, None], GROUND, boundary.nodes[base])
     nodes = np.stack([ours, np.take_along_axis(boundary.nodes[second], order, axis=1)], axis=2)
@@ -110,12 +118,10 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     weight = np.outer(boundary.length[base], share).ravel()
     columns = (weight, *(weight[:, None] * normal[facet]).T)
     length, *mean = (np.bincount(point, column, len(rows)).astype(float) for column in columns)
-    bodies = np.column_stack(
-        [np.where(ground, GROUND, boundary.body[first]), boundary.body[second]]
-    )
+    ours = np.where(ground, GROUND, boundary.body[first])
     return Joints(
         nodes=nodes.reshape(-1, 2)[rows],
-        bodies=bodies[facet[rows]],
+        bodies=np.column_stack([ours, boundary.body[second]])[facet[rows]],
         position=boundary.points[base].reshape(-1, 2)[rows],
         normal=np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None],
         length=length,
@@ -126,11 +132,120 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     )
 
 
-def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:
-    """Merge the nodes of facets into joint points: one per node pair, law and direction.
+def _joint_facets(scene: Scene, boundary: Boundary) -> tuple[Indices, Indices]:
+    """Both sides, shape (2, facets), and law of the facets of all joints, then foundations."""
+    named = [name for name in scene.joints if name != "default"]
+    joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
+    pairs = _pair_facets(boundary)
+    paired = np.zeros(len(boundary.length), dtype=bool)
+    paired[pairs] = True
+    for position, name in enumerate(named):
+        if alone := np.count_nonzero((joint_role == position) & ~paired):
+            raise InputError(
+                f"joint group '{name}': {alone} facets have no facet opposite; mesh both sides"
+                " with the same nodes, or make the group a foundation or support"
+            )
+    for position, name in enumerate(scene.foundations):
+        if both := np.count_nonzero((ground_role == position) & paired):
+            raise InputError(
+                f"foundation '{name}': {both} facets touch another block; a foundation is rigid"
+                " ground, make the group a joint"
+            )
+    _check_overlaps(boundary, np.flatnonzero(~paired))
+    law = _laws_of_pairs(scene, boundary, pairs, joint_role)
+    ground = np.flatnonzero(ground_role >= 0)
+    sides = np.hstack([pairs.T, [np.full_like(ground, GROUND), ground]])
+    return sides, np.append(law, len(scene.joints) + ground_role[ground])
 
-    Returns the facet of every node, the first node of every joint point, and the joint point of
-    every node. Points are in order of appearance, which does not depend on node numbers.
+
+def _distances_of_ends(boundary: Boundary, first: Indices, second: Indices) -> tuple[Array, Array]:
+    """Distances of the ends of facets, taken either way round, each of shape (facets, 2), m."""
+    ends, other = boundary.points[first, :2], boundary.points[second, :2]
+    return np.linalg.norm(ends - other, axis=2), np.linalg.norm(ends - other[:, ::-1], axis=2)
+
+
+def _pair_facets(boundary: Boundary) -> Indices:
+    """Facets of two bodies that coincide, lower body first, shape (pairs, 2)."""
+    from scipy.spatial import cKDTree
+
+    near = MATCHING * boundary.length
+    middle = boundary.points[:, :2].mean(axis=1)
+    pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
+    first, second = pairs.T
+    straight, crossed = (d.max(axis=1) for d in _distances_of_ends(boundary, first, second))
+    close = np.minimum(straight, crossed) <= np.minimum(near[first], near[second])
+    facing = np.sum(boundary.normal[first] * boundary.normal[second], axis=1) < 0.0
+    apart = boundary.body[first] != boundary.body[second]
+    pairs = pairs[apart & facing & close]
+    swap = boundary.body[pairs[:, 0]] > boundary.body[pairs[:, 1]]
+    pairs[swap] = pairs[swap, ::-1]
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    seen, count = np.unique(pairs, return_counts=True)
+    if np.any(count > 1):
+        x, y = middle[seen[count > 1][0]]
+        raise InputError(f"three or more facets coincide at ({x:g}, {y:g}); blocks overlap there")
+    return pairs
+
+
+def _check_overlaps(boundary: Boundary, alone: Indices) -> None:
+    """A facet without partner must not lie on another body's facet: its contact would be lost."""
+    from scipy.spatial import cKDTree
+
+    if len(alone) == 0:
+        return
+    middle = boundary.points[:, :2].mean(axis=1)
+    reach = 0.5 * (boundary.length[alone] + boundary.length.max())
+    candidates = cKDTree(middle).query_ball_point(middle[alone], reach)
+    one = np.repeat(alone, [len(found) for found in candidates])
+    other = np.concatenate(candidates).astype(np.int64)
+    keep = boundary.body[one] != boundary.body[other]
+    keep &= np.sum(boundary.normal[one] * boundary.normal[other], axis=1) < -0.99
+    one, other = one[keep], other[keep]
+    start, length = boundary.points[other, 0], boundary.length[other]
+    along = (boundary.points[other, 1] - start) / length[:, None]
+    arm = boundary.points[one, :2] - start[:, None]
+    at = np.einsum("nek,nk->ne", arm, along)  # where the ends of `one` fall on `other`, m
+    off = np.abs(np.einsum("nek,nk->ne", arm, boundary.normal[other])).max(axis=1)
+    common = np.minimum(at.max(axis=1), length) - np.maximum(at.min(axis=1), 0.0)
+    shorter = np.minimum(boundary.length[one], length)
+    bad = np.unique(one[(common > 0.01 * shorter) & (off <= MATCHING * shorter)])
+    if len(bad):
+        x, y = middle[bad[0]]
+        raise InputError(
+            f"{len(bad)} facets touch another block without matching nodes, the first at"
+            f" ({x:g}, {y:g}); mesh both sides with the same nodes"
+        )
+
+
+def _laws_of_pairs(
+    scene: Scene, boundary: Boundary, pairs: Indices, joint_role: Indices
+) -> Indices:
+    """Law of every pair as a position in `scene.joints`, by the group that either side is in."""
+    order = list(scene.joints)
+    position = np.array([k for k, name in enumerate(order) if name != "default"] + [-1])
+    sides = position[joint_role[pairs]].reshape(-1, 2)
+    differ = np.flatnonzero((sides.min(axis=1) >= 0) & (sides[:, 0] != sides[:, 1]))
+    if len(differ):
+        first, second = (order[k] for k in sides[differ[0]])
+        raise InputError(
+            f"joint groups '{first}' and '{second}' are the two sides of {len(differ)} facets;"
+            " put both sides into one group"
+        )
+    law = sides.max(axis=1, initial=-1)
+    if "default" in order:
+        return np.where(law < 0, order.index("default"), law)
+    if np.any(law < 0):
+        x, y = boundary.points[pairs[law < 0][0, 0]].mean(axis=0)
+        raise InputError(
+            f"blocks touch at ({x:g}, {y:g}) with no joint group of their own; add [joints.default]"
+        )
+    return law
+
+
+def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:
+    """Facet of every node of a facet, first node of every joint point, joint point of every node.
+
+    There is one point per node pair, law and direction, in order of appearance.
     """
     facet = np.repeat(np.arange(len(law)), nodes.shape[1])
     keys = np.column_stack([nodes.reshape(-1, 2), law[facet]])
@@ -143,10 +258,10 @@ def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indice
 def _direction(keys: Indices, normal: Array) -> Indices:
     """0, or 1 where the joint kinks at a node pair and this facet comes second."""
     order = np.lexsort(keys.T[::-1])
-    same = np.all(keys[order[1:]] == keys[order[:-1]], axis=1)
-    kink = np.sum(normal[order[1:]] * normal[order[:-1]], axis=1) < np.cos(SMOOTH_ANGLE)
+    one, two = order[:-1], order[1:]
+    kink = np.sum(normal[one] * normal[two], axis=1) < np.cos(SMOOTH_ANGLE)
     direction = np.zeros(len(keys), dtype=np.int64)
-    direction[order[1:][same & kink]] = 1
+    direction[two[kink & np.all(keys[one] == keys[two], axis=1)]] = 1
     return direction
 
 

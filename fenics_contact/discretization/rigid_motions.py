@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.discretization.pairing import GROUND
+from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Labels
@@ -23,12 +23,12 @@ class RigidBodies:
     """Bodies as the rigid-block programs see them; on all ranks.
 
     Attributes:
-        centre: Reference point of every body, shape (bodies, 2), m.
+        centre: Reference point of every body, m, shape (bodies, 2).
         size: Length by which rotations are scaled, m.
-        free: Orthonormal free motions (a, b, c size) of every body as columns, the columns of held
-            motions zero, shape (bodies, 3, 3).
-        dead: Resultants of the dead load, shape (bodies, 3): forces, and moment / size.
-        live: Likewise of the live load.
+        free: Orthonormal motions (a, b, c size) of every body that supports leave free, as columns
+            beside zero ones, shape (bodies, 3, 3).
+        dead: Forces, and moment / size, of the dead load, shape (bodies, 3).
+        live: Those of the live load.
     """
 
     centre: Array
@@ -39,14 +39,14 @@ class RigidBodies:
 
     @property
     def floating(self) -> Flags:
-        """Bodies that supports alone do not hold, shape (bodies,)."""
+        """Bodies that supports alone do not hold."""
         return np.any(self.free != 0.0, axis=(1, 2))
 
 
 def rigid_bodies(
     centre: Array, dead: Array, live: Array, supports: Supports, size: float
 ) -> RigidBodies:
-    """Motions that supports leave free; arguments as in `RigidBodies`, but moments not scaled."""
+    """Motions that supports leave free; arguments as in `RigidBodies`, with moments not scaled."""
     scale = np.array([1.0, 1.0, 1.0 / size])
     motion = motions(supports.points - centre[supports.body], size)
     gram = _held(motion, supports.frame, supports.held, supports.body, len(centre))
@@ -62,7 +62,7 @@ def motions(arm: Array, size: float) -> Array:
 
 
 def _held(motion: Array, frame: Array, held: Flags, label: Labels, count: int) -> Array:
-    """Gram matrices, by label, of the motions of points in the directions that are held."""
+    """Gram matrices, by label, of the motions of points in the held directions."""
     rows = np.einsum("nks,nkm->nsm", frame, motion) * held[:, :, None]
     gram = np.zeros((count, 3, 3))
     np.add.at(gram, label, np.einsum("nsi,nsj->nij", rows, rows))
@@ -81,25 +81,25 @@ def check_held(
 ) -> None:
     """Check that the structure cannot move as a whole with all its joints closed.
 
-    Args:
-        sides: Bodies of both sides of every joint point, shape (points, 2).
-        position: Of the joint points, shape (points, 2), m.
-        supports: What is held.
-        bodies: Rigid motions.
-        source: Name of the mesh, for the message.
+    `sides` and `position` are `Joints.bodies` and `Joints.position`; `source` names the mesh.
 
     Raises:
         InputError: If some blocks touch nothing that holds them, or can move all together.
     """
-    on_ground = sides[:, 0] == GROUND
-    cluster = _clusters(sides[~on_ground], len(bodies.centre))
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    on_ground, count = sides[:, 0] == GROUND, len(bodies.centre)
+    pairs = sides[~on_ground].T
+    touching = coo_matrix((np.ones(pairs.shape[1]), pairs), (count, count))
+    clusters, cluster = connected_components(touching, directed=False)
     stands = position[on_ground]
     points = np.concatenate([supports.points, stands])
     body = np.concatenate([supports.body, sides[on_ground, 1]])
     frame = np.concatenate([supports.frame, np.tile(np.eye(2), (len(stands), 1, 1))])
     held = np.concatenate([supports.held, np.ones((len(stands), 2), dtype=bool)])
     motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
-    gram = _held(motion, frame, held, cluster[body], int(cluster.max()) + 1)
+    gram = _held(motion, frame, held, cluster[body], clusters)
     loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
     if not len(loose):
         return
@@ -112,12 +112,3 @@ def check_held(
         f"{where} touch neither a support nor a foundation, nor blocks that do; add [supports] or"
         " [foundations], or check that the blocks touch"
     )
-
-
-def _clusters(pairs: Labels, count: int) -> Labels:
-    """Number, from 0, of the set of connected bodies that every body is in."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    return connected_components(graph, directed=False)[1]

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.discretization.facets import Boundary
 from fenics_contact.mesh import Array, Flags, Indices, Labels
-from fenics_contact.scene import Scene
 
 #: Normals that differ by less than this angle are those of one (curved) boundary.
 SMOOTH_ANGLE = np.radians(15.0)
@@ -24,15 +22,14 @@ SMOOTH_ANGLE = np.radians(15.0)
 class Supports:
     """Held displacements; on all ranks.
 
-    Arrays of displacements or forces hold this rank's part, and `first` is the number of this
-    rank's first node among those of all ranks.
+    Displacements and forces are this rank's part; `first` is the number of its first node.
 
     Attributes:
         nodes: Nodes with something held, ascending, shape (nodes,).
-        frame: Q of those nodes: columns are the directions of the new coordinates, (nodes, 2, 2).
+        frame: Q of those nodes, shape (nodes, 2, 2); columns are the new directions.
         held: Which of the new coordinates are held, shape (nodes, 2).
-        body: Body of those nodes, shape (nodes,).
-        points: Coordinates of those nodes, shape (nodes, 2), m.
+        body: Their bodies.
+        points: Their coordinates, m, shape (nodes, 2).
     """
 
     nodes: Indices
@@ -47,13 +44,12 @@ class Supports:
         return bool(np.any(self.frame != np.eye(2)))
 
     @property
-    def free_frame(self) -> Array:
-        """Derivatives du / du' at the supports' nodes: Q, zero for what is held."""
+    def _free_frame(self) -> Array:
         return self.frame * ~self.held[:, None, :]
 
     def free_directions(self, nodes: Indices) -> Array:
         """Derivatives du / du' at given nodes, zero for what is held, shape (nodes, 2, 2)."""
-        return self._at(nodes, self.free_frame)
+        return self._at(nodes, self._free_frame)
 
     def to_cartesian(self, values: Array, first: int) -> Array:
         """Displacements u = Q u'."""
@@ -65,44 +61,31 @@ class Supports:
 
     def constrain_vector(self, values: Array, first: int) -> Array:
         """Forces Q^T f, with held entries zero."""
-        return self._times(np.swapaxes(self.free_frame, 1, 2), values, first)
+        return self._times(np.swapaxes(self._free_frame, 1, 2), values, first)
 
-    def constrain_matrix(self, stiffness: PETSc.Mat) -> None:
-        """Replace K by Q^T K Q, with held rows and columns replaced by the mean diagonal of K."""
-        if self.inclined:
-            self._turn(stiffness)
+    def constrain_matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat:
+        """Q^T K Q, with held rows and columns set to the mean diagonal; uses up K."""
         start, end = stiffness.getOwnershipRange()
+        if self.inclined:
+            nodes = np.arange(start // 2, end // 2, dtype=PETSc.IntType)
+            csr = np.arange(len(nodes) + 1, dtype=PETSc.IntType), nodes, self._at(nodes, self.frame)
+            turn = PETSc.Mat().createBAIJ(stiffness.getSizes(), 2, csr=csr, comm=stiffness.comm)
+            cartesian, stiffness = stiffness, stiffness.ptap(turn.convert("aij"))
+            for matrix in (cartesian, turn):
+                matrix.destroy()
         dofs = (2 * self.nodes[:, None] + np.arange(2))[self.held]
         mine = dofs[(dofs >= start) & (dofs < end)].astype(PETSc.IntType)
         diagonal = stiffness.getDiagonal()
         mean = diagonal.sum() / diagonal.getSize()
         diagonal.destroy()
         stiffness.zeroRowsColumns(mine, diag=mean)
-
-    def _turn(self, stiffness: PETSc.Mat) -> None:
-        """Replace K by Q^T K Q, block by block of two nodes; its sparsity stays."""
-        indptr, columns, values = stiffness.getValuesCSR()
-        pairs, node = values.reshape(-1, 2), columns[::2] // 2  # of a row, x and y of one node
-        count = np.diff(indptr)[::2] // 2  # blocks of every node
-        before = np.repeat(np.cumsum(count) - count, count)
-        upper = before + np.arange(count.sum())
-        lower = upper + np.repeat(count, count)
-        first = stiffness.getOwnershipRange()[0] // 2
-        left = self._at(first + np.repeat(np.arange(len(count)), count), self.frame)
-        right = self._at(node[upper], self.frame)
-        blocks = np.stack([pairs[upper], pairs[lower]], axis=1)
-        blocks = np.swapaxes(left, 1, 2) @ blocks @ right
-        pairs[upper], pairs[lower] = blocks[:, 0], blocks[:, 1]
-        stiffness.setValuesCSR(indptr, columns, values)
-        stiffness.assemble()
+        return stiffness
 
     def _times(self, blocks: Array, values: Array, first: int) -> Array:
         """Product with a block diagonal matrix that has given blocks at the supports' nodes."""
-        result = values.reshape(-1, 2).copy()
-        rows = self.nodes - first
-        mine = (rows >= 0) & (rows < len(result))
-        result[rows[mine]] = np.einsum("nij,nj->ni", blocks[mine], result[rows[mine]])
-        return result.ravel()
+        u = values.reshape(-1, 2)
+        at = self._at(first + np.arange(len(u)), blocks)
+        return np.einsum("nij,nj->ni", at, u).ravel()
 
     def _at(self, nodes: Indices, blocks: Array) -> Array:
         """Blocks at given nodes, the unit matrix where there is no support."""
@@ -114,31 +97,24 @@ class Supports:
         return found
 
 
-def find_supports(scene: Scene, boundary: Boundary) -> Supports:
-    """Collect what the scene's supports hold.
-
-    Raises:
-        InputError: If a facet belongs to two supports.
-    """
-    role = boundary.role(scene.supports)
-    rows = np.flatnonzero(role >= 0)
-    fixed = np.array([kind == "fixed" for kind in scene.supports.values()] + [False])[role[rows]]
-    normal = boundary.normal[rows]
+def supports_of(
+    fixed: Flags, nodes: Indices, points: Array, normal: Array, body: Labels
+) -> Supports:
+    """What is held at nodes of facets, fixed or on rollers, given by columns of `Boundary`."""
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
-    per_facet = boundary.nodes.shape[1]
-    nodes, first, index = np.unique(boundary.nodes[rows], return_index=True, return_inverse=True)
+    per_facet = nodes.shape[1]
+    nodes, first, index = np.unique(nodes, return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
     np.add.at(total, index.ravel(), np.repeat(gram, per_facet, axis=0))
-    body = np.repeat(boundary.body[rows], per_facet)[first]
-    points = boundary.points[rows].reshape(-1, 2)[first]
+    body, points = np.repeat(body, per_facet)[first], points.reshape(-1, 2)[first]
     return Supports(nodes, *_principal_directions(total), body, points)
 
 
 def _principal_directions(gram: Array) -> tuple[Array, Flags]:
     """Frames along the normals of nodes, and what is held in them."""
-    size, direction = np.linalg.eigh(gram)  # ascending; columns are directions
-    # Two normals at an angle give the sizes 1 -+ cos(angle).
+    size, direction = np.linalg.eigh(gram)
+    # Two normals at an angle give the sizes 1 -+ cos(angle), ascending.
     both = size[:, 0] > np.tan(0.5 * SMOOTH_ANGLE) ** 2 * size[:, 1]
     normal = direction[:, :, 1]
     frame = np.stack([normal, np.column_stack([-normal[:, 1], normal[:, 0]])], axis=2)

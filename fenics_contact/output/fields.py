@@ -14,14 +14,10 @@ from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.analysis.joint_values import Contact, JointValues
-from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field, stress
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.mesh import Array
-
-#: VTK's number of a cell that is a line.
-VTK_LINE = 3
 
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
@@ -33,10 +29,9 @@ def displacement_function(discretization: Discretization, values: Array, name: s
 
 
 def stress_fields(discretization: Discretization, displacement: fem.Function) -> list[fem.Function]:
-    """Stress components, von Mises stress and body number by cell, as scalars.
+    """Stress components and von Mises stress at the centre of every cell, Pa, and body number.
 
-    The stresses are those at the centre of a cell, Pa; von Mises with the stress out of the plane,
-    nu (sigma_x + sigma_y) in plane strain and zero in plane stress.
+    In plane strain, von Mises has the stress out of the plane, nu (sigma_x + sigma_y).
     """
     scene, (lame_lambda, lame_mu) = discretization.scene, discretization.elasticity.lame
     sigma = stress(displacement, lame_lambda, lame_mu)
@@ -46,9 +41,9 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
     xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
     deviator = ufl.dev(ufl.as_matrix([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, out_of_plane]]))
     von_mises = ufl.sqrt(1.5 * ufl.inner(deviator, deviator))
-    components = ufl.as_vector([xx, yy, xy, von_mises])
     vector = compat.function_space(scene.mesh.domain, "DG", 0, (4,))
     together = fem.Function(vector)
+    components = ufl.as_vector([xx, yy, xy, von_mises])
     together.interpolate(fem.Expression(components, compat.interpolation_points(vector)))
     columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]].T
     names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
@@ -56,31 +51,23 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
     return [cell_field(scene.mesh, name, value) for name, value in values]
 
 
-def write_paraview(
-    discretization: Discretization, end: Collapse, folder: Path, suffix: str
+def write_blocks(
+    path: Path, discretization: Discretization, displacement: Array, elastic: Array, mode: Array
 ) -> None:
-    """Write blocks.pvd (displacement and mode by node, stress and body by cell) and joints.vtu.
+    """Write displacement and collapse mode by node, and stress and body by cell, as a .pvd file.
 
-    Nothing is written for a collapse without state or mode. The names of the files, in an existing
-    folder, get a suffix.
+    Collective. `elastic` is the displacement without a large motion, in which digits of stresses
+    would be lost.
     """
-    if end.state is None or end.mode is None or end.joints is None:
-        return
-    displacement = displacement_function(discretization, end.state.displacement, "displacement")
-    # Beside a large motion the displacement has too few digits for stresses.
-    elastic = displacement_function(discretization, end.state.elastic, "elastic")
-    mode = displacement_function(discretization, end.mode, "collapse_mode")
-    fields = [displacement, mode, *stress_fields(discretization, elastic)]
-    compat.write_vtk(folder / f"blocks{suffix}.pvd", fields)
-    if discretization.scene.comm.rank == 0:
-        write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
+    named = {"displacement": displacement, "collapse_mode": mode, "elastic": elastic}
+    *moving, strained = (displacement_function(discretization, u, n) for n, u in named.items())
+    compat.write_vtk(path, [*moving, *stress_fields(discretization, strained)])
 
 
 def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
-    """Write the joints as lines with values at their points, an XML file of VTK.
+    """Write the joints as lines with values at their points, an XML file of VTK, on this rank.
 
-    Every joint point is a point of the file: "pressure" and "shear" in Pa, "gap" and "slip" in m,
-    "state" 0 open, 1 slip, 2 stick, and the normal from the first side to the second.
+    "pressure" and "shear" are in Pa, "gap" and "slip" in m; "state" is 0 open, 1 slip, 2 stick.
     """
     names = ("pressure", "shear", "gap", "slip", "opening_rate", "slip_rate")
     columns = {name: getattr(values, name) for name in names}
@@ -89,7 +76,7 @@ def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
     cells = {
         "connectivity": joints.segments.ravel(),
         "offsets": 2 * np.arange(1, count + 1),
-        "types": np.full(count, VTK_LINE, dtype=np.uint8),
+        "types": np.full(count, 3, dtype=np.uint8),  # lines
     }
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
     states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)

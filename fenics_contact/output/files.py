@@ -6,18 +6,14 @@ import csv
 import json
 import math
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.result import Collapse, Result
-from fenics_contact.analysis.rigid_blocks import LimitBounds
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.output.fields import write_paraview
-from fenics_contact.output.plotting import draw_capacity, draw_collapse
+from fenics_contact.output.fields import write_blocks, write_joints
+from fenics_contact.output.plotting import draw_blocks, draw_capacity, draw_collapse
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
@@ -38,19 +34,21 @@ def write_result(result: Result, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         record.unlink(missing_ok=True)
     comm.barrier()
+    if result.fall is not None and options.pictures:
+        mode = result.discretization.rigid_motion(result.fall)
+        title = f"{_opening(result.scene.title)}falls under its dead load"
+        draw_blocks(result.discretization, result.falling, title, folder / "collapse.png", mode)
     for direction, end in result.ends.items():
-        # An unlimited load has a last state, but no collapse to be shown.
-        if end.mode is None or end.status == "unbounded":
-            continue
-        suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
-        if options.paraview:
-            write_paraview(result.discretization, end, folder, suffix)
-        if options.pictures:
-            draw_collapse(result, direction, folder / f"collapse{suffix}.png")
+        _write_collapse(result, direction, end, folder)
     if result.capacity and comm.rank == 0:
-        _write_capacity(result.capacity, folder / "capacity.csv")
+        with (folder / "capacity.csv").open("w", newline="") as file:
+            table = csv.writer(file)
+            table.writerow(["displacement_m", "load_factor", "work", "converged"])
+            for p in result.capacity:
+                table.writerow([p.displacement, p.load_factor, p.work, int(p.converged)])
         if options.pictures:
-            draw_capacity(result, folder / "capacity.png")
+            limit = math.nan if result.collapse is None else result.collapse.load_factor
+            draw_capacity(result.capacity, limit, result.scene.title, folder / "capacity.png")
     comm.barrier()
     result.seconds["write"] = time.perf_counter() - start
     if comm.rank == 0:
@@ -60,15 +58,54 @@ def write_result(result: Result, folder: Path) -> None:
     comm.barrier()
 
 
+def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
+    """ParaView files and picture of one end; the picture alone where nothing limits the load."""
+    discretization, scene = result.discretization, result.scene
+    first, sign, reversal = scene.comm.rank == 0, 1.0, ""
+    if direction == "negative":
+        sign, reversal = -1.0, " (live load reversed)"
+    suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
+    if end.status == "unbounded" and scene.output.pictures:
+        title = f"{_opening(scene.title)}unbounded, these blocks wedge{reversal}"
+        path = folder / f"collapse{suffix}.png"
+        draw_blocks(discretization, result.wedged(end), title, path)
+    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
+        return
+    if scene.output.paraview:
+        motions = end.state.displacement, end.state.elastic, end.mode
+        write_blocks(folder / f"blocks{suffix}.pvd", discretization, *motions)
+        if first:
+            write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
+    if scene.output.pictures:
+        live, path = sign * discretization.bodies.live[:, :2], folder / f"collapse{suffix}.png"
+        title = _title(scene.title, end) + f"{reversal}   ({end.bounds})" if first else ""
+        draw_collapse(discretization, end.mode, end.joints, live, title, path)
+
+
+def _title(scene: str, end: Collapse) -> str:
+    """Title of the scene, status and load factor of a collapse."""
+    status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
+    return f"{_opening(scene)}{status}load factor {end.load_factor:.6g}"
+
+
+def _opening(title: str) -> str:
+    """How a title begins that tells of a scene with a title of its own."""
+    return f"{title}: " if title else ""
+
+
 def result_record(result: Result) -> Record:
     """Content of result.json."""
-    collapse = result.collapse
+    collapse, negative, scene = result.collapse, result.negative, result.scene
+    mesh, discretization = scene.mesh, result.discretization
     record: Record = {
         "status": result.status,
-        "title": result.scene.title,
+        "title": scene.title,
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        "bounds": _bounds_record(result.bounds),
+        "bounds": _record(result.bounds, "lower", "upper"),
+        "reason": result.reason() or None,
+        "falling_blocks": result.falling.tolist(),
+        "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),
         "method": None,
         "error_estimate": None,
         "residuals": None,
@@ -76,36 +113,27 @@ def result_record(result: Result) -> Record:
     }
     if collapse is not None:
         record |= _collapse_record(result, collapse)
-    record["iterations"] |= {
-        "factorizations": result.factorizations,
-        "mode_factorizations": result.mode_factorizations,
-    }
-    if result.negative is not None and result.negative is not collapse:
+    record["iterations"] |= _record(result, "factorizations", "mode_factorizations")
+    if negative is not None and negative is not collapse:
         record["negative"] = {
-            "status": result.negative.status,
-            "bounds": _bounds_record(result.negative.bounds),
-            **_collapse_record(result, result.negative),
+            "status": negative.status,
+            "bounds": _record(negative.bounds, "lower", "upper"),
+            **_collapse_record(result, negative),
         }
     return record | {
-        "mesh": _mesh_record(result.discretization),
+        "mesh": {
+            "bodies": mesh.body_count,
+            "floating_bodies": int(discretization.bodies.floating.sum()),
+            "cells": int(mesh.domain.topology.index_map(2).size_global),
+            "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
+            "joint_points": len(discretization.joints.length),
+        },
         "skipped": list(result.skipped),
-        "control": result.scene.solve.control,
-        "slip_reference": SLIP_REFERENCES[result.scene.solve.slip],
+        "control": scene.solve.control,
+        "slip_reference": SLIP_REFERENCES[scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
-        "ranks": result.scene.comm.size,
+        "ranks": scene.comm.size,
         "version": __version__,
-    }
-
-
-def _mesh_record(discretization: Discretization) -> Record:
-    """Numbers of bodies, cells, displacements and joint points."""
-    mesh = discretization.scene.mesh
-    return {
-        "bodies": mesh.body_count,
-        "floating_bodies": int(discretization.bodies.floating.sum()),
-        "cells": int(mesh.domain.topology.index_map(2).size_global),
-        "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
-        "joint_points": len(discretization.joints.length),
     }
 
 
@@ -135,19 +163,17 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
     """Residuals, static and kinematic load factor, and the worst joint."""
-    worst, law = certificate.worst_joint, joints.law
-    record = _record(certificate, "error_estimate", "static_factor", "kinematic_factor")
-    record |= {
+    worst, point = certificate.worst_joint, None
+    if worst is not None:
+        point = _record(worst, "point", "law", "residual") | {
+            "position": joints.position[worst.point].tolist(),
+            "group": joints.names[joints.law[worst.point]],
+        }
+    return _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
         "residuals": dict(certificate.residuals),
         "failures": sorted(certificate.failures),
-        "worst_joint": None if worst is None else _record(worst, "point", "law", "residual"),
+        "worst_joint": point,
     }
-    if worst is not None:
-        record["worst_joint"] |= {
-            "position": joints.position[worst.point].tolist(),
-            "group": joints.names[law[worst.point]],
-        }
-    return record
 
 
 def _iteration_record(collapse: Collapse) -> Record:
@@ -167,13 +193,8 @@ def _iteration_record(collapse: Collapse) -> Record:
 
 
 def _record(item: Any, *names: str) -> Record:
-    """Some attributes of an item."""
-    return {name: getattr(item, name) for name in names}
-
-
-def _bounds_record(bounds: LimitBounds | None) -> Record:
-    lower, upper = (None, None) if bounds is None else (bounds.lower, bounds.upper)
-    return {"lower": lower, "upper": upper}
+    """Some attributes of an item; None where there is no item."""
+    return {name: None if item is None else getattr(item, name) for name in names}
 
 
 def strict(value: Any) -> Any:
@@ -185,10 +206,3 @@ def strict(value: Any) -> Any:
     if isinstance(value, float):
         return value + 0.0 if math.isfinite(value) else None
     return value
-
-
-def _write_capacity(points: Sequence[CapacityPoint], path: Path) -> None:
-    with path.open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(["displacement_m", "load_factor", "work", "converged"])
-        table.writerows([p.displacement, p.load_factor, p.work, int(p.converged)] for p in points)

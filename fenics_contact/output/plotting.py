@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
-from fenics_contact.analysis.result import Result
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
@@ -18,60 +19,89 @@ from fenics_contact.mesh import Array, Indices
 
 #: Largest displacement in the picture, as a fraction of the structure's size.
 AMPLITUDE = 0.08
-
 #: Width of the axes of a structure, and limits of their height, inches.
 WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
-
+#: Blocks that are numbered in a picture.
+LEGIBLE = 60
 RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
 
 
-def draw_collapse(result: Result, direction: str, path: Path) -> None:
-    """Draw the collapse mode, and the joint forces at collapse, into a .png file.
+def draw_collapse(
+    discretization: Discretization,
+    mode: Array,
+    values: JointValues,
+    live: Array,
+    title: str,
+    path: Path,
+) -> None:
+    """Draw the collapse mode, and the joint forces at collapse, into a .png file. Collective.
 
-    Collective; drawn on rank 0. Nothing is drawn where the collapse in the direction, "positive" or
-    "negative", has no mode.
+    `mode` is this rank's part in the supports' coordinates, `live` are the resultants of the live
+    load on the bodies, as it acts, shape (bodies, 2).
     """
-    discretization, end = result.discretization, result.ends[direction]
-    if end.mode is None or end.joints is None:
-        return
     boundary, joints = discretization.boundary, discretization.joints
-    velocity = discretization.cartesian(end.mode)
+    velocity = discretization.cartesian(mode)
     at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
     at_joints = _at_nodes(discretization, velocity, joints.nodes)
-    if result.scene.comm.rank != 0:
+    if discretization.scene.comm.rank != 0:
         return
     figure, (left, right) = _figure_of(boundary)
     fastest = float(np.linalg.norm(at_facets, axis=2).max()) or 1.0
     scale = AMPLITUDE * float(_size(boundary).max()) / fastest
     _draw_blocks(left, boundary, scale * at_facets)
-    _draw_joints(left, joints, end.joints, scale * at_joints)
-    sign = -1.0 if direction == "negative" else 1.0
-    _draw_live_load(left, sign * discretization.bodies.live[:, :2])
+    _draw_joints(left, joints, values, scale * at_joints)
+    _draw_live_load(left, live)
     left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
-    _draw_forces(right, discretization, end.joints)
+    _draw_forces(right, discretization, values)
     right.set_title("joint forces at collapse (length by size)", fontsize=10)
-    title = f"{result.scene.title}: " if result.scene.title else ""
-    value = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    value += f"load factor {end.load_factor:.6g}"
-    value += " (live load reversed)" if direction == "negative" else ""
-    figure.suptitle(f"{title}{value}   ({end.bounds})", fontsize=13)
+    figure.suptitle(title, fontsize=13)
     figure.savefig(path, dpi=150)
 
 
-def draw_capacity(result: Result, path: Path) -> None:
+def draw_blocks(
+    discretization: Discretization,
+    blocks: Indices,
+    title: str,
+    path: Path,
+    mode: Array | None = None,
+) -> None:
+    """Draw some blocks with their numbers among all, into a .png file. Collective.
+
+    With a mode, this rank's part in the supports' coordinates, the blocks move by it.
+    """
+    boundary = discretization.boundary
+    motion = np.zeros((len(boundary.nodes), 2, 2))
+    if mode is not None:
+        velocity = discretization.cartesian(mode)
+        motion = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
+        fastest = float(np.linalg.norm(motion, axis=2).max()) or 1.0
+        motion *= AMPLITUDE * float(_size(boundary).max()) / fastest
+    if discretization.scene.comm.rank != 0:
+        return
+    figure, (axes,) = _figure_of(boundary, 1)
+    marked = np.zeros(int(boundary.body.max()) + 1)
+    marked[blocks] = 1.0
+    _draw_blocks(axes, boundary, motion, marked)
+    for block in blocks[:LEGIBLE]:
+        place = boundary.points[boundary.body == block, :2] + motion[boundary.body == block]
+        axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
+    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
+    figure.suptitle(title, fontsize=13)
+    figure.savefig(path, dpi=150)
+
+
+def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, path: Path) -> None:
     """Draw the capacity curve, load factor over displacement, into a .png file, on this rank."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
     axes = figure.subplots()
-    curve = [(1e3 * point.displacement, point.load_factor) for point in result.capacity]
+    curve = [(1e3 * point.displacement, point.load_factor) for point in points]
     axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
-    collapse = result.collapse
-    if collapse is not None and np.isfinite(collapse.load_factor):
-        limit = collapse.load_factor
+    if np.isfinite(limit):
         axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
-    labels = {"xlabel": "mean displacement along the live load (mm)", "ylabel": "load factor"}
-    axes.set(title=result.scene.title or "Capacity curve", **labels)
+    axes.set(title=title or "Capacity curve", ylabel="load factor")
+    axes.set_xlabel("mean displacement along the live load (mm)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     figure.savefig(path, dpi=150)
@@ -82,21 +112,21 @@ def _size(boundary: Boundary) -> Array:
     return np.ptp(boundary.points.reshape(-1, 2), axis=0)
 
 
-def _figure_of(boundary: Boundary) -> tuple[Any, Any]:
-    """A figure with two axes of the structure's shape side by side."""
+def _figure_of(boundary: Boundary, count: int = 2) -> tuple[Any, Any]:
+    """A figure with axes of the structure's shape side by side."""
     from matplotlib.figure import Figure
 
     width, height = _size(boundary)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
-    figure = Figure(figsize=(2.0 * WIDTH, tall + 1.4), layout="constrained")
-    both = figure.subplots(1, 2)
+    figure = Figure(figsize=(count * WIDTH, tall + 1.4), layout="constrained")
     margin = 1.3 * AMPLITUDE * max(width, height)
     low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
-    for axes in both:
+    x, y = np.column_stack([low - margin, high + margin])
+    shape = {"aspect": "equal", "xlim": x, "ylim": y}
+    row = figure.subplots(1, count, squeeze=False, subplot_kw=shape)[0]
+    for axes in row:
         axes.axis("off")
-        limits = np.column_stack([low - margin, high + margin])
-        axes.set(aspect="equal", xlim=limits[0], ylim=limits[1])
-    return figure, both
+    return figure, row
 
 
 def _at_nodes(discretization: Discretization, velocity: Array, nodes: Indices) -> Array:
@@ -114,38 +144,35 @@ def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> 
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
 
-    # Run along every facet with the block on the left: tangent = normal turned anticlockwise.
+    # Run along every facet with the block on the left.
     along = boundary.points[:, 1] - boundary.points[:, 0]
-    turned = np.column_stack([-boundary.normal[:, 1], boundary.normal[:, 0]])
-    forward = np.sum(along * turned, axis=1) > 0.0
+    forward = np.linalg.det(np.stack([boundary.normal, along], axis=1)) > 0.0
     order = np.where(forward[:, None], [0, 1], [1, 0])
     nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
     points = np.take_along_axis(ends, order[:, :, None], axis=1)
-    outlines = []
-    for body in range(int(boundary.body.max()) + 1):
-        leaving = {int(nodes[row, 0]): row for row in np.flatnonzero(boundary.body == body)}
-        loops = []
-        while leaving:  # a loop of facets; a body with a hole has more than one
-            node = next(iter(leaving))
-            corners = [points[leaving[node], 0]]
-            while node in leaving:
-                row = leaving.pop(node)
-                node = int(nodes[row, 1])
-                corners.append(points[row, 1])
-            loops.append(Outline(np.array(corners)))
-        outlines.append(Outline.make_compound_path(*loops))
+    leaving = dict(zip(nodes[:, 0].tolist(), range(len(nodes)), strict=True))
+    loops: list[list[Outline]] = [[] for _ in range(int(boundary.body.max()) + 1)]
+    while leaving:  # a loop of facets; a body with a hole has more than one
+        node, row = next(iter(leaving.items()))
+        corners = [points[row, 0]]
+        while node in leaving:
+            row = leaving.pop(node)
+            node = int(nodes[row, 1])
+            corners.append(points[row, 1])
+        loops[boundary.body[row]].append(Outline(np.array(corners)))
+    outlines = [Outline.make_compound_path(*of_body) for of_body in loops]
     axes.add_collection(PathCollection(outlines, **style))
 
 
-def _draw_blocks(axes: Any, boundary: Boundary, motion: Array) -> None:
-    """Outlines at rest, and the blocks displaced, shaded by how far they move."""
+def _draw_blocks(axes: Any, boundary: Boundary, motion: Array, size: Array | None = None) -> None:
+    """Outlines at rest, and the blocks displaced, shaded by a size: how far they move."""
     from matplotlib import colormaps
 
     rest = boundary.points[:, :2]
-    size = np.linalg.norm(motion, axis=2).max(axis=1)
-    of_body = np.zeros(int(boundary.body.max()) + 1)
-    np.maximum.at(of_body, boundary.body, size)
-    relative = of_body / (of_body.max() or 1.0)
+    if size is None:
+        size = np.zeros(int(boundary.body.max()) + 1)
+        np.maximum.at(size, boundary.body, np.linalg.norm(motion, axis=2).max(axis=1))
+    relative = size / (size.max() or 1.0)
     shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
     shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
     _draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.75", linewidth=0.6)

@@ -23,13 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import (
-    COLD,
-    Iterate,
-    PerturbedKKT,
-    Products,
-    Residual,
-)
+from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
@@ -137,13 +131,7 @@ class Continuation:
     def __init__(
         self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
     ) -> None:
-        """Choose the path.
-
-        Args:
-            kkt: The conditions; their work is replaced as the path says.
-            path: What varies.
-            options: Numbers of the continuation.
-        """
+        """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
         self.path = path
@@ -301,12 +289,9 @@ class _Place:
         """Correction c and tangent t."""
         path, kkt, now = self.continuation.path, self._kkt, self.point.iterate
         none: Array = np.zeros_like(now.y)
-        across = kkt.residual(now), Products(none, none, none)
+        across = kkt.residual(now), np.zeros((3, len(none)))
         product = path.log_mu_rate * self.point.mu * kkt.scales.force * kkt.scales.displacement
-        change = np.full_like(now.y, product)
-        along = (
-            Residual(np.zeros_like(now.u), none, none, -path.work_rate * self.point.work),
-            Products(change, change, change),
-        )
+        rate = -path.work_rate * self.point.work
+        along = Residual(np.zeros_like(now.u), none, none, rate), np.full((3, len(none)), product)
         correction, tangent = self._linear.directions([across, along])
         return correction, tangent

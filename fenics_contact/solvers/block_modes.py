@@ -29,7 +29,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
-from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap, State
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap, State
 
 Integers = npt.NDArray[np.int32]
 
@@ -77,7 +77,7 @@ class Blocks:
         return cls(number[body], np.where(sides < 0, -1, number[sides]), count, mine)
 
 
-class BlockModes:
+class BlockModes(Closing):
     """The structure that moves in the modes of its blocks alone.
 
     Attributes:
@@ -118,18 +118,9 @@ class BlockModes:
             rigid=SparseMap(basis.transposeMatMult(problem.rigid.matrix)),
             compliance=_point_compliance(problem, self._indentation),
         )
-
-    def __enter__(self) -> BlockModes:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free the matrices, on all ranks together."""
-        less = self.reduced
+        self._owner, less = Owner(), self.reduced
         for item in (less.stiffness, less.normal, less.tangential, less.rigid, self._basis):
-            item.close()
+            self._owner.callback(item.close)
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
         """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""

@@ -13,18 +13,15 @@ is recomputed here in these units.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Self, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.problem import Array, SparseMap
-
-_Item = TypeVar("_Item", bound=PETSc.Object)
+from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
 TAO_SOLVERS = ("faces", "tron", "bnls", "bntr", "bqnls", "blmvm", "bqpip", "gpcg")
 SNES_SOLVERS = ("vinewtonrsls", "vinewtonssls")
@@ -39,27 +36,6 @@ UNBOUNDED = 1e20
 #: "faces": part of the first-order descent that a projected step must bring, factor from one step
 #: to a shorter one, and the shortest one tried.
 DESCENT, SHORTER, LEAST_STEP = 1e-2, 0.7, 1e-14
-
-
-class Owner(ExitStack):
-    """Frees PETSc objects, on all ranks in the same order, on leaving."""
-
-    def own(self, item: _Item) -> _Item:
-        """Take over an object."""
-        self.callback(item.destroy)
-        return item
-
-
-class Closing:
-    """Closes its owner of PETSc objects on leaving a `with`."""
-
-    _owner: Owner
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._owner.close()
 
 
 @dataclass(frozen=True)

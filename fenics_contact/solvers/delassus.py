@@ -29,8 +29,8 @@ import numpy as np
 import numpy.typing as npt
 from petsc4py import PETSc
 
-from fenics_contact.solvers.bound_qp import BoundQP, Closing, Owner
-from fenics_contact.solvers.problem import Array, ContactProblem, SparseMap
+from fenics_contact.solvers.bound_qp import BoundQP
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap
 
 Integers = npt.NDArray[np.integer]
 Entries = Iterator[tuple[Integers, Integers, Array]]
@@ -66,14 +66,7 @@ class DelassusOperator(Closing):
     def __init__(
         self, problem: ContactProblem, points: JointPoints, rho: float, force_hold: float = 0.0
     ) -> None:
-        """Factor K_rho and compute A.
-
-        Args:
-            problem: Stiffness, loads and joints.
-            points: Where the joints are.
-            rho: N/m per metre of thickness.
-            force_hold: D in units of A's diagonal.
-        """
+        """Factor K_rho, rho in N/m per metre, and compute A; `force_hold` is D by A's diagonal."""
         self.points = len(problem.friction)
         self._problem, self._rho = problem, rho
         self._last = problem.comm.rank == problem.comm.size - 1
@@ -104,12 +97,7 @@ class DelassusOperator(Closing):
         return right + self.hold * held, free
 
     def displacement(self, x: Array, free: Array) -> Array:
-        """Displacements u of joint forces and load factor.
-
-        Args:
-            x: Joint forces and load factor.
-            free: u_0.
-        """
+        """Displacements u of joint forces and load factor x, with u_0 as `free`."""
         pressure, shear, load_factor = self.split(x)
         problem = self._problem
         forces = problem.joint_forces(pressure, shear) + load_factor * problem.live

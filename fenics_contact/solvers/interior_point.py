@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Products, Residual
+from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -84,13 +84,6 @@ class Solution:
         return float(np.max(list(self.residuals.values())))
 
 
-@dataclass(frozen=True)
-class _Best:
-    iterate: Iterate
-    sizes: dict[str, float]
-    error: float
-
-
 def solve_interior_point(
     kkt: PerturbedKKT,
     start: State,
@@ -113,7 +106,7 @@ def solve_interior_point(
     """
     options = options or InteriorPointOptions()
     now = kkt.on_central_path(start, mu, COLD if mu >= 1.0 else 0.0)
-    progress = _Progress(kkt, tolerances, options)
+    progress = _Progress(kkt, now, tolerances, options)
     for step in range(options.max_steps + 1):
         residual = kkt.residual(now)
         if progress.ended(now, kkt.sizes(now, residual)) or step == options.max_steps:
@@ -123,25 +116,27 @@ def solve_interior_point(
         except SolverError as error:
             _log.debug("    %s", error)
             break
-    best = progress.best
-    if best is None or not best.error <= max(tolerances.residual, options.acceptable):
-        reached = np.inf if best is None else best.error
+    reached, best, sizes = progress.best
+    if not reached <= max(tolerances.residual, options.acceptable):
+        asked = f"{tolerances.residual:.1e}"
         raise SolverError(
-            f"interior point: residual {reached:.1e} after {step} steps,"
-            f" asked {tolerances.residual:.1e}"
+            f"interior point: residual {reached:.1e} after {step} steps, asked {asked}"
         )
-    return Solution(kkt.state(best.iterate), best.sizes, step)
+    return Solution(kkt.state(best), sizes, step)
 
 
 class _Progress:
-    """The best iterate so far, and whether more steps lead on."""
+    """The best iterate so far with its error and sizes, and whether more steps lead on."""
 
     def __init__(
-        self, kkt: PerturbedKKT, tolerances: Tolerances, options: InteriorPointOptions
+        self,
+        kkt: PerturbedKKT,
+        start: Iterate,
+        tolerances: Tolerances,
+        options: InteriorPointOptions,
     ) -> None:
-        self.best: _Best | None = None
-        self._tolerances = tolerances
-        self._options = options
+        self.best: tuple[float, Iterate, dict[str, float]] = np.inf, start, {}
+        self._tolerances, self._options = tolerances, options
         self._typical = options.small_factor * kkt.scales.load_factor
         self._errors: list[float] = []
         self._since_exact = 0
@@ -152,23 +147,21 @@ class _Progress:
         error = float(np.max(list(sizes.values())))  # nan where any is nan
         _log.debug("    %2d  %.12g  %s", len(self._errors), now.load_factor, sizes)
         exact = error <= self._tolerances.residual
-        if self.best is None or error < self.best.error or exact:
-            self.best = _Best(now, sizes, error)
+        if error < self.best[0] or exact:
+            self.best = error, now, sizes
         # Equilibrium loses digits while springs are stiff: it does not tell progress.
         joints = max(size for name, size in sizes.items() if name != "equilibrium")
         self._errors.append(float(np.nan_to_num(min([joints, *self._errors[-1:]]), nan=np.inf)))
         at_rest = self._at_rest(now.load_factor, sizes["complementarity"])
         if exact and at_rest:
             return True
-        if self.best.error <= self._tolerances.residual:
+        if self.best[0] <= self._tolerances.residual:
             self._since_exact += 1
             if self._since_exact > self._options.resting:
                 return True
-        return not np.isfinite(error) or self._stalled()
-
-    def _stalled(self) -> bool:
         errors, window = self._errors, self._options.window
-        return len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
+        stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
+        return stalled or not np.isfinite(error)
 
     def _at_rest(self, factor: float, products: float) -> bool:
         """Whether the rest of the load factor's change is small.
@@ -198,8 +191,7 @@ def _step(
     """
     linear = kkt.linearize(now)
     products, none = kkt.products(now), np.zeros_like(now.y)
-    away = Products(-products.normal, -products.lower, -products.upper)
-    (step,) = linear.directions([(residual, away)])
+    (step,) = linear.directions([(residual, -products)])
     towards = step.positive / now.positive
     (part,) = _lengths(kkt, towards[None], options)
     second = kkt.products(step)
@@ -207,9 +199,8 @@ def _step(
     ahead = (1.0 - part) * here + part**2 * kkt.total(second)
     unit = kkt.scales.force * kkt.scales.displacement
     target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
-    change = Products(target - second.normal, target - second.lower, target - second.upper)
     rest = Residual(np.zeros_like(now.u), none, none, 0.0)
-    (corrector,) = linear.directions([(rest, change)])
+    (corrector,) = linear.directions([(rest, target - second)])
     weights = np.linspace(1.0, min(part, 1.0) ** 2, options.weights)
     ratios = towards + weights[:, None] * (corrector.positive / now.positive)
     lengths = _lengths(kkt, ratios, options)
@@ -217,21 +208,13 @@ def _step(
     length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
     if length < options.short:
-        mean = here / kkt.count
-        change = Products(mean - products.normal, mean - products.lower, mean - products.upper)
-        (step,) = linear.directions([(residual, change)])
+        (step,) = linear.directions([(residual, here / kkt.count - products)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
     return now.moved(min(1.0, options.step_fraction * length), step)
 
 
 def _lengths(kkt: PerturbedKKT, ratios: Array, options: InteriorPointOptions) -> Array:
-    """Longest steps that keep all quantities positive, at most 1 / step fraction.
-
-    Args:
-        kkt: The conditions.
-        ratios: Directions relative to the iterate, a row for each step.
-        options: Of the method.
-    """
+    """Longest steps, at most 1 / step fraction, for directions relative to the iterate."""
     largest = np.max(-ratios, axis=1, initial=0.0)
     kkt.problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
     return np.asarray(1.0 / np.maximum(largest, options.step_fraction))

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.problem import Array, SparseMap
+from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
 Integers = npt.NDArray[np.int32]
 
@@ -106,7 +106,7 @@ class JointRows:
         return spread
 
 
-class JointStiffness:
+class JointStiffness(Closing):
     """A for any springs.
 
     Attributes:
@@ -139,24 +139,14 @@ class JointStiffness:
         diagonal = stiffness.diagonal()
         total, size = stiffness.comm.allreduce(np.array([diagonal.sum(), len(diagonal)]))
         self.mean_diagonal = float(total / size)
-        self._elastic = self._with_spring_pattern(stiffness.matrix)
-        self._matrix = self._elastic.duplicate()
-        self._vectors = self._matrix.createVecs()
+        self._owner = Owner()
+        self._elastic = self._owner.own(self._with_spring_pattern(stiffness.matrix))
+        self._matrix = self._owner.own(self._elastic.duplicate())
+        self._vectors = [self._owner.own(vector) for vector in self._matrix.createVecs()]
         self._dense: dict[int, list[PETSc.Mat]] = {}
         self._made = 0
         self._solver = self._new_solver()
-
-    def __enter__(self) -> JointStiffness:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Free matrices and factor, on all ranks together."""
-        dense = [matrix for pair in self._dense.values() for matrix in pair]
-        for item in (self._solver, self._matrix, self._elastic, *self._vectors, *dense):
-            item.destroy()
+        self._owner.callback(lambda: self._solver.destroy())
 
     def factor(self, normal: Array, tangential: Array, coupling: Array | None = None) -> Factor:
         """A^-1 for springs k_N, k_T and, only for `GENERAL`, c; it replaces the last one.
@@ -228,7 +218,7 @@ class JointStiffness:
     def _dense_pair(self, count: int) -> list[PETSc.Mat]:
         """Dense matrices for so many right-hand sides and solutions."""
         if count not in self._dense:
-            self._dense[count] = [self._new_dense(count) for _ in "bx"]
+            self._dense[count] = [self._owner.own(self._new_dense(count)) for _ in "bx"]
         return self._dense[count]
 
     def _new_dense(self, count: int) -> PETSc.Mat:
@@ -274,6 +264,8 @@ class Factor:
 
     def solve_all(self, rights: Sequence[Array]) -> list[Array]:
         """A^-1 b for several b at once, which reads the factor only once."""
+        if len(rights) == 1:
+            return [self.solve(rights[0])]
         matrix = self._factor_matrix()
         right, solution = self._stiffness._dense_pair(len(rights))
         for column, values in enumerate(rights):

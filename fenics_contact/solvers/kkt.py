@@ -27,7 +27,7 @@ left for K u. So the part of u that strains the blocks is summed up step by step
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -95,12 +95,8 @@ class Iterate:
 
     def moved(self, length: float, direction: Iterate) -> Iterate:
         """The iterate a step along a direction."""
-        return Iterate(
-            *(
-                getattr(self, item.name) + length * getattr(direction, item.name)
-                for item in fields(self)
-            )
-        )
+        change = vars(direction)
+        return Iterate(**{n: value + length * change[n] for n, value in vars(self).items()})
 
     @property
     def slip(self) -> Array:
@@ -121,15 +117,6 @@ class Residual:
     opening: Array
     slip: Array
     work: float
-
-
-@dataclass(frozen=True)
-class Products:
-    """Products y r_N, s1 z1 and s2 z2 of this rank's points, or changes of them."""
-
-    normal: Array
-    lower: Array
-    upper: Array
 
 
 @dataclass(frozen=True)
@@ -252,14 +239,14 @@ class PerturbedKKT:
             "complementarity": self.mean_product(now),
         }
 
-    def products(self, now: Iterate) -> Products:
-        """Products of this rank's points, N m per metre of thickness."""
-        return Products(now.y * now.pressure, now.s1 * now.z1, now.s2 * now.z2)
+    def products(self, now: Iterate) -> Array:
+        """Products y r_N, s1 z1 and s2 z2, N m per metre of thickness, shape (3, points)."""
+        return np.array([now.y * now.pressure, now.s1 * now.z1, now.s2 * now.z2])
 
-    def total(self, products: Products) -> float:
+    def total(self, products: Array) -> float:
         """Sum of products over all points and ranks."""
-        shear = np.where(self.frictional, products.lower + products.upper, 0.0)
-        return self.problem.sum(products.normal + shear)
+        normal, lower, upper = products
+        return self.problem.sum(normal + np.where(self.frictional, lower + upper, 0.0))
 
     def mean_product(self, now: Iterate) -> float:
         """Mu as the mean of the products, in units of force times displacement."""
@@ -334,7 +321,6 @@ class Linearization:
             np.where(frictional, tangential, free),
             coupling if kkt.given is None else None,
         )
-        self._live_response: Array | None = None
 
     @property
     def springs(self) -> tuple[Array, Array, Array]:
@@ -342,12 +328,10 @@ class Linearization:
         normal = self._share_n * self.k_n
         return normal, self._share_t * self.k_t, self._share_t * self.q * normal
 
-    @property
+    @cached_property
     def live_response(self) -> Array:
         """A^-1 f_L."""
-        if self._live_response is None:
-            self._live_response = self.factor.solve(self.kkt.problem.live)
-        return self._live_response
+        return self.factor.solve(self.kkt.problem.live)
 
     @property
     def flexibility(self) -> float:
@@ -359,33 +343,23 @@ class Linearization:
         """Sign of the determinant of A bordered by f_L, with the sign that it has at T = 0."""
         return self.factor.determinant_sign * float(np.sign(self.flexibility))
 
-    def directions(self, asked: Sequence[tuple[Residual, Products]]) -> list[Iterate]:
+    def directions(self, asked: Sequence[tuple[Residual, Array]]) -> list[Iterate]:
         """Newton directions, all solved for at once.
 
         Args:
-            asked: Residual to be taken away, and change of the products.
+            asked: Residual to be taken away, and change of the products, shape (3, points).
         """
         drives, rights = zip(*(self._right_hand_side(*one) for one in asked), strict=True)
-        if self.kkt.load_factor is not None:
-            found = (
-                self.factor.solve_all(rights) if len(rights) > 1 else map(self.factor.solve, rights)
-            )
-            works = [(u, 0.0) for u in found]
+        with_work = self.kkt.load_factor is None
+        if with_work and "live_response" not in vars(self):
+            *found, self.live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
         else:
-            if self._live_response is None:
-                *found, self._live_response = self.factor.solve_all(
-                    [*rights, self.kkt.problem.live]
-                )
-            else:
-                found = [self.factor.solve(right) for right in rights]
-            works = [
-                self._bordered(u, right, residual.work)
-                for u, right, (residual, _) in zip(found, rights, asked, strict=True)
-            ]
-        return [
-            self._direction(*one, drive, *answer)
-            for one, drive, answer in zip(asked, drives, works, strict=True)
-        ]
+            found = self.factor.solve_all(rights)
+        directions = []
+        for one, drive, right, u in zip(asked, drives, rights, found, strict=True):
+            held = self._bordered(u, right, one[0].work) if with_work else (u, 0.0)
+            directions.append(self._direction(*one, drive, *held))
+        return directions
 
     def hold_work(self, u: Array, excess: float = 0.0) -> tuple[Array, float]:
         """A change of displacements that takes excess work away, and of the load factor."""
@@ -408,36 +382,37 @@ class Linearization:
             factor += more
         return held, factor
 
-    def _right_hand_side(self, residual: Residual, change: Products) -> tuple[Array, Array]:
+    def _right_hand_side(self, residual: Residual, change: Array) -> tuple[Array, Array]:
         """Drive of the slip, and right-hand side b."""
         now, kkt = self.now, self.kkt
-        push = self._share_n * (change.normal / now.y + self.k_n * residual.opening)
-        drive = change.upper / now.s2 - change.lower / now.s1 + residual.slip
+        of_normal, of_lower, of_upper = change
+        push = self._share_n * (of_normal / now.y + self.k_n * residual.opening)
+        drive = of_upper / now.s2 - of_lower / now.s1 + residual.slip
         drive = np.where(kkt.frictional, drive, 0.0)
         shear = self._share_t * (self.k_t * drive + self.q * push)
         return drive, kkt.problem.joint_forces(push, shear) - residual.equilibrium
 
     def _direction(
-        self, residual: Residual, change: Products, drive: Array, u: Array, load_factor: float
+        self, residual: Residual, change: Array, drive: Array, u: Array, load_factor: float
     ) -> Iterate:
         """The direction with given displacements: what the eliminated equations say."""
         now, kkt, p = self.now, self.kkt, self.kkt.problem
         c_n, c_t = p.compliance
+        of_normal, of_lower, of_upper = change
         opening, slip = p.normal @ u, p.tangential @ u
-        pressure = self._share_n * (change.normal / now.y - self.k_n * (opening - residual.opening))
+        pressure = self._share_n * (of_normal / now.y - self.k_n * (opening - residual.opening))
         y = opening + c_n * pressure - residual.opening
         stuck = np.where(kkt.frictional, drive - slip, 0.0)
         shear = self._share_t * (self.k_t * stuck + self.q * pressure)
         slip = slip + c_t * shear
         s1, s2 = kkt.friction * pressure - shear, kkt.friction * pressure + shear
-        z1, z2 = (change.lower - now.z1 * s1) / now.s1, (change.upper - now.z2 * s2) / now.s2
+        z1, z2 = (of_lower - now.z1 * s1) / now.s1, (of_upper - now.z2 * s2) / now.s2
         # Next to its bound the shear force has lost the digits that tell how far a point slides.
         slid, unit = slip - residual.slip, kkt.scales.displacement / kkt.scales.force
         lower, upper = now.z1 / now.s1, now.z2 / now.s2
         down, up = lower > np.maximum(upper, unit), upper > np.maximum(lower, unit)
         z1, z2 = np.where(down, z2 - slid, z1), np.where(up, z1 + slid, z2)
-        s1 = np.where(down, (change.lower - now.s1 * z1) / now.z1, s1)
-        s2 = np.where(up, (change.upper - now.s2 * z2) / now.z2, s2)
+        s1 = np.where(down, (of_lower - now.s1 * z1) / now.z1, s1)
+        s2 = np.where(up, (of_upper - now.s2 * z2) / now.z2, s2)
         s1, s2, z1, z2 = (np.where(kkt.frictional, part, 0.0) for part in (s1, s2, z1, z2))
-        elastic = p.elastic_part(u)
-        return Iterate(u, elastic, load_factor, y, pressure, shear, s1, s2, z1, z2)
+        return Iterate(u, p.elastic_part(u), load_factor, y, pressure, shear, s1, s2, z1, z2)

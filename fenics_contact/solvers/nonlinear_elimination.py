@@ -19,16 +19,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mpi4py import MPI
 
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
-from fenics_contact.solvers.smoothing import JointStates, Points, SmoothedLaws
+from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
 
 Integers = npt.NDArray[np.int64]
 
@@ -40,11 +41,9 @@ class EliminationOptions:
     """Numbers of a step. Distances are those of points from their laws, relative to p and q.
 
     Attributes:
-        points: Points chosen at a time.
-        rounds: How often more are chosen where others end the step.
-        enough: Change of s that is far enough for none to be added.
+        points: Points chosen at a time; as many more where others end the step.
+        enough: Change of s along the path that is far enough for no more to be chosen.
         chosen: Distance from which on a point is chosen.
-        noticed: Distance from which on a point is watched along a curve.
         allowed: Largest distance of a point that is not chosen.
         bisections: Of the change of s up to which no more points bend than are chosen.
         curve_steps: Steps along a curve at most.
@@ -58,10 +57,8 @@ class EliminationOptions:
     """
 
     points: int = 24
-    rounds: int = 1
     enough: float = 0.2
     chosen: float = 0.15
-    noticed: float = 0.02
     allowed: float = 0.3
     bisections: int = 6
     curve_steps: int = 80
@@ -83,10 +80,8 @@ class Line:
 
     def at(self, tau: float) -> tuple[float, float]:
         """Part and s."""
-        return (
-            self.begin[0] + tau * self.direction[0],
-            self.begin[1] + tau * self.direction[1],
-        )
+        (part, s), (of_part, of_s) = self.begin, self.direction
+        return part + tau * of_part, s + tau * of_s
 
 
 @dataclass(frozen=True)
@@ -95,9 +90,9 @@ class TangentModel:
 
     Attributes:
         laws: Their laws.
-        start: States x0, shape (4, points).
-        correction: Newton's correction c to the path, likewise.
-        tangent: Tangent t of the path with respect to s, likewise.
+        start: x0, shape (4, points).
+        correction: c, likewise.
+        tangent: t, likewise.
         springs: Those that the blocks feel, normal, tangential and coupling, shape (3, points).
         compliance: Of the points themselves, normal and tangential, shape (2, points).
         answers: Openings and slips for unit forces at the chosen points, normal and shear in turn,
@@ -115,11 +110,6 @@ class TangentModel:
     answers: Array
     mu: float
     log_mu_rate: float
-
-    def at(self, points: Points) -> TangentModel:
-        """Model of some of the points."""
-        arrays = {item.name: getattr(self, item.name)[..., points] for item in fields(self)[1:-2]}
-        return replace(self, laws=self.laws.at(points), **arrays)
 
     def mu_at(self, s: float) -> float:
         """Product at s."""
@@ -141,51 +131,6 @@ class TangentModel:
         """Distances from the laws; infinite where a tangent leads nowhere."""
         states = self.states(part, s, forces)
         return np.nan_to_num(self.laws.distances(states, self.mu_at(s)), nan=np.inf)
-
-    def shortest_way(self, total: Callable[[Array], float]) -> float:
-        """S per part of the shortest way c + s t to the path, -t.c / t.t: at right angles to t.
-
-        Products are of relative changes of p and q, with s counted once per point.
-
-        Args:
-            total: Sums an array over all ranks.
-        """
-        sizes = self.laws.sizes(JointStates(self.start))
-        carried = np.array([np.ones(len(self.laws.frictional)), self.laws.frictional])
-        along, across = (
-            carried * np.stack([states.p, states.q]) / sizes
-            for states in (JointStates(self.tangent), JointStates(self.correction))
-        )
-        square = total(np.sum(along**2, axis=0) + 1.0)
-        return -total(along * across) / square if square else 0.0
-
-    def gathered(self, comm: MPI.Comm, points: Integers) -> TangentModel:
-        """Model of points of all ranks, the same on all.
-
-        Args:
-            comm: The ranks.
-            points: Ranks and places there, shape (points, 2).
-        """
-        mine = np.flatnonzero(points[:, 0] == comm.rank)
-        local = self.at(points[mine, 1])
-        names = [item.name for item in fields(local)[1:-2]]
-        laws = [local.laws.friction, local.laws.strength, local.laws.frictional]
-        arrays = [getattr(local, name) for name in names]
-        shapes = [array.shape[:-1] for array in arrays]
-        counts = [int(np.prod(shape)) for shape in shapes]
-        rows = [a.reshape(k, len(mine)) for a, k in zip(arrays, counts, strict=True)]
-        rows = np.concatenate([laws, *rows])
-        values = np.empty((len(rows), len(points)))
-        for places, some in comm.allgather((mine, rows)):
-            values[:, places] = some
-        parts = np.split(values[3:], np.cumsum(counts)[:-1])
-        whole = {
-            name: part.reshape(*shape, len(points))
-            for name, shape, part in zip(names, shapes, parts, strict=True)
-        }
-        friction, strength, sticks = values[:3]
-        of_all = replace(local.laws, friction=friction, strength=strength, frictional=sticks > 0.5)
-        return replace(local, laws=of_all, **whole)
 
     def response(self, opening: Array, slip: Array) -> Array:
         """Changes of states that displacements of the blocks cause: springs answer."""
@@ -213,6 +158,8 @@ class CurvePoint:
 
     Attributes:
         x: p and q of the chosen points, and tau.
+        part: Of the correction.
+        s: Change of the path's parameter.
         rest: What is left of the equations, shape (2 points,).
         forces: Excess forces, normal ones first.
         sizes: By which changes of x are measured.
@@ -220,6 +167,8 @@ class CurvePoint:
     """
 
     x: Array
+    part: float
+    s: float
     rest: Array
     forces: Array
     sizes: Array
@@ -256,24 +205,22 @@ class ChosenPoints:
         p, q, tau = x[:count], x[count:-1], float(x[-1])
         part, s = self.line.at(tau)
         of_part, of_s = self.line.direction
-        states, by = model.laws.linearized(p, q, model.mu_at(s))
+        states, (by_p, by_q, by_mu) = model.laws.linearized(p, q, model.mu_at(s))
         difference = states.values - model.moved(part, s)
-        along = of_s * (model.log_mu_rate * by.log_mu - model.tangent) - of_part * model.correction
-        changes = np.array([difference, along, by.p, by.q]).swapaxes(0, 1)
+        along = of_s * (model.log_mu_rate * by_mu - model.tangent) - of_part * model.correction
+        changes = np.array([difference, along, by_p, by_q]).swapaxes(0, 1)
         moved = model.displacements(changes)
-        excess = model.excess(changes, moved) * self._carried
+        excess = model.excess(changes, moved) * model.laws.carried[:, None]
         rest, of_tau = (
             moved[:, k].ravel() - self._compliance @ excess[:, k].ravel() for k in range(2)
         )
-        slopes = np.empty((2 * count, 2 * count + 1))
-        slopes[:, -1] = of_tau
         # A point's p and q change its own forces alone.
         normal, shear = self._compliance[:, None, :count], self._compliance[:, None, count:]
-        by_states = normal * excess[0, 2:] + shear * excess[1, 2:]
-        slopes[:, :-1] = -by_states.reshape(2 * count, 2 * count)
-        slopes.ravel()[self._own] += moved[:, 2:].ravel()
+        slopes = -(normal * excess[0, 2:] + shear * excess[1, 2:]).reshape(2, count, 2, count)
+        np.einsum("skpk->spk", slopes)[:] += moved[:, 2:]
+        slopes = np.column_stack([slopes.reshape(2 * count, 2 * count), of_tau])
         sizes = np.append(model.laws.sizes(states).ravel(), 1.0)
-        return CurvePoint(x, rest, excess[:, 0].ravel(), sizes, slopes)
+        return CurvePoint(x, part, s, rest, excess[:, 0].ravel(), sizes, slopes)
 
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""
@@ -311,22 +258,20 @@ class ChosenPoints:
 
     def trace(
         self,
-        watched: TangentModel,
-        largest: Callable[[Array], float],
         here: CurvePoint,
         forward: Array,
         reach: tuple[float, float],
         limit: float,
+        distance: Callable[[CurvePoint], float],
     ) -> Trace:
-        """Follow the curve by its length, until it ends or a watched point bends too far.
+        """Follow the curve by its length, until it ends or a point that is not chosen bends.
 
         Args:
-            watched: Points that are looked at on the way.
-            largest: Maximum of an array over all ranks.
             here: Where the curve begins.
             forward: Row whose product with the direction there is positive.
             reach: Values of tau at which the curve ends.
-            limit: Distance of watched points from their laws at which it ends.
+            limit: Distance of the other points from their laws at which it ends.
+            distance: Their largest distance.
         """
         furthest, length, near, stopped = here, 1.0, 0.0, None
         shortest = self.options.shortest_to_others * limit / self.options.allowed
@@ -338,9 +283,7 @@ class ChosenPoints:
                 if found is None:
                     length *= 0.4
                     continue
-                new = found[0]
-                distances = watched.distances(*self.line.at(new.tau), new.forces)
-                leaving = largest(distances)
+                leaving = distance(new := found[0])
                 if leaving <= limit:
                     break
                 found, stopped = None, new
@@ -365,20 +308,6 @@ class ChosenPoints:
         opening, slip = self.model.answers
         c = np.concatenate([opening.T, slip.T])
         return np.concatenate([c[:, 0::2], c[:, 1::2]], axis=1)
-
-    @cached_property
-    def _own(self) -> Integers:
-        """Places in `slopes` of a point's opening and slip by its own p and q."""
-        count = len(self.model.laws.frictional)
-        side, number, point = np.ogrid[:2, :2, :count]
-        places = (side * count + point) * (2 * count + 1) + number * count + point
-        return np.asarray(places.ravel())
-
-    @cached_property
-    def _carried(self) -> Array:
-        """Whether there is a force, normal or shear: none where slip is free; shape (2, 1, n)."""
-        frictional = self.model.laws.frictional
-        return np.array([np.ones(len(frictional)), frictional])[:, None]
 
 
 @dataclass(frozen=True)
@@ -462,16 +391,19 @@ class NonlinearElimination:
             log_mu_rate,
         )
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
-        self._others, self._watched = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
-        #: s per part of the shortest way to the path.
-        self.back = self.model.shortest_way(problem.sum)
+        self._others = np.ones(count, dtype=bool)
+        #: s per part of the shortest way c + s t to the path: at right angles to t.
+        self.back = self._shortest_way()
 
     def choose(self, ahead: float) -> None:
         """Choose the points whose laws bend first, and solve for what forces there do to all.
 
         Args:
-            ahead: Change of s that is aimed at along the path; 0: the step only goes to the path.
+            ahead: Change of s that is aimed at along the path; 0: the step only goes to the path,
+                with s held.
         """
+        if not ahead:
+            self.back = 0.0
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
             self._solve_for_answers(self._first_to_bend(ahead))
 
@@ -484,95 +416,89 @@ class NonlinearElimination:
             limit: Distance of other points from their laws at which the step ends.
         """
         with np.errstate(all="ignore"):
-            for _ in range(self.options.rounds):
-                curve, traced, reached = self._curves(reach, orientation, limit)
-                far = abs(traced.last.tau - self.back) > self.options.enough
-                along = reach is not None and reached
-                if traced.complete or (along and far) or traced.stopped is None:
-                    break
-                at = curve.line.at(traced.stopped.tau)
-                more = self._worst(self.model.distances(*at, traced.stopped.forces))
-                if not len(more):
-                    break
-                self._solve_for_answers(more)
-            else:
-                curve, traced, reached = self._curves(reach, orientation, limit)
+            curve, traced, reached = self._curves(reach, orientation, limit)
+            far = reached and abs(traced.last.s - self.back) > self.options.enough
+            if traced.stopped is not None and not far:
+                more = self._worst(self._distances(traced.stopped))
+                if len(more):
+                    self._solve_for_answers(more)
+                    curve, traced, reached = self._curves(reach, orientation, limit)
             return self._moved(curve, traced.last if reached else traced.furthest, reached)
 
     def _curves(
         self, reach: tuple[float, float] | None, orientation: float, limit: float
     ) -> tuple[ChosenPoints, Trace, bool]:
         """The last curve of a step and where it led, and whether the path was reached."""
-        options = self.options
-        model = self.model.gathered(self.problem.comm, self._chosen)
-        corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, self.back)), options)
+        model, options, back = self._gathered(), self.options, self.back
+        corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, back)), options)
         start = JointStates(model.start)
         begin = corrector.at(np.concatenate([start.p, start.q, [0.0]]))
         forward = np.eye(len(begin.x))[-1]
         allowed = min(limit, options.allowed)
-        traced = self._trace(corrector, begin, forward, (options.back, 1.0), allowed)
+        traced = corrector.trace(begin, forward, (options.back, 1.0), allowed, self._distance)
         if reach is None or not traced.complete:
             return corrector, traced, traced.complete
-        # The sign of ds turns with the determinant of the chosen points' equations.
-        sign = orientation * _turned(begin, traced.last)
         predictor = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
-        begin = predictor.at(np.append(traced.last.x[:-1], self.back))
-        low = min(reach[0], self.back - options.shortest)
-        high = max(reach[1], self.back + options.shortest)
-        return predictor, self._trace(predictor, begin, sign * forward, (low, high), limit), True
+        begin = predictor.at(np.append(traced.last.x[:-1], back))
+        reach = min(reach[0], back - options.shortest), max(reach[1], back + options.shortest)
+        traced = predictor.trace(begin, orientation * forward, reach, limit, self._distance)
+        return predictor, traced, True
+
+    def _distances(self, at: CurvePoint) -> Array:
+        """Distances of this rank's points from their laws, 0 where they are chosen."""
+        return np.where(self._others, self.model.distances(at.part, at.s, at.forces), 0.0)
+
+    def _distance(self, at: CurvePoint) -> float:
+        """The largest of them on all ranks."""
+        return self.problem.max(self._distances(at))
+
+    def _shortest_way(self) -> float:
+        """-t.c / t.t, by relative changes of p and q, with s counted once per point."""
+        model = self.model
+        sizes = model.laws.sizes(JointStates(model.start))
+        along, across = (
+            model.laws.carried * np.stack([states.p, states.q]) / sizes
+            for states in (JointStates(model.tangent), JointStates(model.correction))
+        )
+        square = self.problem.sum(np.sum(along**2, axis=0) + 1.0)
+        return -self.problem.sum(along * across) / square if square else 0.0
 
     def _first_to_bend(self, ahead: float) -> Integers:
         """Points that leave their laws first, on the way to the path, and then along it."""
-        options, back = self.options, self.back
-        found = reached = self.model.distances(1.0, back)
+        model, options, back = self.model, self.options, self.back
+        reached = model.distances(1.0, back)
 
-        def to_path(logarithm: float, points: Points) -> Array:
-            part = float(np.exp(logarithm))
-            return self.model.at(points).distances(part, part * back)
+        def to_path(part: float) -> Array:
+            return model.distances(part, part * back)
 
-        def on(logarithm: float, points: Points) -> Array:
-            s = back + ahead * float(np.exp(logarithm))
-            return np.maximum(reached[points], self.model.at(points).distances(1.0, s))
+        def along_path(part: float) -> Array:
+            return np.maximum(reached, model.distances(1.0, back + part * ahead))
 
-        if self._bending(reached) > options.points:
-            found = self._up_to_most(to_path)
-        elif ahead:
-            found = self._up_to_most(on)
-        self._watched = found > options.noticed
+        distances = to_path if self._too_many(reached) else along_path
+        low, high, found = 1e-5, 1.0, distances(1.0)
+        if self._too_many(found):
+            for _ in range(options.bisections):
+                middle = float(np.sqrt(low * high))
+                tried = distances(middle)
+                if self._too_many(tried):
+                    high, found = middle, tried
+                else:
+                    low = middle
         return self._worst(found)
 
-    def _bending(self, distances: Array) -> float:
-        """Number of points that would have to be chosen."""
-        return self.problem.sum(np.where(distances > self.options.chosen, 1.0, 0.0))
-
-    def _up_to_most(self, distances: Callable[[float, Points], Array]) -> Array:
-        """Distances from the laws at the furthest place where no more bend than may be chosen."""
-        low, high = float(np.log(1e-5)), 0.0
-        found = distances(high, slice(None))
-        if self._bending(found) <= self.options.points:
-            return found
-        noticed = np.flatnonzero(found > self.options.noticed)  # on the way there no others are
-        for _ in range(self.options.bisections):
-            middle = 0.5 * (low + high)
-            tried = np.zeros_like(found)
-            tried[noticed] = distances(middle, noticed)
-            if self._bending(tried) > self.options.points:
-                high, found = middle, tried
-            else:
-                low = middle
-        return found
+    def _too_many(self, distances: Array) -> bool:
+        """Whether more points bend than may be chosen."""
+        bending = np.where(distances > self.options.chosen, 1.0, 0.0)
+        return self.problem.sum(bending) > self.options.points
 
     def _worst(self, distances: Array) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
         comm, most = self.problem.comm, self.options.points
         place = np.flatnonzero((distances > self.options.chosen) & self._others)
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
-        found = comm.allgather((distances[place], place))
-        size = np.concatenate([sizes for sizes, _ in found])
-        rank = np.repeat(np.arange(comm.size), [len(places) for _, places in found])
-        places = np.concatenate([places for _, places in found])
-        order = np.lexsort((places, rank, -size))[:most]
-        return np.stack([rank[order], places[order]], axis=1)
+        mine = [(-distances[k], comm.rank, k) for k in place]
+        worst = sorted(chain(*comm.allgather(mine)))[:most]
+        return np.array([found[1:] for found in worst], dtype=np.int64).reshape(-1, 2)
 
     def _solve_for_answers(self, chosen: Integers) -> None:
         """Choose points: openings and slips of this rank's points for unit forces at them."""
@@ -587,34 +513,24 @@ class NonlinearElimination:
         self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
-    def _trace(
-        self,
-        curve: ChosenPoints,
-        here: CurvePoint,
-        forward: Array,
-        reach: tuple[float, float],
-        limit: float,
-    ) -> Trace:
-        """Follow a curve by its length, until it ends or a point that is not chosen bends.
+    def _gathered(self) -> TangentModel:
+        """Model of the chosen points, gathered from their ranks."""
+        comm, chosen = self.problem.comm, self._chosen
+        mine = np.flatnonzero(chosen[:, 0] == comm.rank)
+        order = np.argsort(np.concatenate(comm.allgather(mine)))
 
-        Only points noticed so far are watched on the way. All are looked at where it ends.
-        """
-        while True:
-            watched = self.model.at(np.flatnonzero(self._watched & self._others))
-            traced = curve.trace(watched, self.problem.max, here, forward, reach, limit)
-            last = traced.last
-            if last is here:
-                return traced
-            distances = self.model.distances(*curve.line.at(last.tau), last.forces)
-            missed = np.where(self._others & ~self._watched, distances, 0.0)
-            if not self.problem.max(missed) > limit:
-                return traced
-            self._watched |= missed > min(self.options.noticed, limit)
+        def whole(of: Any) -> Any:
+            arrays = {n: a[..., chosen[mine, 1]] for n, a in vars(of).items() if np.ndim(a)}
+            parts = comm.allgather(arrays)
+            joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in arrays}
+            return replace(of, **{n: array[..., order] for n, array in joined.items()})
+
+        return replace(whole(self.model), laws=whole(self.model.laws))
 
     def _moved(self, curve: ChosenPoints, last: CurvePoint, reached: bool) -> Step:
         """Where the curve's point moves the structure."""
         linear, kkt, problem = self.linear, self.linear.kkt, self.problem
-        part, s = curve.line.at(last.tau)
+        part, s = last.part, last.s
         moved = linear.now.moved(part, self.correction).moved(s, self.tangent)
         mine = np.flatnonzero(self._chosen[:, 0] == problem.comm.rank)
         places = self._chosen[mine, 1]
@@ -644,12 +560,6 @@ def _solved(at: CurvePoint, forward: Array, rest: Array, product: float) -> Arra
         return np.linalg.solve(matrix, np.append(rest, product))
     except np.linalg.LinAlgError:
         return None
-
-
-def _turned(start: CurvePoint, last: CurvePoint) -> float:
-    """Sign of the determinant of the chosen points' equations, relative to that at the start."""
-    signs = (np.linalg.slogdet(at.slopes[:, :-1])[0] for at in (start, last))
-    return float(np.prod(list(signs))) or 1.0
 
 
 def _answers_to(linear: Linearization, points: Integers) -> Array:

@@ -9,7 +9,9 @@ joint values where it owns the joint point. PETSc objects stay inside `SparseMap
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, field
+from typing import Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +19,32 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 Array = npt.NDArray[np.float64]
+_Item = TypeVar("_Item", bound=PETSc.Object)
+
+
+class Owner(ExitStack):
+    """Frees PETSc objects, on all ranks in the same order, on leaving."""
+
+    def own(self, item: _Item) -> _Item:
+        """Take over an object."""
+        self.callback(item.destroy)
+        return item
+
+
+class Closing:
+    """Closes its owner of PETSc objects on leaving a `with`."""
+
+    _owner: Owner
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the objects, on all ranks together."""
+        self._owner.close()
 
 
 class SparseMap:

@@ -19,8 +19,6 @@ import numpy.typing as npt
 
 from fenics_contact.solvers.problem import Array
 
-Points = npt.NDArray[np.int64] | slice
-
 
 @dataclass(frozen=True)
 class JointStates:
@@ -44,15 +42,6 @@ class JointStates:
 
 
 @dataclass(frozen=True)
-class Derivatives:
-    """Derivatives of `JointStates.values` with respect to p, q and log mu, shape (4, points)."""
-
-    p: Array
-    q: Array
-    log_mu: Array
-
-
-@dataclass(frozen=True)
 class SmoothedLaws:
     """Laws of some joint points.
 
@@ -68,10 +57,10 @@ class SmoothedLaws:
     frictional: npt.NDArray[np.bool_]
     smallest: float
 
-    def at(self, points: Points) -> SmoothedLaws:
-        """Laws of some of the points."""
-        friction, strength = self.friction[points], self.strength[points]
-        return SmoothedLaws(friction, strength, self.frictional[points], self.smallest)
+    @property
+    def carried(self) -> Array:
+        """1 where there is a force, normal or shear, 0 where there is none, shape (2, points)."""
+        return np.array([np.ones(len(self.frictional)), self.frictional])
 
     def states(self, p: Array, q: Array, mu: float) -> JointStates:
         """States that belong to p and q."""
@@ -100,8 +89,11 @@ class SmoothedLaws:
         of_q = np.abs(w - slip) / np.maximum(gamma + np.abs(w), self.smallest)
         return np.asarray(np.maximum(of_p, np.where(self.frictional, of_q, 0.0)))
 
-    def linearized(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Derivatives]:
-        """States that belong to p and q, to six digits, and their derivatives."""
+    def linearized(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Array]:
+        """States that belong to p and q, to six digits, and their derivatives.
+
+        These are by p, q and log mu, shape (3, 4, points).
+        """
         none = np.zeros_like(p)
         y, r = normal_law(p, mu)
         root, gamma = y + r, self._bound(r)
@@ -122,7 +114,7 @@ class SmoothedLaws:
         by_q = np.array([none, none, shear_q - 1.0, shear_q])
         by_mu = np.array([r_mu, r_mu, shear_mu, shear_mu])
         states = JointStates(np.array([y, r, shear - q, shear]))
-        return states, Derivatives(by_p, by_q, by_mu)
+        return states, np.array([by_p, by_q, by_mu])
 
     def _bound(self, pressure: Array) -> Array:
         """Bound g; 1 where there is none."""

@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.bound_qp import BoundQPOptions, Closing, Owner
+from fenics_contact.solvers.bound_qp import BoundQPOptions
 from fenics_contact.solvers.delassus import DelassusOperator, JointPoints
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, Scales, State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -176,15 +176,7 @@ class JointForceSolver(Closing):
         minimise: Callable[[ProximalStep, Array], Array] = alternately,
         options: JointForceOptions | None = None,
     ) -> None:
-        """Choose how to minimise.
-
-        Args:
-            problem: The structure.
-            points: Its joint points.
-            residuals: Computes what a state misses.
-            minimise: `alternately`, or `at_once`.
-            options: Constants.
-        """
+        """Choose how to minimise: `alternately` or `at_once`."""
         self.history = SplittingHistory()
         self.factorizations = 0
         self._problem, self._points, self._residuals = problem, points, residuals
@@ -242,7 +234,7 @@ class JointForceSolver(Closing):
     def _adapted(
         self, level: int, last: float, near: State, state: State, residuals: Mapping[str, float]
     ) -> tuple[int, float]:
-        """Level and accuracy for the next step, from those of the last one and what it changed.
+        """Level and accuracy for the next step.
 
         rho falls where it delays equilibrium, and rises where programs, badly conditioned with a
         small rho, miss the joint laws.

@@ -18,13 +18,13 @@ JOINT_METHODS = ("splitting", "active-set")  # whose unknowns are joint forces
 WALLS = ("W1", "W2", "W3", "W4")
 
 #: What a verified result may miss at most, relative to typical sizes.
-RESIDUALS = {
-    "equilibrium": 1e-6,
-    "penetration": 1e-6,
-    "complementarity": 1e-6,
-    "friction": 1e-5,
-    "slip_direction": 1e-5,
-}
+RESIDUALS = dict.fromkeys(("equilibrium", "penetration", "complementarity"), 1e-6)
+RESIDUALS |= dict.fromkeys(("friction", "slip_direction"), 1e-5)
+
+
+def slow(*names: str) -> list[Any]:
+    """Parameters of the slow tests."""
+    return [pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def solved(scene: Scene) -> LimitLoad:
@@ -45,13 +45,7 @@ def recorded(scene: Scene, folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
-    "name",
-    [
-        "W1 tresca 2 kPa",
-        "wedge 0.2",
-        "stack of 2 0.7",
-        pytest.param("4x5 coulomb 0.75", marks=pytest.mark.slow),
-    ],
+    "name", ["W1 tresca 2 kPa", "wedge 0.2", "stack of 2 0.7", *slow("4x5 coulomb 0.75")]
 )
 def test_every_method_finds_what_is_known(name, method, tmp_path):
     record = recorded(BANK[name].scene(method=method), tmp_path)
@@ -63,8 +57,7 @@ def test_every_method_finds_what_is_known(name, method, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", JOINT_METHODS)
 @pytest.mark.parametrize(
-    "name",
-    ["W1 tresca 0.5 kPa", "W1 tresca 8 kPa", "W3 tresca 8 kPa", "wedge 0.1", "wedge 0.3"],
+    "name", ["W1 tresca 0.5 kPa", "W1 tresca 8 kPa", "W3 tresca 8 kPa", "wedge 0.1", "wedge 0.3"]
 )
 def test_given_friction_and_the_wedge_by_joint_forces(name, method):
     result = solved(BANK[name].scene(method=method))
@@ -103,15 +96,7 @@ def test_raising_the_load_ends_at_the_linear_program_with_given_friction(name, t
     assert factor * (1.0 - 2e-4) <= path["equilibrium_up_to"] <= factor * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "W1",
-        "W4",
-        pytest.param("W2", marks=pytest.mark.slow),
-        pytest.param("W3", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("name", ["W1", "W4", *slow("W2", "W3")])
 def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(control="load"), tmp_path)
@@ -123,7 +108,7 @@ def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     assert high - low <= 2e-4 * low
 
 
-@pytest.mark.parametrize("name", ["W4", pytest.param("W2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["W4", *slow("W2")])
 def test_slip_measured_by_load_steps_ends_in_a_verified_state(name):
     wall = BANK[f"{name} coulomb 0.65"]
     stepped = solved(wall.scene(control="load", slip="load-steps"))

@@ -34,13 +34,8 @@ def one_cell(elements: int, quadrilaterals: bool) -> Any:
 SCENES: dict[str, tuple[Recipe, Variant]] = {
     name: (BANK[name].recipe, Variant())
     for name in (
-        "W1 tresca 2 kPa",
-        "W1 coulomb 0.65",
-        "W3 coulomb 0.65",
-        "W4 coulomb 0.65",
-        "10x10 coulomb 0.75",
-        "arch 15 0.15",
-        "wedge 0.3",
+        *("W1 tresca 2 kPa", "W1 coulomb 0.65", "W3 coulomb 0.65", "W4 coulomb 0.65"),
+        *("10x10 coulomb 0.75", "arch 15 0.15", "wedge 0.3"),
     )
 }
 SCENES |= {
@@ -51,10 +46,7 @@ SCENES |= {
     "block of many cells": (block_recipe(0.4, 2.0, 0.3), Variant()),
     "tall block": (block_recipe(0.2, 4.0, 0.3), Variant()),
     # Fewer bodies and cells than ranks: some own nothing.
-    "block of four cells": (
-        outlined([rectangle(0.0, 0.0, 0.4, 1.0)], coulomb(0.3), 1.0),
-        Variant(),
-    ),
+    "block of four cells": (outlined([rectangle(0, 0, 0.4, 1)], coulomb(0.3), 1.0), Variant()),
     "block of one cell": (Recipe(one_cell, coulomb(0.3)), Variant()),
 }
 

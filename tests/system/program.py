@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.meshing import model_from_arrays, polygons, running_bond, wall
+from tests.bank import sides
 from tests.drawing import rectangle
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -193,12 +194,8 @@ def write_mesh(path: Path, name: str) -> None:
 
 def _stack() -> Any:
     """Two blocks of 1 m x 0.5 m, "low" and "high"; "side" is the left of the low one."""
-    groups = {
-        "base": [((0.0, 0.0), (1.0, 0.0))],
-        "bed": [((0.0, 0.5), (1.0, 0.5))],
-        "side": [((0.0, 0.0), (0.0, 0.5))],
-    }
-    blocks = [rectangle(0.0, 0.0, 1.0, 0.5), rectangle(0.0, 0.5, 1.0, 1.0)]
+    groups = sides(base=(0, 0, 1, 0), bed=(0, 0.5, 1, 0.5), side=(0, 0, 0, 0.5))
+    blocks = [rectangle(0, 0, 1, 0.5), rectangle(0, 0.5, 1, 1)]
     return polygons(blocks, 0.25, ["low", "high"], groups)
 
 
@@ -234,18 +231,14 @@ def _no_surface_group() -> Any:
     """The block without the group of its surface."""
     import gmsh
 
-    model = _block()
+    model = wall([[1.0]], (1.0, 0.5))
     model.removePhysicalGroups(model.getPhysicalGroups(2))
     gmsh.option.setNumber("Mesh.SaveAll", 1)
     return model
 
 
-def _block() -> Any:
-    return wall([[1.0]], (1.0, 0.5))
-
-
 MESHES: dict[str, Callable[[], Any]] = {
-    "block": _block,
+    "block": lambda: wall([[1.0]], (1.0, 0.5)),
     "tower": lambda: wall([[1.0], [1.0]], (0.5, 0.5)),
     "wall": lambda: running_bond(2, 2),
     "stack": _stack,

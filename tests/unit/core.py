@@ -20,7 +20,7 @@ from fenics_contact.meshing import running_bond, wall
 from fenics_contact.solvers import nonlinear_elimination as elimination
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL
-from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Products, Residual
+from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import ContactProblem, SparseMap, State
 from tests.bank import PUSH, STONE, Recipe, coulomb
 from tests.drawing import Drawing
@@ -166,12 +166,10 @@ class Place:
     def at(cls, kkt: PerturbedKKT, now: Iterate, mu: float) -> Place:
         """Factor the equations at an iterate with equal products."""
         linear, zero = kkt.linearize(now), np.zeros_like(now.y)
-        fall = np.full_like(zero, -mu * kkt.scales.force * kkt.scales.displacement)
+        fall = np.full((3, len(zero)), -mu * kkt.scales.force * kkt.scales.displacement)
         rest = Residual(np.zeros_like(now.u), zero, zero, 0.0)
-        across = kkt.residual(now), Products(zero, zero, zero)
-        return cls(
-            kkt, mu, linear, *linear.directions([across, (rest, Products(fall, fall, fall))])
-        )
+        across = kkt.residual(now), np.zeros_like(fall)
+        return cls(kkt, mu, linear, *linear.directions([across, (rest, fall)]))
 
     def elimination(
         self, ahead: float, options: elimination.EliminationOptions | None = None

@@ -152,11 +152,8 @@ def test_petsc_options_are_left_as_they_were(solver):
     assert PETSc.Options().getAll() == before
 
 
-def test_unknown_back_end():
+def test_unknown_back_end_and_diagonal_that_is_not_positive():
     with pytest.raises(SolverError, match="unknown solver 'simplex'; known: faces, tron"):
         solved(SIX, "simplex")
-
-
-def test_diagonal_must_be_positive():
     with pytest.raises(SolverError, match="diagonal is not positive"):
         solved((np.diag([1.0, 0.0]), *[np.zeros(2)] * 3))

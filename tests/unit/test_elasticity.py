@@ -9,9 +9,10 @@ import pytest
 from dolfinx import fem
 
 from fenics_contact import InputError, Load, Material, Scene
+from fenics_contact.discretization.discretization import find_supports
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.discretization.facets import collect_boundary
-from fenics_contact.discretization.supports import Supports, find_supports
+from fenics_contact.discretization.supports import Supports
 from fenics_contact.meshing import polygons
 from fenics_contact.output.fields import stress_fields
 from tests.helpers import Drawing, dense, grid_blocks, mesh_of, node_positions, rectangle, rotation
@@ -190,18 +191,6 @@ def test_resultants_add_up_and_are_those_of_the_load_not_of_what_supports_leave(
     assert elasticity.live_resultant[0] == pytest.approx(expected, rel=1e-12, abs=1e-9)
     forces = everywhere(elasticity, elasticity.live).reshape(-1, 2)
     assert np.all(forces[supports.nodes] == 0.0)
-
-
-def test_lame_parameters_of_the_plane_states():
-    drawing = grid_blocks(((0, 0), (1, 1), (1, 1)))
-    mu = YOUNG / (2 * (1 + POISSON))
-    for plane, value in (
-        ("strain", YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))),
-        ("stress", YOUNG * POISSON / (1 - POISSON**2)),
-    ):
-        lame = assembled(scene_of(drawing, Load((1.0, 0.0)), plane=plane))[0].lame
-        for field, expected in zip(lame, (value, mu), strict=True):
-            assert field.x.array == pytest.approx(np.full(len(field.x.array), expected), rel=1e-14)
 
 
 def test_traction_inside_a_block():

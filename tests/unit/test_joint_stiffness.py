@@ -85,9 +85,8 @@ def test_several_right_hand_sides_at_once(case, kind):
     size = 1e-9 * np.abs(exact).max()
     for count in (3, 2):
         found = factor.solve_all([part(problem, row, problem.dead) for row in rights[:count]])
-        assert np.array([whole(problem, x) for x in found]) == pytest.approx(
-            exact[:count], abs=size
-        )
+        found = [whole(problem, x) for x in found]
+        assert np.array(found) == pytest.approx(exact[:count], abs=size)
     places = [np.array(rows, dtype=np.int32) for rows in ([1, 4], [problem.size - 1], [0])]
     rights = np.zeros_like(rights)
     for row, place in zip(rights, places, strict=True):
@@ -134,11 +133,8 @@ def test_factor_used_after_another_one_is_an_error(case, kind):
 def loose(request) -> Iterator[JointStiffness]:
     """Two nodes with one joint point; nothing but its normal spring holds the second upright."""
     stiffness = sparse(np.diag([3.0, 3.0, 3.0, 0.0]))
-    rows = JointRows.single(
-        np.array([[0, 1, 2, 3]], dtype=np.int32),
-        np.array([[0.0, -1.0, 0.0, 1.0]]),
-        np.array([[-1.0, 0.0, 1.0, 0.0]]),
-    )
+    dofs, upright, level = [[0, 1, 2, 3]], [[0.0, -1.0, 0.0, 1.0]], [[-1.0, 0.0, 1.0, 0.0]]
+    rows = JointRows.single(np.array(dofs, np.int32), np.array(upright), np.array(level))
     with JointStiffness(stiffness, rows, request.param, Tally()) as made:
         yield made
     stiffness.close()

@@ -18,25 +18,10 @@ from fenics_contact.mesh import (
     ranks_of_bodies,
 )
 from fenics_contact.meshing import model_from_arrays, polygons, wall
-from tests.helpers import Drawing, mesh_of, rectangle
+from tests.helpers import Drawing, grid_blocks, mesh_of, rectangle
 
 SQUARE = rectangle(0.0, 0.0, 1.0, 1.0)
 ONE_CELL = {"blocks": [[0, 1, 2, 3]]}
-
-
-@pytest.fixture
-def folder(tmp_path) -> Path:
-    """One temporary folder for all ranks: that of rank 0."""
-    return MPI.COMM_WORLD.bcast(tmp_path)
-
-
-def save(model, path: Path) -> Path:
-    """Save the current model, on rank 0."""
-    if MPI.COMM_WORLD.rank == 0:
-        with gmsh_session() as gmsh:
-            gmsh.write(str(path))
-    MPI.COMM_WORLD.barrier()
-    return path
 
 
 def write(text: str, path: Path) -> Path:
@@ -73,9 +58,10 @@ def test_bodies_are_connected_cells_numbered_by_first_cell():
 
 
 def test_touching_blocks_with_nodes_of_their_own_are_two_bodies():
-    points = SQUARE + [(x + 1.0, y) for x, y in SQUARE]
-    mesh = mesh_of(model_from_arrays(points, {"blocks": [[0, 1, 2, 3], [4, 5, 6, 7]]}, {}))
-    assert mesh.body_count == 2
+    assert (
+        mesh_of(grid_blocks(((0, 0), (1, 1), (1, 1)), ((1, 0), (1, 1), (1, 1))).model()).body_count
+        == 2
+    )
 
 
 def test_cells_that_share_a_facet_are_one_body_across_groups():
@@ -100,20 +86,15 @@ def test_bodies_do_not_depend_on_numbers(seed, quadrilaterals):
 @pytest.mark.parametrize(
     ("facets", "expected"),
     [
-        (
-            {"a": [[0, 1]], "b": [[1, 0], [1, 2]], "c": [[2, 3]]},
-            {(0, 1): {"a", "b"}, (1, 2): {"b"}, (2, 3): {"c"}},
-        ),
+        ({"a": [[0, 1]], "b": [[1, 0], [1, 2]], "c": [[2, 3]]},
+         {(0, 1): {"a", "b"}, (1, 2): {"b"}, (2, 3): {"c"}}),
         ({"a": [[0, 1]], "b": [[0, 1]], "c": [[1, 0]]}, {(0, 1): {"a", "b", "c"}}),
     ],
-)
+)  # fmt: skip
 def test_facet_in_several_groups_has_all_of_them(facets, expected):
     drawn = extract(model_from_arrays(SQUARE, ONE_CELL, facets), "square")
-    found = {
-        tuple(facet): drawn.facet_sets[group]
-        for facet, group in zip(drawn.facets.tolist(), drawn.facet_groups, strict=True)
-    }
-    assert found == expected
+    groups = [drawn.facet_sets[group] for group in drawn.facet_groups]
+    assert dict(zip(map(tuple, drawn.facets.tolist()), groups, strict=True)) == expected
     assert drawn.facet_names == ("a", "b", "c")
 
 
@@ -128,9 +109,8 @@ def test_group_without_name_goes_by_its_number():
 
 def test_lines_apart_from_the_cells_are_left_out():
     points = [*SQUARE, (5.0, 0.0), (6.0, 0.0)]
-    drawn = extract(
-        model_from_arrays(points, ONE_CELL, {"base": [[0, 1]], "axis": [[4, 5]]}), "square"
-    )
+    facets = {"base": [[0, 1]], "axis": [[4, 5]]}
+    drawn = extract(model_from_arrays(points, ONE_CELL, facets), "square")
     assert drawn.facets.tolist() == [[0, 1]]
     assert len(drawn.points) == 4
 
@@ -138,7 +118,11 @@ def test_lines_apart_from_the_cells_are_left_out():
 def test_file_gives_the_same_mesh_as_its_model_and_leaves_the_current_one(folder):
     model = wall([[1, 1], [0.5, 1, 0.5]])
     usual = mesh_of(model)
-    path = save(model, folder / "wall.msh")
+    path = folder / "wall.msh"
+    if MPI.COMM_WORLD.rank == 0:
+        with gmsh_session() as gmsh:
+            gmsh.write(str(path))
+    MPI.COMM_WORLD.barrier()
     model_from_arrays(SQUARE, ONE_CELL, {}, "the caller's")
     mesh = BlockMesh.from_file(path, MPI.COMM_WORLD)
     with gmsh_session() as gmsh:
@@ -174,16 +158,12 @@ def test_gmsh_keeps_its_hands_off_ctrl_c():
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_missing_file(folder):
+@pytest.mark.parametrize("text", ["", "ply\nformat ascii 1.0\n", "<mesh/>"])
+def test_file_missing_or_of_another_kind(folder, text):
     with pytest.raises(InputError, match=r"nowhere\.msh' does not exist"):
         BlockMesh.from_file(folder / "nowhere.msh", MPI.COMM_WORLD)
-
-
-@pytest.mark.parametrize("text", ["", "ply\nformat ascii 1.0\n", "<mesh/>"])
-def test_file_of_another_kind(folder, text):
-    path = write(text, folder / "mesh.txt")
     with pytest.raises(InputError, match=r"mesh\.txt' is not a gmsh mesh file"):
-        BlockMesh.from_file(path, MPI.COMM_WORLD)
+        BlockMesh.from_file(write(text, folder / "mesh.txt"), MPI.COMM_WORLD)
 
 
 def no_cells():
@@ -244,11 +224,8 @@ def test_mesh_refuses(draw, message):
         mesh_of(draw())
 
 
-def test_plane_parallel_to_x_and_y_is_fine():
+def test_plane_parallel_to_x_and_y_and_small_cells_far_from_the_origin_are_fine():
     assert mesh_of(lifted(7.0, 7.0, 7.0, 7.0)).body_count == 1
-
-
-def test_small_cells_far_from_the_origin_have_area():
     points = 1e-3 * np.array(SQUARE) + 1e3
     assert mesh_of(model_from_arrays(points, ONE_CELL, {})).body_count == 1
 

@@ -19,14 +19,7 @@ from fenics_contact.meshing import (
     wall,
     wedge,
 )
-from tests.helpers import (
-    Drawing,
-    cell_areas,
-    coulomb,
-    group_lengths,
-    on_ground,
-    rectangle,
-)
+from tests.helpers import Drawing, cell_areas, coulomb, group_lengths, on_ground, rectangle
 
 L, H = 0.4, 0.175
 
@@ -113,12 +106,6 @@ def test_diagonals_alternate():
     slope = step[:, 0] * step[:, 1]
     rising, falling = int((slope > 1e-9).sum()), int((slope < -1e-9).sum())
     assert rising == falling == 16  # every diagonal is a side of two triangles
-
-
-def test_blocks_of_a_wall_share_no_node():
-    drawn = extract(wall([[1, 1], [1, 1]], (L, H), 1), "wall")
-    middle = np.abs(drawn.points - [L, H]).max(axis=1) < 1e-12
-    assert int(middle.sum()) == 4
 
 
 # Two blocks side by side on a longer one: their common corner lies on its side.

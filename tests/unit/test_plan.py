@@ -34,74 +34,49 @@ def names(scene: Scene) -> list[str]:
     return [item.split(":")[0] for item in skipped(scene)]
 
 
-def test_scene_that_needs_everything(full):
-    assert skipped(full) == ()
-
-
 @pytest.mark.parametrize(
-    ("joint", "ground", "needed"),
+    ("joint", "ground", "fixed_point", "shear"),
     [
-        (coulomb(0.5), SMOOTH, True),
-        (SMOOTH, coulomb(0.5), True),
-        (tresca(1e3), coulomb(0.5), True),
-        (coulomb(0.0), coulomb(0.0), False),
-        (tresca(1e3), SMOOTH, False),
-        (SMOOTH, SMOOTH, False),
+        (coulomb(0.5), SMOOTH, True, True),
+        (SMOOTH, coulomb(0.5), True, True),
+        (tresca(1e3), coulomb(0.5), True, True),
+        (tresca(1e3), SMOOTH, False, True),
+        (coulomb(0.0), coulomb(0.0), False, False),
+        (tresca(0.0), tresca(0.0), False, False),
+        (SMOOTH, SMOOTH, False, False),
     ],
 )
-def test_fixed_point_is_for_coulomb_friction_only(full, joint, ground, needed):
-    scene = replace(full, joints={"default": joint}, foundations={"base": ground})
-    assert ("fixed point on the friction bound" in names(scene)) == (not needed)
+def test_fixed_point_and_shear_are_for_friction_only(full, joint, ground, fixed_point, shear):
+    found = names(replace(full, joints={"default": joint}, foundations={"base": ground}))
+    assert ("fixed point on the friction bound" in found) == (not fixed_point)
+    assert ("shear forces" in found) == (not shear)
 
 
 @pytest.mark.parametrize(
-    ("law", "shear"),
-    [(coulomb(0.5), True), (tresca(1.0), True), (coulomb(0.0), False), (tresca(0.0), False),
-     (SMOOTH, False)],
-)  # fmt: skip
-def test_shear_is_for_friction_only(full, law, shear):
-    scene = replace(full, joints={"default": law}, foundations={"base": law})
-    assert ("shear forces" in names(scene)) == (not shear)
-
-
-def test_loads_not_given(full):
-    assert names(replace(full, dead=Load())) == ["dead tractions", "dead body force"]
-    assert names(replace(full, live=PUSH)) == ["live tractions"]
-    assert names(replace(full, live=Load(traction={"left": (1.0, 0.0)}))) == ["live body force"]
-
-
-@pytest.mark.parametrize(
-    ("direction", "other"), [("positive", "negative"), ("negative", "positive")]
-)
-def test_direction_not_asked_for(full, direction, other):
-    scene = replace(full, solve=SolveOptions(direction=direction))
-    assert skipped(scene) == (f"{other} direction: solve.direction = '{direction}'",)
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
+    ("changes", "expected"),
     [
-        ({"capacity": 0}, "capacity curve"),
-        ({"paraview": False}, "stress recovery and ParaView files"),
-        ({"pictures": False}, "pictures"),
+        ({}, []),
+        ({"dead": Load()}, ["dead tractions", "dead body force"]),
+        ({"live": PUSH}, ["live tractions"]),
+        ({"live": Load(traction={"left": (1.0, 0.0)})}, ["live body force"]),
+        ({"solve": SolveOptions(direction="positive")}, ["negative direction"]),
+        ({"solve": SolveOptions(direction="negative")}, ["positive direction"]),
+        ({"output": replace(EVERYTHING, capacity=0)}, ["capacity curve"]),
+        ({"output": replace(EVERYTHING, paraview=False)}, ["stress recovery and ParaView files"]),
+        ({"output": replace(EVERYTHING, pictures=False)}, ["pictures"]),
     ],
 )
-def test_output_not_asked_for(full, change, expected):
-    assert names(replace(full, output=replace(EVERYTHING, **change))) == [expected]
+def test_what_is_not_given_or_not_asked_for(full, changes, expected):
+    assert names(replace(full, **changes)) == expected
 
 
 def test_every_item_gives_its_reason(full):
-    bare = replace(
-        full,
-        dead=Load(),
-        live=PUSH,
-        joints={"default": SMOOTH},
-        foundations={"base": SMOOTH},
-        solve=SolveOptions(),
-        output=OutputOptions(paraview=False, pictures=False, capacity=0),
-    )
+    smooth = {"joints": {"default": SMOOTH}, "foundations": {"base": SMOOTH}}
+    output = OutputOptions(paraview=False, pictures=False, capacity=0)
+    bare = replace(full, dead=Load(), live=PUSH, solve=SolveOptions(), output=output, **smooth)
     items = skipped(bare)
     assert len(items) == len(set(items)) == 9
+    assert "negative direction: solve.direction = 'positive'" in items
     for item in items:
         what, reason = item.split(": ", 1)
         assert what and reason

@@ -13,13 +13,7 @@ import pytest
 
 from fenics_contact import LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import (
-    CollapseState,
-    History,
-    LoadPath,
-    LoadStep,
-    Step,
-)
+from fenics_contact.analysis.history import CollapseState, History, LoadPath, LoadStep, Step
 from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
@@ -29,7 +23,7 @@ from tests.helpers import coulomb, on_ground
 
 
 def bounds() -> LimitBounds:
-    return LimitBounds(0.25, 1.0, stands=True, stands_frictionless=True)
+    return LimitBounds(0.25, 1.0)
 
 
 def collapse(status: str = "limit") -> Collapse:
@@ -92,9 +86,8 @@ def test_contraction_is_that_of_the_last_half():
 
 def test_numbers_of_the_record_are_strict_json():
     record = {"a": [np.inf, 1, {"b": float("nan"), "c": None}], "d": "text", "e": -0.0}
-    assert str(strict(record)) == str(
-        {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
-    )
+    expected = {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
+    assert str(strict(record)) == str(expected)
 
 
 def sliding_wall(direction: str = "positive", capacity: int = 0) -> Scene:
@@ -154,7 +147,7 @@ def test_bracket_is_found_where_it_is_written(tmp_path):
 
 @pytest.mark.parametrize(("upper", "status"), [(0.29, "not_converged"), (None, "limit")])
 def test_bracket_that_excludes_the_load_factor_or_is_not_known(upper, status, result, tmp_path):
-    known = LimitBounds(None, upper, stands=True, stands_frictionless=False)
+    known = LimitBounds(None, upper)
     ends = {"positive": replace(result.positive, program=lambda: known)}
     changed = LimitLoad(result.discretization, ends, (), {**result.seconds}, 0)
     changed.write(tmp_path)

@@ -64,7 +64,7 @@ def test_directions_of_the_live_load(friction, live, expected):
     with programs(block(coulomb(friction), live=Load(live))) as (blocks, _):
         bounds = blocks.bounds()
         assert blocks.limit() == bounds.upper == pytest.approx(expected, rel=1e-9)
-        assert bounds.stands and bounds.stands_frictionless and bounds.lower >= 0.0
+        assert blocks.stands() and blocks.stands(friction=False) and bounds.lower >= 0.0
         assert (blocks.associative_pressure() is None) == (expected == np.inf)
 
 
@@ -87,13 +87,39 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
     """tan(16.7) = 0.3 is the friction."""
     slope = bank.on_slope(degrees, (-GRAVITY, 0.0))
     with programs(block(coulomb(0.3), **slope)) as (blocks, _):
-        bounds = blocks.bounds()
-        assert bounds.lower is None and not bounds.stands_frictionless
-        assert bounds.stands == blocks.stands() == stands
+        assert blocks.bounds().lower is None and blocks.stands() == stands
         assert not blocks.stands(friction=False)
     off = bank.on_slope(degrees, (0.0, GRAVITY))
     with programs(block(SMOOTH, **off)) as (blocks, _):
         assert blocks.limit() is None and blocks.associative_pressure() is None
+
+
+def test_fall_is_a_motion_that_no_joint_resists():
+    """The block slides down a slope of 17.5 degrees with friction 0.3; each point by itself."""
+    with programs(block(coulomb(0.3), **bank.on_slope(17.5, (-GRAVITY, 0.0)))) as (blocks, made):
+        fall = blocks.fall()
+        assert np.sum(fall * made.bodies.dead) > 0.0
+        arm = made.joints.position - made.bodies.centre[0]
+        velocity = fall[0, :2] + fall[0, 2] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        opening = np.sum(velocity * made.joints.normal, axis=1)
+        slip = np.sum(velocity * made.joints.tangent, axis=1)
+        assert np.all(opening >= 0.3 * np.abs(slip) - 1e-9)
+    with programs(block(coulomb(0.3), **bank.on_slope(16.0, (-GRAVITY, 0.0)))) as (blocks, made):
+        assert blocks.fall() is None and blocks.fall(friction=False) is not None
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("live", "wedges"), [((0.3, -1.0), True), ((0.3, -0.2), False)])
+def test_wedging_forces_balance_the_live_load(live, wedges):
+    recipe = block(coulomb(0.7), live=Load(tuple(GRAVITY * part for part in live)))
+    with programs(recipe) as (blocks, made):
+        forces = blocks.wedging()
+        assert (forces is not None) == wedges
+        if forces is not None:
+            normal, shear = forces
+            assert np.all(normal >= 0.0) and np.all(np.abs(shear) <= 0.7 * normal + 1e-9)
+            total = normal @ made.joints.normal + shear @ made.joints.tangent
+            assert total == pytest.approx(-made.bodies.live[0, :2], rel=1e-7)
 
 
 @pytest.mark.mpi

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, Load, Scene
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.discretization import Discretization, find_supports
 from fenics_contact.discretization.elasticity import displacement_space
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.rigid_motions import RigidBodies, rigid_bodies
-from fenics_contact.discretization.supports import find_supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import PUSH, STONE, coulomb, dense, grid_blocks, mesh_of, rotation
 
@@ -116,15 +115,12 @@ def test_structure_that_is_not_held_or_not_pushed(drawing, holds, message):
         build(drawing.model(), **holds)
 
 
-def test_stack_between_rollers_is_held_as_a_whole():
-    model = wall([[1], [1]], elements=1)
-    with build(model, supports={"base": "roller", "left": "roller"}) as built:
-        assert built.bodies.floating.tolist() == [False, True]
-
-
-def test_foundation_holds_what_stands_on_it():
-    with build(wall([[1], [1]], elements=1), foundations=["base"]) as built:
-        assert built.bodies.floating.tolist() == [True, True]
+@pytest.mark.parametrize("holds", ["rollers", "foundation"])
+def test_rollers_or_a_foundation_hold_a_stack_as_a_whole(holds):
+    rollers = holds == "rollers"
+    supports, ground = ({"base": "roller", "left": "roller"}, []) if rollers else ({}, ["base"])
+    with build(wall([[1], [1]], elements=1), supports, ground) as built:
+        assert built.bodies.floating.tolist() == [not rollers, True]
 
 
 def test_rigid_motions_of_blocks_that_no_support_touches():

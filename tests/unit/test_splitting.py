@@ -35,6 +35,11 @@ class Loaded:
     start: State
     scales: Scales
 
+    @property
+    def ask(self) -> tuple[np.ndarray, float, State, Scales]:
+        """What a solver is asked for: bound, work, start and typical sizes."""
+        return self.problem.strength, self.start.work, self.start, self.scales
+
     def solver(self, minimise=alternately, **options) -> JointForceSolver:
         options = JointForceOptions(**options)
         return JointForceSolver(self.problem, self.points, state_residuals, minimise, options)
@@ -68,11 +73,8 @@ def bond() -> Iterator[Loaded]:
 @pytest.mark.parametrize("minimise", WAYS)
 @pytest.mark.parametrize("back_end", ["faces", "vinewtonrsls"])
 def test_sliding_block(block, minimise, back_end):
-    problem = block.problem
     with block.solver(minimise, solver=back_end) as solver:
-        state, residuals = solver.solve(
-            problem.strength, block.start.work, block.start, block.scales, 1e-9
-        )
+        state, residuals = solver.solve(*block.ask, 1e-9)
         history = solver.history
     weight = 0.4 * 0.4 * 2000.0 * 9.81
     assert state.load_factor == pytest.approx(2e3 * 0.4 / weight, rel=1e-7)
@@ -84,10 +86,10 @@ def test_sliding_block(block, minimise, back_end):
 @pytest.mark.mpi
 @pytest.mark.parametrize("minimise", WAYS)
 def test_residuals_are_those_of_the_state(bond, minimise):
-    problem, bound = bond.problem, bond.problem.strength
+    problem = bond.problem
     with bond.solver(minimise) as solver:
-        state, residuals = solver.solve(bound, bond.start.work, bond.start, bond.scales, 1e-9)
-    assert residuals == state_residuals(problem, state, bond.scales, bound)
+        state, residuals = solver.solve(*bond.ask, 1e-9)
+    assert residuals == state_residuals(problem, state, bond.scales, problem.strength)
     assert max(residuals.values()) <= 1e-9
     assert state.work == bond.start.work
     assert problem.dot(problem.live, state.displacement) == pytest.approx(state.work, rel=1e-9)
@@ -98,9 +100,8 @@ def test_residuals_are_those_of_the_state(bond, minimise):
 def test_load_factor_can_be_prescribed(bond, minimise):
     """A state at the load factor does work; at the work done, that is its load factor."""
     bound, scales = bond.problem.strength, replace(bond.scales, displacement=bond.scales.elastic)
-    start = bond.problem.state(
-        0.01 * bond.start.displacement, 0.0, bond.start.pressure, bond.start.shear
-    )
+    u, *forces = 0.01 * bond.start.displacement, bond.start.pressure, bond.start.shear
+    start = bond.problem.state(u, 0.0, *forces)
     with bond.solver(minimise) as solver:
         state, residuals = solver.solve(bound, 0.0, start, scales, 1e-10, load_factor=0.02)
         assert state.load_factor == 0.02
@@ -113,9 +114,8 @@ def test_load_factor_can_be_prescribed(bond, minimise):
 def test_slip_is_measured_from_its_origin(bond):
     """Residuals with the origin are small."""
     moved = replace(bond.problem, slip_origin=np.full_like(bond.problem.strength, 1e-6))
-    with JointForceSolver(moved, bond.points, state_residuals) as solver:
-        ask = moved.strength, bond.start.work, bond.start, bond.scales, 1e-9
-        state, residuals = solver.solve(*ask)
+    with replace(bond, problem=moved).solver() as solver:
+        state, residuals = solver.solve(*bond.ask, 1e-9)
     assert max(residuals.values()) <= 1e-9
     assert state_residuals(moved, state, bond.scales, moved.strength) == residuals
 
@@ -124,10 +124,9 @@ def test_slip_is_measured_from_its_origin(bond):
 @pytest.mark.parametrize("minimise", WAYS)
 def test_warm_start_takes_few_steps(bond, minimise):
     with bond.solver(minimise) as solver:
-        ask = bond.problem.strength, bond.start.work
-        state, _ = solver.solve(*ask, bond.start, bond.scales, 1e-9)
+        state, _ = solver.solve(*bond.ask, 1e-9)
         before, factors = solver.history.steps, solver.factorizations
-        again, _ = solver.solve(*ask, state, bond.scales, 1e-9)
+        again, _ = solver.solve(*replace(bond, start=state).ask, 1e-9)
         assert solver.history.steps - before <= 2
         assert solver.factorizations == factors
     assert again.load_factor == pytest.approx(state.load_factor, rel=1e-8)
@@ -136,14 +135,13 @@ def test_warm_start_takes_few_steps(bond, minimise):
 @pytest.mark.mpi
 def test_failure_says_how_far_it_came(bond):
     with bond.solver(patience=1, slow_step=np.inf, hold=1e4, acceptable=0.0) as solver:
-        ask = bond.problem.strength, bond.start.work, bond.start, bond.scales, 1e-12
         with pytest.raises(SolverError, match=r"residual .* after \d+ steps, asked 1.0e-12"):
-            solver.solve(*ask)
+            solver.solve(*bond.ask, 1e-12)
 
 
 @pytest.mark.mpi
 def test_contraction_of_sweeps(bond):
     with bond.solver(alternately, slow_sweep=0.9) as solver:
         assert solver.history.contraction is None
-        solver.solve(bond.problem.strength, bond.start.work, bond.start, bond.scales, 1e-9)
+        solver.solve(*bond.ask, 1e-9)
         assert 0.0 < solver.history.contraction < 0.9

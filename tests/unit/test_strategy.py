@@ -32,12 +32,7 @@ def task_of(case: LoadCase, ratio: float = FAR) -> Task:
 
 @pytest.mark.parametrize(
     "attempt",
-    [
-        attempts.interior_point,
-        *BY_MODES,
-        attempts.along_falling_products,
-        attempts.fixed_point,
-    ],
+    [attempts.interior_point, *BY_MODES, attempts.along_falling_products, attempts.fixed_point],
     ids=["interior point", "rising work", "falling products", "without modes", "fixed point"],
 )
 def test_all_attempts_find_the_same_state(wall, attempt):
