@@ -116,11 +116,6 @@ def answer(draw: Draw, variant: Variant = PLAIN) -> Answer:
     return Answer(result, blocks, wrong, files)
 
 
-def right(found: Answer) -> bool:
-    """Whether nothing is wrong; what is not proved may be right (see the test of that)."""
-    return set(found.wrong) <= {UNPROVED}
-
-
 def same_state(one: Answer, other: Answer, mirrored: bool) -> bool:
     """Whether all joints of two runs open, slip and stick alike, under the same forces."""
     places, values = one.points()
@@ -133,8 +128,7 @@ def same_state(one: Answer, other: Answer, mirrored: bool) -> bool:
 def compared(draw: Draw, variant: Variant) -> bool:
     """Whether a scene and the same written otherwise end in one state; both must be right."""
     plain, other = answer(draw), answer(draw, variant)
-    assert right(plain), plain.wrong
-    assert right(other), other.wrong
+    assert not plain.wrong and not other.wrong
     statuses = {plain.result.status, other.result.status}
     if "unstable" in statuses:
         assert statuses <= {"unstable", "not_converged"}
@@ -151,22 +145,18 @@ def compared(draw: Draw, variant: Variant) -> bool:
 @settings(BUDGET, max_examples=60)
 @given(draws())
 def test_answer_is_what_independent_programs_and_files_say(draw):
-    found = answer(draw)
-    assert right(found), found.wrong
+    assert not answer(draw).wrong
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="'unstable' is also said where two collapse states found leave out the dead load",
-)
 @alone
 def test_unstable_is_proved():
+    """Two collapse states found on one side of the dead load do not prove it."""
     assert not answer(Draw("bond", blocks=2, elements=1, seed=0)).wrong
 
 
-@pytest.mark.xfail(reason="HiGHS of scipy 1.10 answers 'status 15' whether the dead load stands")
 @alone
 def test_unstable_scene_is_found_so():
+    """HiGHS of scipy 1.10 answers "status 15" where it is asked for any equilibrium here."""
     found = answer(Draw.of_seed(447))
     assert (found.result.status, found.wrong) == ("unstable", [])
 
@@ -210,7 +200,7 @@ def test_ranks_agree_with_one(kind):
     together = limit_load(recipe.scene(draw.elements))
     assert len(set(MPI.COMM_WORLD.allgather(repr(together.load_factor)))) == 1
     assert together.status == single.status
-    assert set(faults(read(scene), together.status, together.load_factor)) <= {UNPROVED}
+    assert not faults(read(scene), together.status, together.load_factor)
     if single.status == "limit":
         assert together.load_factor == pytest.approx(single.load_factor, rel=AGREED)
 
