@@ -23,7 +23,7 @@ from fenics_contact.scene import Scene
 BAD_INPUT, INTERRUPTED = 2, 130
 
 #: Exit codes by status of the result.
-EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "not_converged": 4}
+EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "not_converged": 4}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -98,7 +98,8 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
     if end.reason:
-        return [f"{name}: NOT CONVERGED, {reason}"]
+        status = end.status.replace("_", " ").upper()
+        return [f"{name}: {status}, {reason}"]
     if end.state is None or end.certificate is None or np.isnan(end.load_factor):
         return [f"{name}: NOT CONVERGED, no state was found"]
     programs = "rigid blocks without friction, and with associative friction"

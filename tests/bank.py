@@ -381,7 +381,7 @@ def wall_entries() -> Iterator[Known]:
         for name, factor in zip(WALLS, factors, strict=True):
             recipe, label = wall_recipe(name, coulomb(friction)), f"{name} bracket {friction:g}"
             source = f"upper end: {PROGRAM}, on the walls of {WALL_SOURCE}"
-            hard = tags("slow open" * (name == "W2" and friction == 10.0))
+            hard = tags("slow open" * (friction == 10.0))
             yield Known(label, recipe, (0.0, factor), source, about | hard, **digits)
     rigid = (
         f"{PROTOTYPE}, on the walls of {WALL_SOURCE}: 0.63982 for rigid blocks of W1, 0.56262 of W2"

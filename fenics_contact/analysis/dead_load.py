@@ -44,18 +44,31 @@ class DeadLoadOptions:
 OPTIONS = DeadLoadOptions()
 
 
-def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> State | None:
-    """State of equilibrium under the dead load alone; None if none is found.
+@dataclass(frozen=True)
+class DeadLoadState:
+    """What was found under the dead load alone.
+
+    Attributes:
+        state: A state of equilibrium; None if none was found.
+        falls: Whether the dead load was found to move the blocks as a mechanism.
+    """
+
+    state: State | None
+    falls: bool
+
+
+def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> DeadLoadState:
+    """Equilibrium under the dead load alone, searched for.
 
     Args:
-        case: The load case; its joints have no strength of their own.
+        case: The load case.
         strategy: How states are found.
         tolerance: On the load factor, relative.
     """
     problem, bonded = case.problem, case.bonded
     work = problem.dot(problem.dead, bonded.dead)
     if work <= 0.0 or problem.max(problem.strength) > 0.0:
-        return None
+        return DeadLoadState(None, falls=False)
     none = np.zeros_like(problem.dead)
     displacement = work / problem.sum(np.abs(problem.dead))
     scales = Scales(displacement, case.scales.force, 1.0, displacement)
@@ -66,7 +79,7 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
         scales=scales,
         monitor=lambda step: None,
     )
-    task = Task(alone, work, scales, tolerance)
+    task, falls = Task(alone, work, scales, tolerance), False
     for attempt in strategy.attempts:
         try:
             state = attempt(task)[0].state
@@ -77,8 +90,10 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
         _log.info("  dead load alone: %.3g of it does the work on the bonded structure", part)
         if part > OPTIONS.least:
             u = state.displacement / part
-            return problem.state(u, 0.0, state.pressure / part, state.shear / part)
-    return None
+            found = problem.state(u, 0.0, state.pressure / part, state.shear / part)
+            return DeadLoadState(found, falls=False)
+        falls = True
+    return DeadLoadState(None, falls)
 
 
 def reaching_zero(
@@ -87,33 +102,47 @@ def reaching_zero(
     """Ends of the range of load factors, from a state under the dead load alone where need be.
 
     An end below zero leaves out the dead load alone, which then has no equilibrium on the way
-    there. Another one is looked for, and the load factor rises from it.
+    there; an end that is not found may be one at which the live load does negative work. For both
+    an equilibrium under the dead load is looked for, from which the load factor rises.
+
+    Args:
+        cases: By direction.
+        found: Their ends; those that were not asked for tell whether zero is left out.
+        asked: Directions asked for.
     """
     case = next(iter(cases.values()))
     scene = case.discretization.scene
     options, strategy = scene.solve, strategy_of(scene)
     margin = -options.tolerance * case.scales.load_factor
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
-    if not short:
+    lost = {n for n, end in found.items() if end.status == "not_converged"}
+    if not (short or lost) or not case.problem.coulomb:
         return dict(found)
-    factors = sorted(SIGNS[name] * end.load_factor for name, end in found.items())
-    reason = (
-        "no equilibrium was found under the dead load alone, only with load factors from"
-        f" {factors[0]:.6g} to {factors[-1]:.6g}"
-    )
-    state = dead_load_state(case, strategy, options.tolerance)
-    if state is None:
-        return {n: replace(end, status="not_converged", reason=reason) for n, end in found.items()}
+    dead = dead_load_state(case, strategy, options.tolerance)
+    if dead.state is None:
+        status = "no_equilibrium" if dead.falls else "not_converged"
+        reason = _without_equilibrium(found) if short or dead.falls else ""
+        return {n: replace(end, status=status, reason=reason) for n, end in found.items()}
     ends = dict(found)
-    for name in short.intersection(asked):
-        problem = cases[name].problem
+    for name in (short | lost).intersection(asked):
+        problem, state = cases[name].problem, dead.state
         start = problem.state(state.displacement, 0.0, state.pressure, state.shear)
-        end = raise_load(cases[name], strategy, options, find_collapse, start)
-        if end.load_factor < margin and end.path is not None:
+        # From afar nothing was found before.
+        near = replace(strategy, attempts=()) if name in lost else strategy
+        end = raise_load(cases[name], near, options, find_collapse, start)
+        if end.path is not None and (end.load_factor < margin or end.status == "not_converged"):
             reason = (
-                f"equilibrium was found up to a load factor of {SIGNS[name] * end.path.lower:.6g},"
-                f" and a collapse only at {SIGNS[name] * end.load_factor:.6g}"
+                "under a rising load equilibrium was found up to a load factor of"
+                f" {SIGNS[name] * end.path.lower:.6g}, and no collapse there"
             )
             end = replace(end, status="not_converged", reason=reason)
         ends[name] = end
     return ends
+
+
+def _without_equilibrium(found: Mapping[str, Collapse]) -> str:
+    """That the dead load alone has no equilibrium, and load factors that have one."""
+    factors = sorted(SIGNS[n] * end.load_factor for n, end in found.items() if end.state)
+    only = f", only with load factors from {factors[0]:.6g} to {factors[-1]:.6g}"
+    text = "no equilibrium was found under the dead load alone"
+    return text + only if len(factors) > 1 and np.all(np.isfinite(factors)) else text

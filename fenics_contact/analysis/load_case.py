@@ -30,6 +30,7 @@ class LoadCase:
         scales: Typical sizes on the elastic part of the path.
         kind: Of factorisation, see `JointStiffness`.
         monitor: Told every iteration.
+        sign: 1 for the live load as given, -1 for that load reversed.
     """
 
     discretization: Discretization
@@ -39,6 +40,7 @@ class LoadCase:
     scales: Scales
     kind: str
     monitor: Callable[[Step], None]
+    sign: float = 1.0
 
     @classmethod
     def of(
@@ -55,7 +57,14 @@ class LoadCase:
         scales = typical_sizes(discretization.problem, bonded)
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
-        return cls(discretization, problem, blocks, bonded, scales, kind, monitor)
+        return cls(discretization, problem, blocks, bonded, scales, kind, monitor, sign)
+
+    def reversed(self) -> LoadCase:
+        """The same structure under the opposite live load."""
+        given = replace(self.bonded, live=self.sign * self.bonded.live)
+        case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
+        origin = self.problem.slip_origin
+        return replace(case, problem=replace(case.problem, slip_origin=origin))
 
     @property
     def stiffness(self) -> JointStiffness:

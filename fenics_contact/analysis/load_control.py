@@ -80,6 +80,9 @@ def raise_load(
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
+    if found.status != "limit" and case.problem.coulomb:
+        against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
+        found = against if against.status == "limit" else found
     margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
     if not climb.lower - margin <= found.load_factor <= climb.failed + margin:
         _log.warning(
@@ -88,6 +91,28 @@ def raise_load(
             *(found.load_factor, climb.lower, climb.failed),
         )
     return replace(found, path=LoadPath(tuple(climb.steps), climb.lower, climb.failed))
+
+
+def _against_the_live_load(
+    climb: _Climb,
+    strategy: Strategy,
+    tolerance: float,
+    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+) -> Collapse:
+    """The collapse next to the last state in which the live load does negative work.
+
+    A live load that relieves sliding joints of their normal forces sets them off; the dead load
+    then moves the blocks, against the live load perhaps. The work of the live load falls on the way
+    there, and that of its reverse rises.
+    """
+    case, last = climb.case.reversed(), climb.state
+    state = case.problem.state(last.displacement, -last.load_factor, last.pressure, last.shear)
+    strength = case.discretization.all_points(case.problem.bound(state.pressure))
+    motion = case.blocks.collapse(strength)[1]
+    direction = None if motion is None else case.discretization.rigid_motion(motion)
+    strategy = replace(strategy, attempts=(next_to(state, direction),))
+    found = find_collapse(case, strategy, tolerance).reversed()
+    return replace(found, program=climb.case.blocks.bounds)
 
 
 class _Climb:

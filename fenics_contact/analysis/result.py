@@ -34,7 +34,8 @@ class Collapse:
     """One end of the range of load factors.
 
     Attributes:
-        status: "limit", "unbounded" or "not_converged".
+        status: "limit", "unbounded", "not_converged", or "no_equilibrium" if none was found under
+            the dead load alone, which moves the blocks as a mechanism.
         load_factor: lambda; nan if no state was found.
         program: Solves the rigid-block programs for the bracket of this end.
         state: State reached, in the supports' coordinates; None if there is none.
@@ -165,12 +166,13 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Status of all ends; "unstable" if the dead load has no equilibrium, which is proved."""
+        """Status of all ends; "unstable" if it is proved that the dead load does not stand."""
         found = {end.status for end in self.ends.values()}
         if not found:
             return "unstable"
-        if "not_converged" in found:
-            return "not_converged"
+        for status in ("not_converged", "no_equilibrium"):
+            if status in found:
+                return status
         return found.pop() if len(found) == 1 else "limit"
 
     @property

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import Load, SolveOptions, SolverError
+from fenics_contact import Load, SolveOptions, SolverError, limit_load
 from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_load
@@ -151,3 +151,21 @@ def test_capacity_curve_of_load_control_are_its_steps(block):
     assert [p.load_factor for p in curve] == [step.load_factor for step in end.path.steps]
     nothing = replace(end, state=None, path=None)
     assert capacity_curve(block, nothing, 3, lambda *_: None) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lean", [0.05, 0.2])
+def test_live_load_that_relieves_a_sliding_joint_does_negative_work(lean):
+    """The block slides down its slope of 20 degrees as the live load g (-lean, 1) lifts it.
+
+    With friction 0.5: 0.5 (cos 20 - lambda) = sin 20 - lean lambda.
+    """
+    sine, cosine = math.sin(math.radians(20.0)), math.cos(math.radians(20.0))
+    dead, live = Load((GRAVITY * sine, -GRAVITY * cosine)), Load((-GRAVITY * lean, GRAVITY))
+    recipe = block_recipe(4.0, 0.5, 0.5, dead=dead, live=live)
+    result = limit_load(recipe.scene(2))
+    assert result.status == "limit"
+    exact = (0.5 * cosine - sine) / (0.5 - lean)
+    assert result.load_factor == pytest.approx(exact, rel=1e-8)
+    work = result.collapse.mode @ result.discretization.problem.live
+    assert work == pytest.approx(-1.0, rel=1e-9)
