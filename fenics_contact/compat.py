@@ -51,8 +51,14 @@ def create_mesh(
 
 
 def _coordinate_element(cell_name: str) -> Any:
+    """Straight-sided cells; the variant is what the form compiler of dolfinx 0.5 would fill in.
+
+    It does so when it compiles a form, not when it finds one compiled. Without it, every form after
+    the first would have one signature in a run that compiles and another one in the next run.
+    """
     if hasattr(ufl, "VectorElement"):
-        return ufl.VectorElement("Lagrange", ufl.Cell(cell_name, geometric_dimension=2), 1)
+        cell = ufl.Cell(cell_name, geometric_dimension=2)
+        return ufl.VectorElement(ufl.FiniteElement("Lagrange", cell, 1, variant="equispaced"))
     import basix.ufl
 
     return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
@@ -60,9 +66,9 @@ def _coordinate_element(cell_name: str) -> Any:
 
 def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
     def partitioner(*_: Any) -> Any:
-        if hasattr(dolfinx_graph, "adjacencylist"):
-            return dolfinx_graph.adjacencylist(destinations[:, None])._cpp_object
-        return cpp.graph.AdjacencyList_int32(destinations[:, None])
+        make = getattr(dolfinx_graph, "adjacencylist", None) or cpp.graph.AdjacencyList_int32
+        ranks = make(destinations[:, None])
+        return getattr(ranks, "_cpp_object", ranks)
 
     return partitioner
 
