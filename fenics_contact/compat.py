@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -64,6 +67,15 @@ def _coordinate_element(cell_name: str) -> Any:
     return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
 
 
+def _graph_partition(with_ghost_mode: bool) -> Any:
+    if with_ghost_mode:
+        return mesh.create_cell_partitioner()
+    try:
+        return mesh.create_cell_partitioner(mesh.GhostMode.none)
+    except TypeError:  # dolfinx 0.11 asks for the largest number of cells at a facet too
+        return mesh.create_cell_partitioner(mesh.GhostMode.none, 2)
+
+
 def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
     def partitioner(*_: Any) -> Any:
         make = getattr(dolfinx_graph, "adjacencylist", None) or cpp.graph.AdjacencyList_int32
@@ -97,6 +109,20 @@ def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
 
 
+@contextmanager
+def quiet_compiler() -> Iterator[None]:
+    """Keep the compiler's lines off the console; dolfinx 0.5 logs them at the root."""
+    root = logging.getLogger()
+    disabled, level, handlers = root.manager.disable, root.level, root.handlers[:]
+    logging.disable(max(disabled, logging.INFO))
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+        root.setLevel(level)
+        root.handlers[:] = handlers
+
+
 def add_ghosts(function: fem.Function) -> None:
     """Add the values at ghosts to those at their owners."""
     modes = getattr(la, "InsertMode", None) or la.ScatterMode
@@ -113,7 +139,7 @@ def write_vtk(path: Path, functions: list[fem.Function]) -> None:
     """Write functions of one mesh into one ParaView file (.pvd and its pieces)."""
     domain = functions[0].function_space.mesh
     with io.VTKFile(domain.comm, str(path), "w") as file:
-        file.write_function([getattr(f, "_cpp_object", f) for f in functions], 0.0)
+        file.write_function(functions, 0.0)
     domain.comm.barrier()
     if domain.comm.rank == 0:
         for parallel in path.parent.glob(f"{path.stem}*.pvtu"):
