@@ -42,9 +42,9 @@ def create_mesh(
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     given = list(inspect.signature(mesh.create_mesh).parameters)
     with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
-    modes = () if with_ghost_mode else (mesh.GhostMode.none,)
-    partitioner: Any = mesh.create_cell_partitioner(*modes)
-    if destinations is not None:
+    if destinations is None:
+        partitioner = _graph_partition(() if with_ghost_mode else (mesh.GhostMode.none,))
+    else:
         partitioner = _given_partition(destinations)
     domain = ufl.Mesh(_coordinate_element(cell_name))
     if with_ghost_mode:
@@ -67,13 +67,11 @@ def _coordinate_element(cell_name: str) -> Any:
     return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
 
 
-def _graph_partition(with_ghost_mode: bool) -> Any:
-    if with_ghost_mode:
-        return mesh.create_cell_partitioner()
+def _graph_partition(mode: tuple[mesh.GhostMode, ...]) -> Any:
     try:
-        return mesh.create_cell_partitioner(mesh.GhostMode.none)
-    except TypeError:  # dolfinx 0.11 asks for the largest number of cells at a facet too
-        return mesh.create_cell_partitioner(mesh.GhostMode.none, 2)
+        return mesh.create_cell_partitioner(*mode)
+    except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
+        return mesh.create_cell_partitioner(*mode, 2)
 
 
 def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
