@@ -99,7 +99,9 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
+    tables = getattr(domain.geometry, "dofmaps", None)  # of dolfinx 0.11: one per kind of cell
+    table = tables[0] if isinstance(tables, list) else domain.geometry.dofmap
+    return _rows(table, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
