@@ -6,6 +6,14 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 
+# Debian 13 in a folder: where, what it leaves out, its mirror (empty: that of this machine), and
+# which tests run in it (all: make test-debian13 TESTS13=).
+TREE13 := .debian13
+PACKAGES13 := $(filter-out python3-mypy python3-venv python3-pip,$(PACKAGES))
+MIRROR13 :=
+TESTS13 := -m "not slow"
+IN_TREE13 := TREE="$(TREE13)" PACKAGES="$(PACKAGES13)" MIRROR="$(MIRROR13)" .ci/debian13
+
 # Processes that share the tests, and numbers of ranks that those in parallel run on.
 WORKERS := 2
 RANKS := 2 3
@@ -17,14 +25,16 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages demo test test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap debian13 demo test test-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 setup: packages .venv/installed  ## install what is missing: Debian packages, virtual environment
 
-packages:
-	@missing=""; for p in $(PACKAGES); do \
+packages: NEEDED := $(PACKAGES)
+debootstrap: NEEDED := debootstrap
+packages debootstrap:
+	@missing=""; for p in $(NEEDED); do \
 	  dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q "ok installed" || missing="$$missing $$p"; \
 	done; \
 	if [ -n "$$missing" ]; then echo "installing:$$missing"; \
@@ -54,6 +64,12 @@ test-mpi: setup  ## run the tests in parallel, on 2 and 3 ranks (others: make te
 	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m mpi -p no:xdist -p no:cacheprovider \
 	  || exit 1; done
 
+debian13: debootstrap  # a Debian 13 tree with the packages, as root
+	$(IN_TREE13) make
+
+test-debian13: debian13  ## run the quick tests on Debian 13, in a folder, as root
+	$(IN_TREE13) test -n $(WORKERS) $(TESTS13)
+
 lint: setup .venv/bin/ruff  ## ruff and mypy
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
@@ -66,4 +82,4 @@ benchmarks: setup  ## measure run times and errors, draw docs/time_error.png and
 	$(PYTHON) benchmarks/run.py --pictures docs
 
 clean:  ## remove what was made
-	rm -rf .venv build *.egg-info demos/output .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .debian13 build *.egg-info demos/output .pytest_cache .mypy_cache .ruff_cache

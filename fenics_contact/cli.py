@@ -19,6 +19,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
+from fenics_contact.version import __version__
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -70,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Limit loads of blocks in contact with friction: how much load a wall, arch or"
         " bridge of blocks stands before it collapses, and how it fails.",
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     solve = commands.add_parser("solve", help="compute the limit load of a scene")
     check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")

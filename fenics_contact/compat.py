@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -39,9 +42,9 @@ def create_mesh(
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     given = list(inspect.signature(mesh.create_mesh).parameters)
     with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
-    modes = () if with_ghost_mode else (mesh.GhostMode.none,)
-    partitioner: Any = mesh.create_cell_partitioner(*modes)
-    if destinations is not None:
+    if destinations is None:
+        partitioner = _graph_partition(() if with_ghost_mode else (mesh.GhostMode.none,))
+    else:
         partitioner = _given_partition(destinations)
     domain = ufl.Mesh(_coordinate_element(cell_name))
     if with_ghost_mode:
@@ -51,18 +54,31 @@ def create_mesh(
 
 
 def _coordinate_element(cell_name: str) -> Any:
+    """Straight-sided cells; the variant is what the form compiler of dolfinx 0.5 would fill in.
+
+    It does so when it compiles a form, not when it finds one compiled. Without it, every form after
+    the first would have one signature in a run that compiles and another one in the next run.
+    """
     if hasattr(ufl, "VectorElement"):
-        return ufl.VectorElement("Lagrange", ufl.Cell(cell_name, geometric_dimension=2), 1)
+        cell = ufl.Cell(cell_name, geometric_dimension=2)
+        return ufl.VectorElement(ufl.FiniteElement("Lagrange", cell, 1, variant="equispaced"))
     import basix.ufl
 
     return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
 
 
+def _graph_partition(mode: tuple[mesh.GhostMode, ...]) -> Any:
+    try:
+        return mesh.create_cell_partitioner(*mode)
+    except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
+        return mesh.create_cell_partitioner(*mode, 2)
+
+
 def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
     def partitioner(*_: Any) -> Any:
-        if hasattr(dolfinx_graph, "adjacencylist"):
-            return dolfinx_graph.adjacencylist(destinations[:, None])._cpp_object
-        return cpp.graph.AdjacencyList_int32(destinations[:, None])
+        make = getattr(dolfinx_graph, "adjacencylist", None) or cpp.graph.AdjacencyList_int32
+        ranks = make(destinations[:, None])
+        return getattr(ranks, "_cpp_object", ranks)
 
     return partitioner
 
@@ -83,12 +99,28 @@ def cell_dofs(space: Any) -> npt.NDArray[np.int32]:
 
 def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
-    return _rows(domain.geometry.dofmap, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
+    tables = getattr(domain.geometry, "dofmaps", None)  # of dolfinx 0.11: one per kind of cell
+    table = tables[0] if isinstance(tables, list) else domain.geometry.dofmap
+    return _rows(table, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
 
 
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     """An adjacency list with rows of one width as an array, also where there is no row."""
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)
+
+
+@contextmanager
+def quiet_compiler() -> Iterator[None]:
+    """Keep the compiler's lines off the console; dolfinx 0.5 logs them at the root."""
+    root = logging.getLogger()
+    disabled, level, handlers = root.manager.disable, root.level, root.handlers[:]
+    logging.disable(max(disabled, logging.INFO))
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+        root.setLevel(level)
+        root.handlers[:] = handlers
 
 
 def add_ghosts(function: fem.Function) -> None:
@@ -107,7 +139,7 @@ def write_vtk(path: Path, functions: list[fem.Function]) -> None:
     """Write functions of one mesh into one ParaView file (.pvd and its pieces)."""
     domain = functions[0].function_space.mesh
     with io.VTKFile(domain.comm, str(path), "w") as file:
-        file.write_function([getattr(f, "_cpp_object", f) for f in functions], 0.0)
+        file.write_function(functions, 0.0)
     domain.comm.barrier()
     if domain.comm.rank == 0:
         for parallel in path.parent.glob(f"{path.stem}*.pvtu"):

@@ -103,7 +103,8 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
 
 def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     """The limit load of a discretised scene."""
-    scene, seconds = discretization.scene, {"assemble": discretization.seconds}
+    scene = discretization.scene
+    seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
     stands_frictionless = blocks.stands(friction=False)

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.discretization.facets import Boundary, collect_boundary
+from fenics_contact.discretization.forms import compile_forms
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -64,11 +65,15 @@ class Discretization:
         problem: What the solvers see.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
+        compile_seconds: Time to compile the forms, or to look them up, s.
         seconds: Time spent assembling, s.
     """
 
     def __init__(self, scene: Scene) -> None:
         """Discretise; raises `InputError` if joints, supports or loads do not fit the mesh."""
+        start = time.perf_counter()
+        compile_forms(scene)
+        self.compile_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.scene = scene
         space = displacement_space(scene)

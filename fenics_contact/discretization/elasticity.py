@@ -1,11 +1,4 @@
-"""Linear elasticity of the blocks by UFL forms: stiffness K, dead load f_D, live load f_L.
-
-    int_Omega sigma(u) : eps(v) dx = int_Omega rho b . v dx + int_Gamma t . v ds,
-    sigma(u) = 2 mu eps(u) + lambda tr(eps(u)) I,
-
-in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambda + 2 mu)
-(O.C. Zienkiewicz, R.L. Taylor, The Finite Element Method, vol. 1, 5th ed., section 4.2).
-"""
+"""Linear elasticity of the blocks, assembled: stiffness K, dead load f_D, live load f_L."""
 
 from __future__ import annotations
 
@@ -14,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
-from dolfinx import mesh as dolfinx_mesh
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, BlockMesh, Labels
@@ -91,23 +83,11 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
         ),
         _material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
     )
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    form = fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
-    stiffness = fem_petsc.assemble_matrix(form)
+    stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, lame))
     stiffness.assemble()
     stiffness = supports.constrain_matrix(stiffness)
     dead, live = loads
     return Elasticity(space, stiffness, dead, live, lame, body, arm, centre, *resultants)
-
-
-def strain(u: Any) -> Any:
-    """eps(u) = sym grad u."""
-    return ufl.sym(ufl.grad(u))
-
-
-def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
-    """sigma(u) in the plane, Pa."""
-    return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
 
 
 def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
@@ -126,18 +106,13 @@ def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Fun
 
 def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:
     """Nodal forces of a load, this rank's part."""
-    domain, v = scene.mesh.domain, ufl.TestFunction(space)
     forces = fem.Function(space)
-    body = fem.Constant(domain, PETSc.ScalarType(load.body))
-    fem.assemble_vector(forces.x.array, fem.form(density * ufl.inner(body, v) * ufl.dx))
+    fem.assemble_vector(forces.x.array, forms.body_load(space, density, load.body))
     for name, traction in load.traction.items():
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block
         facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
-        tags = dolfinx_mesh.meshtags(domain, 1, facets, np.ones(len(facets), dtype=np.int32))
-        ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
-        force = fem.Constant(domain, PETSc.ScalarType(traction))
-        fem.assemble_vector(forces.x.array, fem.form(ufl.inner(force, v) * ds(1)))
+        fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
     compat.add_ghosts(forces)
     return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 

@@ -9,13 +9,13 @@ from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, ind
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.elasticity import cell_field, stress
+from fenics_contact.discretization.elasticity import cell_field
+from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.mesh import Array
 
@@ -33,19 +33,11 @@ def stress_fields(discretization: Discretization, displacement: fem.Function) ->
 
     In plane strain, von Mises has the stress out of the plane, nu (sigma_x + sigma_y).
     """
-    scene, (lame_lambda, lame_mu) = discretization.scene, discretization.elasticity.lame
-    sigma = stress(displacement, lame_lambda, lame_mu)
-    out_of_plane = ufl.as_ufl(0.0)
-    if scene.plane == "strain":
-        out_of_plane = lame_lambda / (2.0 * (lame_lambda + lame_mu)) * ufl.tr(sigma)
-    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
-    deviator = ufl.dev(ufl.as_matrix([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, out_of_plane]]))
-    von_mises = ufl.sqrt(1.5 * ufl.inner(deviator, deviator))
-    vector = compat.function_space(scene.mesh.domain, "DG", 0, (4,))
-    together = fem.Function(vector)
-    components = ufl.as_vector([xx, yy, xy, von_mises])
-    together.interpolate(fem.Expression(components, compat.interpolation_points(vector)))
-    columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(vector)[:, 0]].T
+    scene, lame = discretization.scene, discretization.elasticity.lame
+    expression, space = stress_expression(displacement, lame, scene.plane)
+    together = fem.Function(space)
+    together.interpolate(expression)
+    columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(space)[:, 0]].T
     names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
     values = zip(names, [*columns, scene.mesh.body], strict=True)
     return [cell_field(scene.mesh, name, value) for name, value in values]

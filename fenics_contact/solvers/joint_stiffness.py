@@ -179,7 +179,8 @@ class JointStiffness(Closing):
         solver.setOperators(self._matrix)
         if self._kind == GENERAL:
             options = self._options
-            values = {**options.plain, "cntl_4": options.smallest_pivot * self.mean_diagonal}
+            pivot = np.nan_to_num(options.smallest_pivot * self.mean_diagonal)  # PETSc 3.22 checks
+            values = {**options.plain, "cntl_4": float(pivot)}
             small = self._matrix.getSize()[0] <= options.minimum_fill_up_to
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:

@@ -66,6 +66,7 @@ def environment() -> dict[str, str]:
         "OMP_NUM_THREADS": "1",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_btl": "^tcp",  # one machine: no network, which containers may lack
         "OMPI_MCA_mpi_yield_when_idle": "1",  # ranks that wait leave the core to others
     }
 

@@ -34,7 +34,8 @@ KINDS = {
     str: "status method version control slip_reference title",
     float: "load_factor bounds.lower bounds.upper error_estimate static_factor kinematic_factor"
     " residuals.equilibrium residuals.penetration residuals.complementarity residuals.friction"
-    " seconds.total seconds.read seconds.assemble seconds.bonded seconds.solve seconds.write",
+    " seconds.total seconds.read seconds.compile seconds.assemble seconds.bonded seconds.solve"
+    " seconds.write",
     int: "iterations.fixed_point iterations.factorizations iterations.mode_factorizations"
     " mesh.bodies mesh.cells mesh.dofs mesh.joint_points ranks",
     list: "skipped failures",

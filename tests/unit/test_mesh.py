@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, InputError
+from fenics_contact import BlockMesh, InputError, compat
 from fenics_contact.mesh import (
     BODY_IMBALANCE,
     bodies_of_cells,
@@ -35,7 +35,7 @@ def write(text: str, path: Path) -> Path:
 def bodies_by_place(mesh: BlockMesh) -> set[frozenset[tuple[float, float]]]:
     """The bodies as sets of their cells' centres, whatever the numbers."""
     geometry = mesh.domain.geometry
-    dofs = geometry.dofmap.array.reshape(len(mesh.body), -1)
+    dofs = compat.geometry_dofs(mesh.domain)
     centre = np.round(geometry.x[dofs][:, :, :2].mean(axis=1), 9)
     bodies: dict[int, set[tuple[float, float]]] = {}
     for centres, numbers in mesh.comm.allgather((centre, mesh.body)):

@@ -1,0 +1,105 @@
+"""UFL forms of linear elasticity, and their compilation before all other work.
+
+    int_Omega sigma(u) : eps(v) dx = int_Omega rho b . v dx + int_Gamma t . v ds,
+    sigma(u) = 2 mu eps(u) + lambda tr(eps(u)) I,
+
+in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambda + 2 mu)
+(O.C. Zienkiewicz, R.L. Taylor, The Finite Element Method, vol. 1, 5th ed., section 4.2).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_contact import compat
+from fenics_contact.mesh import Labels
+from fenics_contact.scene import Scene
+
+#: Corners of a cell in gmsh's order, by the cell's name.
+_CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
+
+
+def strain(u: Any) -> Any:
+    """eps(u) = sym grad u."""
+    return ufl.sym(ufl.grad(u))
+
+
+def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
+    """sigma(u) in the plane, Pa."""
+    return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
+
+
+def stiffness(space: Any, lame: tuple[fem.Function, fem.Function]) -> fem.Form:
+    """Form of K, from Lame's lambda (of the plane state) and mu by cell, Pa."""
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    return fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
+
+
+def body_load(space: Any, density: fem.Function, body: tuple[float, float]) -> fem.Form:
+    """Form of the nodal forces of an acceleration, m/s2, times a density by cell, kg/m3."""
+    force = fem.Constant(space.mesh, PETSc.ScalarType(body))
+    return fem.form(density * ufl.inner(force, ufl.TestFunction(space)) * ufl.dx)
+
+
+def edge_load(space: Any, facets: Labels, traction: tuple[float, float]) -> fem.Form:
+    """Form of the nodal forces of a traction, Pa, on rising local facets."""
+    tags = dolfinx_mesh.meshtags(space.mesh, 1, facets, np.ones(len(facets), dtype=np.int32))
+    ds = ufl.Measure("ds", domain=space.mesh, subdomain_data=tags)
+    force = fem.Constant(space.mesh, PETSc.ScalarType(traction))
+    return fem.form(ufl.inner(force, ufl.TestFunction(space)) * ds(1))
+
+
+def stress_expression(
+    displacement: fem.Function, lame: tuple[fem.Function, fem.Function], plane: str
+) -> tuple[fem.Expression, Any]:
+    """sigma_xx, sigma_yy, sigma_xy and von Mises stress at the cells' centres, Pa; their space.
+
+    Von Mises is with the stress out of the plane, nu (sigma_x + sigma_y) in plane strain and zero
+    in plane stress.
+    """
+    sigma = stress(displacement, *lame)
+    out_of_plane = ufl.as_ufl(0.0)
+    if plane == "strain":
+        out_of_plane = lame[0] / (2.0 * (lame[0] + lame[1])) * ufl.tr(sigma)
+    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+    deviator = ufl.dev(ufl.as_matrix([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, out_of_plane]]))
+    components = ufl.as_vector([xx, yy, xy, ufl.sqrt(1.5 * ufl.inner(deviator, deviator))])
+    space = compat.function_space(displacement.function_space.mesh, "DG", 0, (4,))
+    return fem.Expression(components, compat.interpolation_points(space)), space
+
+
+def compile_forms(scene: Scene) -> None:
+    """Compile all forms of this module, so that later work finds them in the cache; on all ranks.
+
+    The compiler prints nothing. What an earlier run compiled is only looked up.
+    """
+    kind = scene.mesh.domain.topology.cell_type.name, scene.degree, scene.plane
+    for turn in (True, False):  # ranks that share a cache must not write it at the same time
+        if turn == (scene.comm.rank == 0):
+            _compile(*kind)
+        scene.comm.barrier()
+
+
+@cache
+def _compile(cell: str, degree: int, plane: str) -> None:
+    """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
+    corners = np.array(_CORNERS[cell], dtype=float)
+    cells, ranks = np.arange(len(corners))[None, :], np.zeros(1, dtype=np.int32)
+    with compat.quiet_compiler():
+        domain = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, ranks)
+        domain.topology.create_connectivity(1, 2)
+        space = compat.function_space(domain, "Lagrange", degree, (2,))
+        by_cell = compat.function_space(domain, "DG", 0)
+        density, first, second = (fem.Function(by_cell) for _ in range(3))
+        stiffness(space, (first, second))
+        body_load(space, density, (0.0, 0.0))
+        edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
+        stress_expression(fem.Function(space), (first, second), plane)

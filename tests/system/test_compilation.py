@@ -1,0 +1,53 @@
+"""Forms are compiled before all other work, in silence, and by the first run only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.system.program import result, run, write_scene
+
+#: Meshes, with changes of the scene that need other forms.
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {
+    "weight": ("block", {}),
+    "tractions": (
+        "stack",
+        {
+            "mesh.degree": 2,
+            "plane.state": "stress",
+            "loads.live": {"traction": {"side": [1000.0, 0.0]}},
+        },
+    ),
+}
+
+
+def compiled(cache: Path) -> dict[str, int]:
+    """Compiled forms and when they were made."""
+    return {path.name: path.stat().st_mtime_ns for path in cache.rglob("libffcx_*.so")}
+
+
+@pytest.mark.parametrize(
+    ("name", "ranks"),
+    [
+        ("weight", 1),
+        pytest.param("weight", 2, marks=pytest.mark.slow),
+        pytest.param("tractions", 1, marks=pytest.mark.slow),
+    ],
+)
+def test_only_the_first_run_compiles_and_says_nothing(name, ranks, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    mesh, changes = SCENES[name]
+    write_scene(tmp_path, {"output.pictures": False} | changes, mesh)
+    made, seconds = [], []
+    for _ in range(2):
+        found = run(["solve", "scene.toml"], tmp_path, ranks)
+        assert (found.code, found.err) == (0, "")
+        assert not any(word in found.out for word in ("gcc", "build_ext", "INFO"))
+        made.append(compiled(tmp_path / "cache"))
+        seconds.append(result(tmp_path / "scene")["seconds"])
+    assert made[0] and made[0] == made[1]
+    first, later = seconds
+    assert first["compile"] > 3.0 * later["compile"]
+    assert first["bonded"] < first["compile"] < first["total"]
