@@ -143,6 +143,7 @@ def reaching_zero(
 def _without_equilibrium(found: Mapping[str, Collapse]) -> str:
     """That the dead load alone has no equilibrium, and load factors that have one."""
     factors = sorted(SIGNS[n] * end.load_factor for n, end in found.items() if end.state)
-    only = f", only with load factors from {factors[0]:.6g} to {factors[-1]:.6g}"
     text = "no equilibrium was found under the dead load alone"
-    return text + only if len(factors) > 1 and np.all(np.isfinite(factors)) else text
+    if len(factors) < 2 or not np.all(np.isfinite(factors)):
+        return text
+    return f"{text}, only with load factors from {factors[0]:.6g} to {factors[-1]:.6g}"

@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.analysis.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.analysis.collapse_mode import Verified, verify
 from fenics_contact.analysis.history import CollapseState, History
 from fenics_contact.analysis.joint_values import joint_values
@@ -184,7 +185,7 @@ class _Search:
             if best.gap > self.tolerance:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
                 _log.warning(text, best.gap)
-            state = _onset(case, best.verified)
+            state, certificate = _at_onset(case, best.verified)
         whole, mode = case.discretization, best.verified.mode
         return Collapse(
             status,
@@ -198,6 +199,25 @@ class _Search:
             best.ratio,
             wedging=wedging,
         )
+
+
+def _at_onset(case: LoadCase, verified: Verified) -> tuple[State, Certificate]:
+    """The state where the collapse begins, and its certificate on its own scale.
+
+    They are those far along the mode where the digits at the onset do not suffice.
+    """
+    state, certificate = _onset(case, verified), verified.certificate
+    work = max(abs(state.work), case.bonded_work)
+    scales = case.scales_at(work, abs(state.load_factor))
+    certificate = replace(
+        certificate,
+        residuals=certificate.residuals | state_residuals(case.problem, state, scales),
+        worst_joint=worst_joint(case.problem, state, scales, case.discretization.operators.points),
+    )
+    if certificate.passed:
+        return state, certificate
+    _log.info("  the state is left far along its mode: %s", sorted(certificate.failures))
+    return verified.state, verified.certificate
 
 
 def _onset(case: LoadCase, verified: Verified) -> State:
@@ -219,6 +239,7 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     least = problem.comm.allreduce(least, MPI.MIN)
     if not 0.0 < least < np.inf:
         return state
+    # A mechanism does not strain the blocks: their strains keep the digits that they have.
     u = state.displacement - least * mode
-    elastic = state.elastic - least * problem.elastic_part(mode)
-    return replace(state, displacement=u, elastic=elastic, work=state.work - least)
+    u += state.elastic - problem.elastic_part(u)
+    return replace(state, displacement=u, work=problem.dot(problem.live, u))
