@@ -78,13 +78,15 @@ def raise_load(
     except SolverError as error:
         _log.warning("load control: %s", error)
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
+    margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
+    end = min(climb.failed, upper) + margin
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
     if found.status != "limit" and case.problem.coulomb:
         against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
-        found = against if against.status == "limit" else found
-    margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
-    if not climb.lower - margin <= found.load_factor <= climb.failed + margin:
+        if against.status == "limit" and climb.lower - margin <= against.load_factor <= end:
+            found = against
+    if not climb.lower - margin <= found.load_factor <= end:
         _log.warning(
             "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
             " without equilibrium on the path: another state",

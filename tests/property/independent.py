@@ -450,7 +450,8 @@ def misses(blocks: Blocks, written: Written) -> dict[str, float]:
     """What the files miss of being a collapse state; relative, 0 if they are exactly one.
 
     "rigid" is the difference of the load factor and the program's with the bounds on shear forces
-    that the state has, over the load factor or a thousandth of the typical one.
+    that the state has, over the load factor or a thousandth of the typical one. The program's is
+    the largest load factor, or the least one where the live load does negative work in the mode.
     """
     contacts, normal, shear = written.contacts, written.normal, written.shear
     gap, slip = written.values["gap"], written.values["slip"]
@@ -468,17 +469,22 @@ def misses(blocks: Blocks, written: Written) -> dict[str, float]:
     }
     found = {name: max(float(np.max(values)), 0.0) for name, values in sizes.items()}
     given = replace(contacts, friction=np.zeros_like(bound), strength=bound)
-    rigid = blocks.largest(given)
+    mode, live_work = mode_misses(blocks, written)
+    sign = math.copysign(1.0, live_work)
+    rigid = replace(blocks, live=sign * blocks.live).largest(given)
     size = max(abs(written.load_factor), 1e-3 * blocks.typical)
-    found["rigid"] = math.inf if rigid is None else abs(rigid - written.load_factor) / size
-    return found | mode_misses(blocks, written)
+    found["rigid"] = math.inf if rigid is None else abs(sign * rigid - written.load_factor) / size
+    return found | mode
 
 
-def mode_misses(blocks: Blocks, written: Written) -> dict[str, float]:
-    """What the written mode misses of a motion of rigid blocks that needs the loads' power."""
+def mode_misses(blocks: Blocks, written: Written) -> tuple[dict[str, float], float]:
+    """What the written mode misses of a motion of rigid blocks that needs the loads' power.
+
+    Also the live load's work in it.
+    """
     contacts = written.contacts
     fast = max(float(np.abs(v).max()) for *_, v in written.motion) or 1.0
-    power, strain = 0.0, 0.0
+    power, strain, live_work = 0.0, 0.0, 0.0
     for block, (place, _, velocity) in enumerate(written.motion):
         arm = place - blocks.centre[block]
         basis = np.zeros((*arm.shape, 3))
@@ -489,6 +495,7 @@ def mode_misses(blocks: Blocks, written: Written) -> dict[str, float]:
         strain = max(strain, float(np.abs(flat @ rigid - velocity.ravel()).max()) / fast)
         loads = blocks.dead[block] + written.load_factor * blocks.live[block]
         power += float(loads @ rigid)
+        live_work += float(blocks.live[block] @ rigid)
     bound = contacts.friction * np.maximum(written.normal, 0.0) + contacts.strength
     spent = float(bound @ np.abs(written.values["slip_rate"]))
     size = float((np.abs(blocks.dead) + abs(written.load_factor) * np.abs(blocks.live)).sum())
@@ -496,12 +503,12 @@ def mode_misses(blocks: Blocks, written: Written) -> dict[str, float]:
         "mode strains blocks": strain,
         "mode penetrates": max(-float(written.values["opening_rate"].min()) / fast, 0.0),
         "mode power": abs(power - spent) / (size * fast),
-    }
+    }, live_work
 
 
 # Judging
 
-STATUSES = ("limit", "unbounded", "unstable", "not_converged")
+STATUSES = ("limit", "unbounded", "unstable", "no_equilibrium", "not_converged")
 
 #: By how much a load factor may leave its bracket, relative to itself and to the typical one.
 OUTSIDE, OUTSIDE_TYPICAL = 1e-5, 1e-7
@@ -528,7 +535,8 @@ UNPROVED = "unstable, but it stands with associative friction"
 def faults(blocks: Blocks, status: str, load_factor: float) -> list[str]:
     """What is wrong with an answer, by the programs of rigid blocks alone.
 
-    `not_converged` claims nothing, so that nothing is wrong with it.
+    `not_converged` claims nothing, so that nothing is wrong with it, and `no_equilibrium` only that
+    none was found.
     """
     if status not in STATUSES:
         return [f"status {status}"]
@@ -537,6 +545,8 @@ def faults(blocks: Blocks, status: str, load_factor: float) -> list[str]:
     missed = blocks.violation()
     if status == "unstable":
         return [] if missed > STANDS else [UNPROVED]
+    if status == "no_equilibrium" and missed <= STANDS:
+        return []
     if missed > STANDS:
         return [f"the dead load does not stand: {missed:.3g} of the weights is not carried"]
     upper = blocks.largest()
