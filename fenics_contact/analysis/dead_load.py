@@ -5,8 +5,8 @@ the dead load alone. Then it is looked for directly: the dead load is the one th
 
     K u = lambda f_D + B_N^T r_N + B_T^T r_T,   f_D . u = T > 0,   the joints' laws as ever.
 
-Without strengths of their own the laws hold for every multiple of a state. So (u, r) / lambda is a
-state of equilibrium under f_D if lambda > 0. With lambda = 0 the dead load moves the blocks as a
+If no joint has a strength of its own, the laws hold for every multiple of a state: (u, r) / lambda
+is one of equilibrium under f_D if lambda > 0. With lambda = 0 the dead load moves the blocks as a
 mechanism, and this state says nothing of others.
 """
 
@@ -49,7 +49,8 @@ class DeadLoadState:
     """What was found under the dead load alone.
 
     Attributes:
-        state: A state of equilibrium; None if none was found.
+        state: A state of equilibrium; None if none was found. With strengths in the joints it is
+            looked for next to the bonded response alone.
         falls: Whether the dead load was found to move the blocks as a mechanism.
     """
 
@@ -68,7 +69,14 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
     problem, bonded = case.problem, case.bonded
     work = problem.dot(problem.dead, bonded.dead)
     if work <= 0.0 or problem.max(problem.strength) > 0.0:
-        return DeadLoadState(None, falls=False)
+        none = np.zeros_like(case.first_pressure)
+        start = problem.state(bonded.dead, 0.0, case.first_pressure, none)
+        task = Task(case, start.work, case.scales, tolerance)
+        try:
+            return DeadLoadState(strategy.equilibrium(task, start, 0.0), falls=False)
+        except SolverError as error:
+            _log.info("  dead load alone: %s", error)
+            return DeadLoadState(None, falls=False)
     none = np.zeros_like(problem.dead)
     displacement = work / problem.sum(np.abs(problem.dead))
     scales = Scales(displacement, case.scales.force, 1.0, displacement)

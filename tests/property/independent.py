@@ -426,8 +426,15 @@ def _motion(file: Mapping[str, Array]) -> list[tuple[Array, Array, Array]]:
     return found
 
 
+#: Digits of joint forces, relative to the largest.
+ROUNDING = 1e-11
+
+
 def unbalanced(blocks: Blocks, written: Written) -> Array:
-    """Force that every block misses of equilibrium, over the forces on it, shape (blocks,)."""
+    """Force that every block misses of equilibrium, over the forces on it, shape (blocks,).
+
+    Rounding of the largest joint force of all is no miss.
+    """
     contacts = written.contacts
     loads = blocks.dead + written.load_factor * blocks.live
     rest, size = loads.copy(), np.abs(loads)
@@ -443,7 +450,8 @@ def unbalanced(blocks: Blocks, written: Written) -> Array:
         rest = rest.ravel() - react @ np.linalg.lstsq(react, rest.ravel(), rcond=None)[0]
         rest = rest.reshape(-1, 3)
     largest = size.max(axis=1)
-    return np.abs(rest).max(axis=1) / np.where(largest > 0.0, largest, 1.0)
+    missed = np.maximum(np.abs(rest).max(axis=1) - ROUNDING * written.normal.max(initial=0.0), 0.0)
+    return missed / np.where(largest > 0.0, largest, 1.0)
 
 
 def misses(blocks: Blocks, written: Written) -> dict[str, float]:
