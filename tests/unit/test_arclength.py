@@ -118,7 +118,7 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
     with load_case(wall_recipe(wall, coulomb(friction)).scene(elements)) as case:
         with pytest.raises(SolverError, match="interior point: residual"):
             solved(case)
-        state = finished(case, fallen(case, 1e-5))
+        state = finished(case, fallen(case, 1e-6))
         left = misses(case, state)
     assert max(left.values()) < 1e-6, left
     if wall == "W1":  # by an independent fixed point
