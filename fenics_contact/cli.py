@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import logging
 import os
 import sys
@@ -16,12 +17,14 @@ from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, SolverError, raised_together
+from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
 from fenics_contact.version import __version__
 
 BAD_INPUT, INTERRUPTED = 2, 130
+#: Characters of a message.
+LONGEST_LINE = 1000
 
 #: Exit codes by status of the result.
 EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "not_converged": 4}
@@ -30,18 +33,22 @@ EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "n
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
     comm = MPI.COMM_WORLD
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
+            stream.reconfigure(errors="backslashreplace")
     with _only_on_root(comm):
         options = _parser().parse_args(arguments)
     _set_up_logging(options, comm)
     try:
         return _solve(options, comm) if options.command == "solve" else _check(options, comm)
     except InputError as error:
-        if comm.rank == 0:
-            print(f"fenics-contact: {error}", file=sys.stderr)
+        _complain(str(error), comm)
         return BAD_INPUT
+    except OutputError as error:
+        _complain(str(error), comm)
+        return EXIT_CODES["not_converged"]
     except SolverError as error:
-        if comm.rank == 0:
-            print(f"fenics-contact: not solved: {error}", file=sys.stderr)
+        _complain(f"not solved: {error}", comm)
         return EXIT_CODES["not_converged"]
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -53,6 +60,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.flush()
         comm.Abort(1)
         raise
+
+
+def _complain(message: str, comm: MPI.Comm) -> None:
+    """Print one line, whatever names and texts of the user are in the message."""
+    if comm.rank == 0:
+        line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+        if len(line) > LONGEST_LINE:
+            line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
+        print(f"fenics-contact: {line}", file=sys.stderr)
 
 
 @contextlib.contextmanager
@@ -128,15 +144,28 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
     """Where to write; checked on all ranks before the work is done."""
-    folder: Path = options.output or options.scene.with_suffix("")
+    scene: Path = options.scene
     with raised_together(comm):
+        if not scene.name:
+            raise InputError(f"'{scene}' is a folder; give a scene file")
+        folder: Path = options.output or scene.with_suffix("")
         if comm.rank == 0:
-            there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-            if not there.is_dir():
-                raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
-            if not os.access(there, os.W_OK):
-                raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
+            try:
+                _check_folder(folder)
+            except OSError as error:
+                raise InputError(f"cannot write to '{folder}': {error.strerror}") from None
+            except ValueError as error:  # a name with a NUL
+                raise InputError(f"cannot write to '{folder}': {error}") from None
     return folder
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that is a file, or that cannot be written to."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
+    if not os.access(there, os.W_OK):
+        raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:

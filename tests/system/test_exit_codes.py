@@ -48,7 +48,7 @@ UNSTABLE = {
 
 
 #: Displacements or stiffnesses that no floating point number holds, whatever the method.
-HOPELESS = {"materials.default.young": 1e308}
+HOPELESS = {"materials.default.young": 1e30}
 
 QUIET = {"output.paraview": False, "output.pictures": False}
 
