@@ -171,7 +171,8 @@ def _check_folder(folder: Path) -> None:
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
     with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
-        text = description(discretization)
+        lines = [description(discretization)]
+        lines += [f"warning: {text}" for text in discretization.warnings]
     if comm.rank == 0 and not options.quiet:
-        print(text)
+        print("\n".join(lines))
     return 0

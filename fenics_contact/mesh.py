@@ -40,6 +40,7 @@ class TaggedMesh:
         facet_sets: Sets of group names that occur on facets.
         cell_names: Names of all two-dimensional groups.
         facet_names: Names of all one-dimensional groups.
+        surfaces: Number of gmsh's surfaces that have cells.
     """
 
     source: str
@@ -49,6 +50,7 @@ class TaggedMesh:
     facet_sets: tuple[Names, ...]
     cell_names: tuple[str, ...]
     facet_names: tuple[str, ...]
+    surfaces: int
 
 
 @dataclass(frozen=True)
@@ -60,12 +62,14 @@ class GmshMesh(TaggedMesh):
         points: Coordinates of the nodes that cells use, shape (points, 2).
         cells: Node indices in gmsh order, shape (cells, nodes of a cell).
         cell_groups: Physical groups of every cell, as an index into `cell_sets`.
+        cell_surfaces: gmsh's surface of every cell, from 0 on.
     """
 
     cell_name: str
     points: Array
     cells: Indices
     cell_groups: Labels
+    cell_surfaces: Labels
 
 
 @dataclass(frozen=True)
@@ -77,12 +81,14 @@ class BlockMesh(TaggedMesh):
         body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
+        joined: Number of surfaces that are in one body with others of the same groups.
     """
 
     domain: Any
     body: Labels
     body_count: int
     cell_groups: Labels
+    joined: int
 
     @property
     def comm(self) -> MPI.Comm:
@@ -108,16 +114,17 @@ class BlockMesh(TaggedMesh):
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
         rest: Any = None
-        mesh, body, rank = None, np.empty(0, dtype=np.int32), None
+        mesh, body, rank, joined = None, np.empty(0, dtype=np.int32), None, 0
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
                 body = bodies_of_cells(mesh)
                 check_apart(mesh.points, mesh.cells, body, mesh.source)
                 rank = ranks_of_bodies(mesh, body, comm.size)
-                arrays = ("points", "cells", "cell_groups")
+                joined = _joined_surfaces(mesh, body)
+                arrays = ("points", "cells", "cell_groups", "cell_surfaces")
                 rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in arrays})
-        rest, whole = comm.bcast((rest, rank is not None))
+        rest, whole, joined = comm.bcast((rest, rank is not None, joined))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
         domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
@@ -126,7 +133,8 @@ class BlockMesh(TaggedMesh):
         body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T
         count = comm.allreduce(int(body.max(initial=-1)), MPI.MAX) + 1
         tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
-        return cls(**tags, domain=domain, body=body, body_count=count, cell_groups=groups)
+        of_bodies = {"body": body, "body_count": count, "joined": joined}
+        return cls(**tags, **of_bodies, domain=domain, cell_groups=groups)
 
 
 @contextmanager
@@ -185,14 +193,15 @@ def _mesh_of(found: GmshContents, source: str) -> GmshMesh:
     if not cell_names:
         problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
         raise InputError(f"{source} {problem}")
-    cell_name, nodes, groups_of_cells = _cells(found, source)
+    cell_name, nodes, groups_of_cells, surface = _cells(found, source)
     used, flat = np.unique(nodes, return_inverse=True)
     facets, facet_groups, facet_sets = _facets(found, used)
     cell_groups, cell_sets = _numbered(groups_of_cells)
     points = _coordinates(found, used, source)
     cells = anticlockwise(points, flat.reshape(nodes.shape), source)
     tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
-    return GmshMesh(source, *tags, cell_name, points, cells, cell_groups)
+    surfaces = len(np.unique(surface))
+    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, cell_groups, surface)
 
 
 def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
@@ -221,8 +230,8 @@ def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]
             yield frozenset(str(found.groups[dim, tag]) for tag in tags), kind, flat
 
 
-def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names]]:
-    """Cell name, nodes of the cells, and their groups."""
+def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names], Labels]:
+    """Cell name, nodes of the cells, their groups and surfaces."""
     by_entity = list(_elements(found, 2))
     kinds = {kind for _, kind, _ in by_entity}
     if not kinds:
@@ -234,8 +243,11 @@ def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names]]:
             " straight quadrilaterals only"
         )
     name, width = compat.CELL_TYPES[kinds.pop()]
-    groups = [one for one, _, flat in by_entity for _ in range(len(flat) // width)]
-    return name, np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width), groups
+    counts = [len(flat) // width for *_, flat in by_entity]
+    groups = [by_entity[k][0] for k, count in enumerate(counts) for _ in range(count)]
+    surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
+    return name, nodes, groups, surface
 
 
 def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
@@ -271,6 +283,14 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
         )
     _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[label].astype(np.int32)
+
+
+def _joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
+    """Number of surfaces that are in one body with others of the same groups."""
+    rows = np.column_stack([body, mesh.cell_groups, mesh.cell_surfaces])
+    parts = np.unique(rows, axis=0)[:, :2]
+    _, count = np.unique(parts, axis=0, return_counts=True)
+    return int(count[count > 1].sum())
 
 
 def _connected(entities: Indices) -> Labels:

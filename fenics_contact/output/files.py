@@ -151,6 +151,7 @@ def result_record(result: Result) -> Record:
             "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
             "joint_points": len(discretization.joints.length),
         },
+        "warnings": list(discretization.warnings),
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
