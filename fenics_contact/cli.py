@@ -7,11 +7,13 @@ import contextlib
 import io
 import logging
 import os
+import signal
 import sys
 import time
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -22,7 +24,7 @@ from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
 from fenics_contact.version import __version__
 
-BAD_INPUT, INTERRUPTED = 2, 130
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 #: Characters of a message.
 LONGEST_LINE = 1000
 
@@ -33,12 +35,15 @@ EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "n
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
     comm = MPI.COMM_WORLD
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
-            stream.reconfigure(errors="backslashreplace")
-    with _only_on_root(comm):
-        options = _parser().parse_args(arguments)
-    _set_up_logging(options, comm)
+    with _output_may_close():
+        with _only_on_root(comm):
+            options = _parser().parse_args(arguments)
+        _set_up_logging(options, comm)
+        return _run(options, comm)
+
+
+def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Exit code of a command; an error that is no bug of the program is one line."""
     try:
         return _solve(options, comm) if options.command == "solve" else _check(options, comm)
     except InputError as error:
@@ -51,15 +56,71 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(f"not solved: {error}", comm)
         return EXIT_CODES["not_converged"]
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return _stopped_alone(comm, INTERRUPTED)
+    except OSError as error:
+        print("fenics-contact:", " ".join(str(error).split()), file=sys.stderr)
+        return _stopped_alone(comm, FAILED)
     except Exception:
         if comm.size == 1:
             raise
-        # A rank that stops alone would leave the others waiting.
         traceback.print_exc()
-        sys.stderr.flush()
-        comm.Abort(1)
-        raise
+        return _stopped_alone(comm, FAILED)
+
+
+def _stopped_alone(comm: MPI.Comm, code: int) -> int:
+    """Exit code of a rank that leaves its work; the others, which would wait for it, are ended."""
+    sys.stderr.flush()
+    if comm.size > 1:
+        comm.Abort(code)
+    return code
+
+
+class _Output:
+    """A stream that goes nowhere once it cannot be written to, so that the run goes on."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with self._lost():
+            return self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._lost():
+            self._stream.flush()
+
+    @contextlib.contextmanager
+    def _lost(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            if not isinstance(error, BrokenPipeError):
+                with contextlib.suppress(OSError):
+                    os.write(2, f"fenics-contact: cannot print: {error.strerror}\n".encode())
+            # What is in the buffer is written once more when Python ends.
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, self._stream.fileno())
+            os.close(nothing)
+
+
+@contextlib.contextmanager
+def _output_may_close() -> Iterator[None]:
+    """Go on where nobody reads what is printed, as in `fenics-contact solve ... | head`."""
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the program
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
+            stream.reconfigure(errors="backslashreplace")
+    out, err = _Output(sys.stdout), _Output(sys.stderr)
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):  # type: ignore[type-var]
+        try:
+            yield
+        finally:
+            out.flush()
+            err.flush()
 
 
 def _complain(message: str, comm: MPI.Comm) -> None:
