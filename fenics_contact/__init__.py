@@ -1,6 +1,6 @@
 """Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction."""
 
-from fenics_contact.errors import ContactError, InputError, SolverError
+from fenics_contact.errors import ContactError, InputError, OutputError, SolverError
 from fenics_contact.limit_load import LimitLoad, limit_load
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Load, Material, OutputOptions, Scene, SolveOptions
@@ -14,6 +14,7 @@ __all__ = [
     "LimitLoad",
     "Load",
     "Material",
+    "OutputError",
     "OutputOptions",
     "Scene",
     "SolveOptions",

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import logging
 import os
+import signal
 import sys
 import time
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, SolverError, raised_together
+from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
 from fenics_contact.version import __version__
 
-BAD_INPUT, INTERRUPTED = 2, 130
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+#: Characters of a message.
+LONGEST_LINE = 1000
 
 #: Exit codes by status of the result.
 EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "not_converged": 4}
@@ -30,29 +35,101 @@ EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "n
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
     comm = MPI.COMM_WORLD
-    with _only_on_root(comm):
-        options = _parser().parse_args(arguments)
-    _set_up_logging(options, comm)
+    with _output_may_close():
+        with _only_on_root(comm):
+            options = _parser().parse_args(arguments)
+        _set_up_logging(options, comm)
+        return _run(options, comm)
+
+
+def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Exit code of a command; an error that is no bug of the program is one line."""
     try:
         return _solve(options, comm) if options.command == "solve" else _check(options, comm)
     except InputError as error:
-        if comm.rank == 0:
-            print(f"fenics-contact: {error}", file=sys.stderr)
+        _complain(str(error), comm)
         return BAD_INPUT
+    except OutputError as error:
+        _complain(str(error), comm)
+        return EXIT_CODES["not_converged"]
     except SolverError as error:
-        if comm.rank == 0:
-            print(f"fenics-contact: not solved: {error}", file=sys.stderr)
+        _complain(f"not solved: {error}", comm)
         return EXIT_CODES["not_converged"]
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return _stopped_alone(comm, INTERRUPTED)
+    except OSError as error:
+        print("fenics-contact:", " ".join(str(error).split()), file=sys.stderr)
+        return _stopped_alone(comm, FAILED)
     except Exception:
         if comm.size == 1:
             raise
-        # A rank that stops alone would leave the others waiting.
         traceback.print_exc()
-        sys.stderr.flush()
-        comm.Abort(1)
-        raise
+        return _stopped_alone(comm, FAILED)
+
+
+def _stopped_alone(comm: MPI.Comm, code: int) -> int:
+    """Exit code of a rank that leaves its work; the others, which would wait for it, are ended."""
+    sys.stderr.flush()
+    if comm.size > 1:
+        comm.Abort(code)
+    return code
+
+
+class _Output:
+    """A stream that goes nowhere once it cannot be written to, so that the run goes on."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with self._lost():
+            return self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with self._lost():
+            self._stream.flush()
+
+    @contextlib.contextmanager
+    def _lost(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            if not isinstance(error, BrokenPipeError):
+                with contextlib.suppress(OSError):
+                    os.write(2, f"fenics-contact: cannot print: {error.strerror}\n".encode())
+            # What is in the buffer is written once more when Python ends.
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, self._stream.fileno())
+            os.close(nothing)
+
+
+@contextlib.contextmanager
+def _output_may_close() -> Iterator[None]:
+    """Go on where nobody reads what is printed, as in `fenics-contact solve ... | head`."""
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the program
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
+            stream.reconfigure(errors="backslashreplace")
+    out, err = _Output(sys.stdout), _Output(sys.stderr)
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):  # type: ignore[type-var]
+        try:
+            yield
+        finally:
+            out.flush()
+            err.flush()
+
+
+def _complain(message: str, comm: MPI.Comm) -> None:
+    """Print one line, whatever names and texts of the user are in the message."""
+    if comm.rank == 0:
+        line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+        if len(line) > LONGEST_LINE:
+            line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
+        print(f"fenics-contact: {line}", file=sys.stderr)
 
 
 @contextlib.contextmanager
@@ -128,21 +205,35 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
     """Where to write; checked on all ranks before the work is done."""
-    folder: Path = options.output or options.scene.with_suffix("")
+    scene: Path = options.scene
     with raised_together(comm):
+        if not scene.name:
+            raise InputError(f"'{scene}' is a folder; give a scene file")
+        folder: Path = options.output or scene.with_suffix("")
         if comm.rank == 0:
-            there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-            if not there.is_dir():
-                raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
-            if not os.access(there, os.W_OK):
-                raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
+            try:
+                _check_folder(folder)
+            except OSError as error:
+                raise InputError(f"cannot write to '{folder}': {error.strerror}") from None
+            except ValueError as error:  # a name with a NUL
+                raise InputError(f"cannot write to '{folder}': {error}") from None
     return folder
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that is a file, or that cannot be written to."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
+    if not os.access(there, os.W_OK):
+        raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
     with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
-        text = description(discretization)
+        lines = [description(discretization)]
+        lines += [f"warning: {text}" for text in discretization.warnings]
     if comm.rank == 0 and not options.quiet:
-        print(text)
+        print("\n".join(lines))
     return 0

@@ -136,15 +136,45 @@ def interpolation_points(space: Any) -> Any:
 
 
 def write_vtk(path: Path, functions: list[fem.Function]) -> None:
-    """Write functions of one mesh into one ParaView file (.pvd and its pieces)."""
-    domain = functions[0].function_space.mesh
-    with io.VTKFile(domain.comm, str(path), "w") as file:
+    """Write functions of one mesh into one ParaView file (.pvd and its pieces), see `tidy_vtk`.
+
+    Raises:
+        OSError: Perhaps, if a file cannot be made; dolfinx overlooks full disks.
+    """
+    complete = True
+    file = io.VTKFile(functions[0].function_space.mesh.comm, str(path), "w")
+    try:
         file.write_function(functions, 0.0)
-    domain.comm.barrier()
-    if domain.comm.rank == 0:
-        for parallel in path.parent.glob(f"{path.stem}*.pvtu"):
+        file.close()
+    except RuntimeError:
+        complete = False
+    del file  # or it would make its folder again when it is collected
+    if not complete:
+        raise OSError(f"'{path.name}' is not complete, is there room?")
+
+
+def tidy_vtk(path: Path) -> None:
+    """Tidy what all ranks wrote by `write_vtk`, on one rank.
+
+    Raises:
+        OSError: If a file is not complete.
+    """
+    try:
+        for parallel in _files_of(path):
             _tidy_pvtu(parallel)
-    domain.comm.barrier()
+            for piece in _files_of(parallel):
+                with piece.open("rb") as file:
+                    file.seek(-min(piece.stat().st_size, 20), 2)
+                    if not file.read().rstrip().endswith(b"</VTKFile>"):
+                        raise OSError(f"'{piece.name}' is not complete, is there room?")
+    except ElementTree.ParseError:
+        raise OSError(f"'{path.name}' is not complete, is there room?") from None
+
+
+def _files_of(path: Path) -> list[Path]:
+    """Files that a .pvd or .pvtu file lists."""
+    named = (item.get("file") or item.get("Source") for item in ElementTree.parse(path).iter())
+    return [path.parent / name for name in dict.fromkeys(named) if name]
 
 
 def _tidy_pvtu(path: Path) -> None:

@@ -16,21 +16,27 @@ class InputError(ContactError):
     """The scene or its mesh is wrong; the message names the thing and what to do."""
 
 
+class OutputError(ContactError):
+    """A file of the result cannot be written; the message names the folder and the reason."""
+
+
 class SolverError(ContactError):
     """A solver stopped without an answer; the message names its reason and residual."""
 
 
 @contextmanager
 def raised_together(comm: MPI.Comm) -> Iterator[None]:
-    """Raise on all ranks the `InputError` of the lowest rank that raised one inside the block.
+    """Raise on all ranks the input or output error of the lowest rank that raised one inside.
 
-    The block itself must not communicate: a rank that raises leaves it early.
+    The block itself must not communicate after a place where it may raise: a rank that raises
+    leaves it early.
     """
-    message = None
+    failure = None
     try:
         yield
-    except InputError as error:
-        message = str(error)
-    messages = [m for m in comm.allgather(message) if m is not None]
-    if messages:
-        raise InputError(messages[0])
+    except (InputError, OutputError) as error:
+        failure = type(error), str(error)
+    failures = [one for one in comm.allgather(failure) if one is not None]
+    if failures:
+        kind, message = failures[0]
+        raise kind(message)

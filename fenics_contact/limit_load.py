@@ -96,6 +96,8 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
     for item in skipped(scene):
         _log.info("skipped: %s", item)
     with Discretization(scene) as discretization:
+        for text in discretization.warnings if scene.comm.rank == 0 else ():
+            _log.warning("warning: %s", text)
         result = _solved(discretization, monitor or _Silent())
     result.seconds["total"] = time.perf_counter() - start
     return result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -15,14 +15,14 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
+from fenics_contact.gmsh_reader import GmshContents, Tags, contents, read
+from fenics_contact.planar_cells import anticlockwise, check_apart, check_coordinates
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Labels = npt.NDArray[np.int32]
 Flags = npt.NDArray[np.bool_]
-Tags = npt.NDArray[np.uint64]
 Names = frozenset[str]
-Groups = Mapping[tuple[int, int], str]  # names by dimension and gmsh's tag
 
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
@@ -40,6 +40,7 @@ class TaggedMesh:
         facet_sets: Sets of group names that occur on facets.
         cell_names: Names of all two-dimensional groups.
         facet_names: Names of all one-dimensional groups.
+        surfaces: Number of gmsh's surfaces that have cells.
     """
 
     source: str
@@ -49,6 +50,7 @@ class TaggedMesh:
     facet_sets: tuple[Names, ...]
     cell_names: tuple[str, ...]
     facet_names: tuple[str, ...]
+    surfaces: int
 
 
 @dataclass(frozen=True)
@@ -60,12 +62,14 @@ class GmshMesh(TaggedMesh):
         points: Coordinates of the nodes that cells use, shape (points, 2).
         cells: Node indices in gmsh order, shape (cells, nodes of a cell).
         cell_groups: Physical groups of every cell, as an index into `cell_sets`.
+        cell_surfaces: gmsh's surface of every cell, from 0 on.
     """
 
     cell_name: str
     points: Array
     cells: Indices
     cell_groups: Labels
+    cell_surfaces: Labels
 
 
 @dataclass(frozen=True)
@@ -77,12 +81,14 @@ class BlockMesh(TaggedMesh):
         body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
+        joined: Number of surfaces that are in one body with others of the same groups.
     """
 
     domain: Any
     body: Labels
     body_count: int
     cell_groups: Labels
+    joined: int
 
     @property
     def comm(self) -> MPI.Comm:
@@ -108,15 +114,17 @@ class BlockMesh(TaggedMesh):
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
         rest: Any = None
-        mesh, body, rank = None, np.empty(0, dtype=np.int32), None
+        mesh, body, rank, joined = None, np.empty(0, dtype=np.int32), None, 0
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
                 body = bodies_of_cells(mesh)
+                check_apart(mesh.points, mesh.cells, body, mesh.source)
                 rank = ranks_of_bodies(mesh, body, comm.size)
-                arrays = ("points", "cells", "cell_groups")
+                joined = _joined_surfaces(mesh, body)
+                arrays = ("points", "cells", "cell_groups", "cell_surfaces")
                 rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in arrays})
-        rest, whole = comm.bcast((rest, rank is not None))
+        rest, whole, joined = comm.bcast((rest, rank is not None, joined))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
         domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
@@ -125,7 +133,8 @@ class BlockMesh(TaggedMesh):
         body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T
         count = comm.allreduce(int(body.max(initial=-1)), MPI.MAX) + 1
         tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
-        return cls(**tags, domain=domain, body=body, body_count=count, cell_groups=groups)
+        of_bodies = {"body": body, "body_count": count, "joined": joined}
+        return cls(**tags, **of_bodies, domain=domain, cell_groups=groups)
 
 
 @contextmanager
@@ -148,22 +157,21 @@ def gmsh_session(**options: float) -> Iterator[Any]:
 
 
 def _read(path: Path) -> GmshMesh:
-    if not path.is_file():
-        raise InputError(f"mesh file '{path}' does not exist; give the path of a gmsh .msh file")
-    with path.open("rb") as file:
-        start = file.read(16)
+    try:
+        with path.open("rb") as file:
+            start = file.read(16)
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # a name with a NUL
+        problem = "does not exist; give the path of a gmsh .msh file"
+        raise InputError(f"mesh file '{path}' {problem}") from None
+    except OSError as error:
+        raise InputError(f"mesh file '{path}' cannot be read: {error.strerror}") from None
     if not start.startswith((b"$MeshFormat", b"$Comments")):
         raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
-    with gmsh_session() as gmsh:
-        try:
-            gmsh.open(str(path))
-        except Exception as error:
-            gmsh.finalize()  # or every later file would be found empty
-            raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
-        try:
-            return extract(gmsh.model, f"'{path}'")
-        finally:
-            gmsh.model.remove()
+    try:
+        found = read(path)
+    except ValueError as error:
+        raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
+    return _mesh_of(found, f"'{path}'")
 
 
 def extract(model: Any, source: str) -> GmshMesh:
@@ -172,20 +180,28 @@ def extract(model: Any, source: str) -> GmshMesh:
     Raises:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
-    names = {(d, t): model.getPhysicalName(d, t) or str(t) for d, t in model.getPhysicalGroups()}
-    by_dim = ([name for (d, _), name in names.items() if d == dim] for dim in (2, 1))
+    return _mesh_of(contents(model), source)
+
+
+def _mesh_of(found: GmshContents, source: str) -> GmshMesh:
+    names = found.groups
+    for dim, tag in (group for group, name in names.items() if name is None):
+        problem = f"the name of physical group {tag} of dimension {dim} is not UTF-8; rename it"
+        raise InputError(f"{source}: {problem}")
+    by_dim = ([str(name) for (d, _), name in names.items() if d == dim] for dim in (2, 1))
     cell_names, facet_names = (tuple(dict.fromkeys(some)) for some in by_dim)
     if not cell_names:
         problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
         raise InputError(f"{source} {problem}")
-    cell_name, nodes, groups_of_cells = _cells(model, names, source)
+    cell_name, nodes, groups_of_cells, surface = _cells(found, source)
     used, flat = np.unique(nodes, return_inverse=True)
-    facets, facet_groups, facet_sets = _facets(model, names, used)
+    facets, facet_groups, facet_sets = _facets(found, used)
     cell_groups, cell_sets = _numbered(groups_of_cells)
-    points, cells = _coordinates(model, used, source), flat.reshape(nodes.shape)
-    _check_areas(points, cells, source)
+    points = _coordinates(found, used, source)
+    cells = anticlockwise(points, flat.reshape(nodes.shape), source)
     tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
-    return GmshMesh(source, *tags, cell_name, points, cells, cell_groups)
+    surfaces = len(np.unique(surface))
+    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, cell_groups, surface)
 
 
 def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
@@ -195,49 +211,49 @@ def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
     return np.array(labels, dtype=np.int32), tuple(index)
 
 
-def _coordinates(model: Any, nodes: Tags, source: str) -> Array:
+def _coordinates(found: GmshContents, nodes: Tags, source: str) -> Array:
     """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
-    tags, coordinates, _ = model.mesh.getNodes()
-    order = np.argsort(tags)
-    rows = order[np.searchsorted(tags, nodes, sorter=order)]
-    points = coordinates.reshape(-1, 3)[rows]
-    spread = np.ptp(points, axis=0)
-    if spread[2] > 1e-9 * spread.max():
-        raise InputError(f"{source} is not planar: z varies by {spread[2]:.3g}; draw it in x and y")
+    order = np.argsort(found.tags)
+    rows = np.searchsorted(found.tags, nodes, sorter=order)
+    rows = order[np.minimum(rows, max(len(order) - 1, 0))] if len(order) else rows
+    if len(order) == 0 or np.any(found.tags[rows] != nodes):
+        raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
+    points = found.coordinates[rows]
+    check_coordinates(points, source)
     return points[:, :2].copy()
 
 
-def _elements(model: Any, dim: int, names: Groups) -> Iterator[tuple[Names, int, Tags]]:
+def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]]:
     """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
-    for _, entity in model.getEntities(dim):
-        tags = model.getPhysicalGroupsForEntity(dim, entity)
-        if len(tags):
-            types, _, nodes = model.mesh.getElements(dim, entity)
-            for kind, flat in zip(types, nodes, strict=True):
-                yield frozenset(names[dim, int(tag)] for tag in tags), int(kind), flat
+    for dimension, tags, kind, flat in found.elements:
+        if dimension == dim:
+            yield frozenset(str(found.groups[dim, tag]) for tag in tags), kind, flat
 
 
-def _cells(model: Any, names: Groups, source: str) -> tuple[str, Tags, list[Names]]:
-    """Cell name, nodes of the cells, and their groups."""
-    found = list(_elements(model, 2, names))
-    kinds = {kind for _, kind, _ in found}
+def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names], Labels]:
+    """Cell name, nodes of the cells, their groups and surfaces."""
+    by_entity = list(_elements(found, 2))
+    kinds = {kind for _, kind, _ in by_entity}
     if not kinds:
         raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
     if len(kinds) > 1 or not kinds <= set(compat.CELL_TYPES):
-        listed = ", ".join(model.mesh.getElementProperties(kind)[0] for kind in sorted(kinds))
+        listed = ", ".join(found.kinds[kind] for kind in sorted(kinds))
         raise InputError(
             f"{source} has cells of kind {listed}; mesh it with straight triangles only, or with"
             " straight quadrilaterals only"
         )
     name, width = compat.CELL_TYPES[kinds.pop()]
-    groups = [one for one, _, flat in found for _ in range(len(flat) // width)]
-    return name, np.concatenate([flat for *_, flat in found]).reshape(-1, width), groups
+    counts = [len(flat) // width for *_, flat in by_entity]
+    groups = [by_entity[k][0] for k, count in enumerate(counts) for _ in range(count)]
+    surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
+    return name, nodes, groups, surface
 
 
-def _facets(model: Any, names: Groups, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
+def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
     """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
     groups: dict[tuple[int, int], Names] = {}
-    for more, kind, flat in _elements(model, 1, names):
+    for more, kind, flat in _elements(found, 1):
         if kind != 1:  # gmsh's number of a straight line
             continue
         for first, second in np.sort(flat.reshape(-1, 2), axis=1).tolist():
@@ -247,20 +263,6 @@ def _facets(model: Any, names: Groups, used: Tags) -> tuple[Indices, Labels, tup
     known = np.all(used[index] == nodes, axis=1)
     labels, sets = _numbered(groups.values())
     return np.sort(index[known], axis=1), labels[known], sets
-
-
-def _check_areas(points: Array, cells: Indices, source: str) -> None:
-    """Refuse cells without area."""
-    corners = points[cells]
-    # Relative to the first corner, so that far-away origins cost no digits.
-    shifted = corners - corners[:, :1]
-    following = np.roll(shifted, -1, axis=1)
-    area = 0.5 * np.abs(np.linalg.det(np.stack([shifted, following], axis=2)).sum(axis=1))
-    longest2 = ((following - shifted) ** 2).sum(axis=2).max(axis=1)
-    flat = np.flatnonzero(area <= 1e-10 * longest2)
-    if len(flat):
-        x, y = corners[flat[0]].mean(axis=0)
-        raise InputError(f"{source}: {len(flat)} cells have no area, the first at ({x:g}, {y:g})")
 
 
 def bodies_of_cells(mesh: GmshMesh) -> Labels:
@@ -281,6 +283,14 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
         )
     _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[label].astype(np.int32)
+
+
+def _joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
+    """Number of surfaces that are in one body with others of the same groups."""
+    rows = np.column_stack([body, mesh.cell_groups, mesh.cell_surfaces])
+    parts = np.unique(rows, axis=0)[:, :2]
+    _, count = np.unique(parts, axis=0, return_counts=True)
+    return int(count[count > 1].sum())
 
 
 def _connected(entities: Indices) -> Labels:

@@ -27,6 +27,11 @@ CHOICES = {
     "states": ("first", "lowest"),
 }
 
+#: Characters that a title can have.
+LONGEST_TITLE = 1000
+#: Smallest and largest size of a number that is not 0, in SI units.
+SIZES = 1e-30, 1e30
+
 
 def _require(condition: bool, message: str) -> None:
     if not condition:
@@ -40,6 +45,14 @@ def _require_choice(name: str, value: str, kind: str = "") -> None:
 
 def _require_not_negative(name: str, value: float) -> None:
     _require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
+    _require_size(name, value)
+
+
+def _require_size(name: str, value: float) -> None:
+    """Refuse numbers whose squares and products floating point numbers do not hold."""
+    low, high = SIZES
+    problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
+    _require(value == 0.0 or low <= abs(value) <= high, problem)
 
 
 @dataclass(frozen=True)
@@ -59,6 +72,7 @@ class Material:
     def __post_init__(self) -> None:
         young = self.young
         _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
+        _require_size("young", young)
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
         _require_not_negative("density", self.density)
 
@@ -105,6 +119,8 @@ class Load:
                 len(value) == 2 and all(map(math.isfinite, value)),
                 f"{name} = {list(value)} must be two finite numbers",
             )
+            for component in value:
+                _require_size(name, component)
 
 
 @dataclass(frozen=True)
@@ -201,6 +217,8 @@ class Scene(_Shared):
     def __post_init__(self) -> None:
         _require_choice("plane.state", self.plane)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
+        long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
+        _require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, "supports")
         self._check_names()

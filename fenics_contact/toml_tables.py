@@ -18,6 +18,8 @@ T = TypeVar("T")
 
 #: Names of the types that a value must have exactly.
 _EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
+#: Tables within tables that a file may have.
+DEEPEST = 20
 
 
 def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -29,18 +31,41 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
     tables: dict[str, Any] = {}
     with raised_together(comm):
         if comm.rank == 0:
-            try:
-                tables = tomllib.loads(path.read_text())
-            except FileNotFoundError:
-                raise InputError(f"file '{path}' does not exist") from None
-            except tomllib.TOMLDecodeError as error:
-                raise InputError(f"file '{path}' is not TOML: {error}") from None
-            except (OSError, UnicodeDecodeError) as error:
-                raise InputError(f"file '{path}' cannot be read: {error}") from None
+            tables = _read(path)
+            _check_depth(tables, f"file '{path}'")
     tables = comm.bcast(tables)
     for assignment in overrides:
         _override(tables, assignment)
     return tables
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Tables of a file; a byte order mark, as some editors write, is left out."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(f"file '{path}' does not exist") from None
+    except IsADirectoryError:
+        raise InputError(f"'{path}' is a folder; give a scene file") from None
+    except OSError as error:
+        raise InputError(f"file '{path}' cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        problem = f"is not UTF-8 text: byte {error.start}; save it as UTF-8"
+        raise InputError(f"file '{path}' {problem}") from None
+    except RecursionError:
+        raise InputError(f"file '{path}' has more than {DEEPEST} tables in tables") from None
+    except ValueError as error:  # tomllib's own, and that of a whole number too long for Python
+        raise InputError(f"file '{path}' is not TOML: {error}") from None
+
+
+def _check_depth(tables: Any, source: str) -> None:
+    """Refuse what cannot be sent to other ranks, nor printed."""
+    level = [tables]
+    for _ in range(DEEPEST):
+        level = [x for item in level for x in (item.values() if isinstance(item, dict) else item)]
+        level = [item for item in level if isinstance(item, (dict, list))]
+    if level:
+        raise InputError(f"{source} has more than {DEEPEST} tables in tables")
 
 
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
@@ -86,22 +111,31 @@ def _value(key: str, value: Any, kind: Any) -> Any:
         return _number(key, value)
     if get_origin(kind) is tuple:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise InputError(f"{key} = {value!r} must be two numbers, [x, y]")
+            raise InputError(f"{key} = {_shown(value)} must be two numbers, [x, y]")
         return tuple(_number(key, item) for item in value)
     if type(value) is not kind:  # a truth value is no whole number
-        raise InputError(f"{key} = {value!r} must be {_EXACT[kind]}")
+        raise InputError(f"{key} = {_shown(value)} must be {_EXACT[kind]}")
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value as text, as far as there is room for it."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number too long for Python
+        return "a number"
+    return text if len(text) <= 80 else f"{text[:60]} ..."
 
 
 def _as_table(key: str, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{key} = {value!r} must be a table, [{key}]")
+        raise InputError(f"{key} = {_shown(value)} must be a table, [{key}]")
     return value
 
 
 def _number(key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{key} = {value!r} must be a number")
+        raise InputError(f"{key} = {_shown(value)} must be a number")
     try:
         return float(value)
     except OverflowError:
@@ -113,10 +147,15 @@ def _override(table: dict[str, Any], assignment: str) -> None:
     names = [name.strip() for name in key.split(".")]
     if not equals or not all(names):
         raise InputError(f"'--set {assignment}' is not of the form key=value")
+    if not assignment.isprintable():
+        raise InputError(f"'--set {assignment}' has more than one line, or characters of control")
     try:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = text.strip()  # a string without quotes
+    _check_depth([value], f"'--set {names[0]}'")
+    if len(names) > DEEPEST:
+        raise InputError(f"'--set {key}' has more than {DEEPEST} tables in tables")
     for name in names[:-1]:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):

@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
@@ -60,6 +61,7 @@ class Discretization:
         supports: Held displacements.
         elasticity: K, f_D, f_L.
         joints: Joint points.
+        warnings: What is legal and probably meant otherwise, for people.
         operators: Rows of B_N and B_T.
         bodies: Rigid motions of the blocks.
         problem: What the solvers see.
@@ -80,6 +82,7 @@ class Discretization:
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
+        self.warnings = doubts(scene, self.boundary)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
         resultants = made.dead_resultant, made.live_resultant

@@ -19,13 +19,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import GROUND, Boundary
+from fenics_contact.discretization.pairing import distances_of_ends, joint_facets
 from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
-from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Indices, Labels
 from fenics_contact.scene import JointLaw, Scene
-
-#: Facets face each other when their nodes agree to this fraction of their length.
-MATCHING = 1e-4
 
 #: Weights of a facet's nodes relative to each other, by number of nodes.
 NODAL_WEIGHTS = {2: (1, 1), 3: (1, 1, 4)}
@@ -100,15 +97,14 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     """Points of all joints and foundations.
 
     Raises:
-        InputError: If facets of a joint group have none opposite, touch without matching nodes,
-            or have no law or two.
+        InputError: As `joint_facets` says.
     """
-    (first, second), law = _joint_facets(scene, boundary)
+    (first, second), law = joint_facets(scene, boundary)
     ground = first == GROUND
     base = np.where(ground, second, first)  # gives the order of the nodes
     per_facet = boundary.nodes.shape[1]
     # Nodes of the second side in the order of the first's, shape (facets, nodes of a facet, 2).
-    straight, crossed = (d.sum(axis=1) for d in _distances_of_ends(boundary, base, second))
+    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
     order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])[:, :per_facet]
     ours = np.where(ground[:, None], GROUND, boundary.nodes[base])
     nodes = np.stack([ours, np.take_along_axis(boundary.nodes[second], order, axis=1)], axis=2)
@@ -130,116 +126,6 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         names=(*scene.joints, *scene.foundations),
         segments=point.reshape(-1, per_facet)[:, :2],
     )
-
-
-def _joint_facets(scene: Scene, boundary: Boundary) -> tuple[Indices, Indices]:
-    """Both sides, shape (2, facets), and law of the facets of all joints, then foundations."""
-    named = [name for name in scene.joints if name != "default"]
-    joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
-    pairs = _pair_facets(boundary)
-    paired = np.zeros(len(boundary.length), dtype=bool)
-    paired[pairs] = True
-    for position, name in enumerate(named):
-        if alone := np.count_nonzero((joint_role == position) & ~paired):
-            raise InputError(
-                f"joint group '{name}': {alone} facets have no facet opposite; mesh both sides"
-                " with the same nodes, or make the group a foundation or support"
-            )
-    for position, name in enumerate(scene.foundations):
-        if both := np.count_nonzero((ground_role == position) & paired):
-            raise InputError(
-                f"foundation '{name}': {both} facets touch another block; a foundation is rigid"
-                " ground, make the group a joint"
-            )
-    _check_overlaps(boundary, np.flatnonzero(~paired))
-    law = _laws_of_pairs(scene, boundary, pairs, joint_role)
-    ground = np.flatnonzero(ground_role >= 0)
-    sides = np.hstack([pairs.T, [np.full_like(ground, GROUND), ground]])
-    return sides, np.append(law, len(scene.joints) + ground_role[ground])
-
-
-def _distances_of_ends(boundary: Boundary, first: Indices, second: Indices) -> tuple[Array, Array]:
-    """Distances of the ends of facets, taken either way round, each of shape (facets, 2), m."""
-    ends, other = boundary.points[first, :2], boundary.points[second, :2]
-    return np.linalg.norm(ends - other, axis=2), np.linalg.norm(ends - other[:, ::-1], axis=2)
-
-
-def _pair_facets(boundary: Boundary) -> Indices:
-    """Facets of two bodies that coincide, lower body first, shape (pairs, 2)."""
-    from scipy.spatial import cKDTree
-
-    near = MATCHING * boundary.length
-    middle = boundary.points[:, :2].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
-    first, second = pairs.T
-    straight, crossed = (d.max(axis=1) for d in _distances_of_ends(boundary, first, second))
-    close = np.minimum(straight, crossed) <= np.minimum(near[first], near[second])
-    facing = np.sum(boundary.normal[first] * boundary.normal[second], axis=1) < 0.0
-    apart = boundary.body[first] != boundary.body[second]
-    pairs = pairs[apart & facing & close]
-    swap = boundary.body[pairs[:, 0]] > boundary.body[pairs[:, 1]]
-    pairs[swap] = pairs[swap, ::-1]
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
-    seen, count = np.unique(pairs, return_counts=True)
-    if np.any(count > 1):
-        x, y = middle[seen[count > 1][0]]
-        raise InputError(f"three or more facets coincide at ({x:g}, {y:g}); blocks overlap there")
-    return pairs
-
-
-def _check_overlaps(boundary: Boundary, alone: Indices) -> None:
-    """A facet without partner must not lie on another body's facet: its contact would be lost."""
-    from scipy.spatial import cKDTree
-
-    if len(alone) == 0:
-        return
-    middle = boundary.points[:, :2].mean(axis=1)
-    reach = 0.5 * (boundary.length[alone] + boundary.length.max())
-    candidates = cKDTree(middle).query_ball_point(middle[alone], reach)
-    one = np.repeat(alone, [len(found) for found in candidates])
-    other = np.concatenate(candidates).astype(np.int64)
-    keep = boundary.body[one] != boundary.body[other]
-    keep &= np.sum(boundary.normal[one] * boundary.normal[other], axis=1) < -0.99
-    one, other = one[keep], other[keep]
-    start, length = boundary.points[other, 0], boundary.length[other]
-    along = (boundary.points[other, 1] - start) / length[:, None]
-    arm = boundary.points[one, :2] - start[:, None]
-    at = np.einsum("nek,nk->ne", arm, along)  # where the ends of `one` fall on `other`, m
-    off = np.abs(np.einsum("nek,nk->ne", arm, boundary.normal[other])).max(axis=1)
-    common = np.minimum(at.max(axis=1), length) - np.maximum(at.min(axis=1), 0.0)
-    shorter = np.minimum(boundary.length[one], length)
-    bad = np.unique(one[(common > 0.01 * shorter) & (off <= MATCHING * shorter)])
-    if len(bad):
-        x, y = middle[bad[0]]
-        raise InputError(
-            f"{len(bad)} facets touch another block without matching nodes, the first at"
-            f" ({x:g}, {y:g}); mesh both sides with the same nodes"
-        )
-
-
-def _laws_of_pairs(
-    scene: Scene, boundary: Boundary, pairs: Indices, joint_role: Indices
-) -> Indices:
-    """Law of every pair as a position in `scene.joints`, by the group that either side is in."""
-    order = list(scene.joints)
-    position = np.array([k for k, name in enumerate(order) if name != "default"] + [-1])
-    sides = position[joint_role[pairs]].reshape(-1, 2)
-    differ = np.flatnonzero((sides.min(axis=1) >= 0) & (sides[:, 0] != sides[:, 1]))
-    if len(differ):
-        first, second = (order[k] for k in sides[differ[0]])
-        raise InputError(
-            f"joint groups '{first}' and '{second}' are the two sides of {len(differ)} facets;"
-            " put both sides into one group"
-        )
-    law = sides.max(axis=1, initial=-1)
-    if "default" in order:
-        return np.where(law < 0, order.index("default"), law)
-    if np.any(law < 0):
-        x, y = boundary.points[pairs[law < 0][0, 0]].mean(axis=0)
-        raise InputError(
-            f"blocks touch at ({x:g}, {y:g}) with no joint group of their own; add [joints.default]"
-        )
-    return law
 
 
 def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:

@@ -18,6 +18,7 @@ from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.mesh import Array
+from fenics_contact.output.folder import writing
 
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
@@ -50,10 +51,19 @@ def write_blocks(
 
     Collective. `elastic` is the displacement without a large motion, in which digits of stresses
     would be lost.
+
+    Raises:
+        OutputError: On all ranks, with the reason, if a file cannot be written.
     """
     named = {"displacement": displacement, "collapse_mode": mode, "elastic": elastic}
     *moving, strained = (displacement_function(discretization, u, n) for n, u in named.items())
-    compat.write_vtk(path, [*moving, *stress_fields(discretization, strained)])
+    functions = [*moving, *stress_fields(discretization, strained)]
+    comm = discretization.scene.comm
+    with writing(comm):
+        compat.write_vtk(path, functions)
+    with writing(comm):
+        if comm.rank == 0:
+            compat.tidy_vtk(path)
 
 
 def write_joints(path: Path, joints: Joints, values: JointValues) -> None:

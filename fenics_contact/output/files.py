@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import textwrap
 import time
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,17 @@ from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints
+from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.output.plotting import draw_blocks, draw_capacity, draw_collapse
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
+
+#: The file that comes last.
+RECORD = "result.json"
+#: Characters of a title that a picture has room for.
+LONGEST_TITLE = 60
 
 Record = dict[str, Any]
 
@@ -25,37 +32,44 @@ Record = dict[str, Any]
 def write_result(result: Result, folder: Path) -> None:
     """Write everything the scene's output options ask for; the folder is made if need be.
 
-    Collective. result.json is written last, so that its presence says that all is there.
+    Collective. Files appear when all of them are complete, result.json last, so that its presence
+    says that all is there.
+
+    Raises:
+        OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
     """
     start = time.perf_counter()
     comm, options = result.scene.comm, result.scene.output
-    record = folder / "result.json"
-    if comm.rank == 0:
-        folder.mkdir(parents=True, exist_ok=True)
-        record.unlink(missing_ok=True)
-    comm.barrier()
-    if result.fall is not None and options.pictures:
-        mode = result.discretization.rigid_motion(result.fall)
-        title = f"{_opening(result.scene.title)}falls under its dead load"
-        draw_blocks(result.discretization, result.falling, title, folder / "collapse.png", mode)
-    for direction, end in result.ends.items():
-        _write_collapse(result, direction, end, folder)
-    if result.capacity and comm.rank == 0:
-        with (folder / "capacity.csv").open("w", newline="") as file:
-            table = csv.writer(file)
-            table.writerow(["displacement_m", "load_factor", "work", "converged"])
-            for p in result.capacity:
-                table.writerow([p.displacement, p.load_factor, p.work, int(p.converged)])
-        if options.pictures:
-            limit = math.nan if result.collapse is None else result.collapse.load_factor
-            draw_capacity(result.capacity, limit, result.scene.title, folder / "capacity.png")
-    comm.barrier()
-    result.seconds["write"] = time.perf_counter() - start
-    if comm.rank == 0:
-        partial = record.with_suffix(".part")
-        partial.write_text(json.dumps(strict(result_record(result)), indent=2) + "\n")
-        partial.replace(record)
-    comm.barrier()
+    with filled_at_once(folder, RECORD, comm) as hidden:
+        if result.fall is not None and options.pictures:
+            mode = result.discretization.rigid_motion(result.fall)
+            title = f"{_opening(result.scene.title)}falls under its dead load"
+            with writing(comm):
+                path = hidden / "collapse.png"
+                draw_blocks(result.discretization, result.falling, title, path, mode)
+        for direction, end in result.ends.items():
+            _write_collapse(result, direction, end, hidden)
+        with writing(comm):
+            if result.capacity and comm.rank == 0:
+                _write_capacity(result, hidden)
+        result.seconds["write"] = time.perf_counter() - start
+        with writing(comm):
+            if comm.rank == 0:
+                text = json.dumps(strict(result_record(result)), indent=2) + "\n"
+                (hidden / RECORD).write_text(text)
+
+
+def _write_capacity(result: Result, folder: Path) -> None:
+    """The capacity curve as a table and as a picture, on this rank."""
+    with (folder / "capacity.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["displacement_m", "load_factor", "work", "converged"])
+        for p in result.capacity:
+            table.writerow([p.displacement, p.load_factor, p.work, int(p.converged)])
+    if result.scene.output.pictures:
+        limit = math.nan if result.collapse is None else result.collapse.load_factor
+        title = _drawn(result.scene.title)
+        draw_capacity(result.capacity, limit, title, folder / "capacity.png")
 
 
 def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
@@ -67,19 +81,22 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     if end.status == "unbounded" and scene.output.pictures:
         title = f"{_opening(scene.title)}unbounded, these blocks wedge{reversal}"
-        path = folder / f"collapse{suffix}.png"
-        draw_blocks(discretization, result.wedged(end), title, path)
+        with writing(scene.comm):
+            path = folder / f"collapse{suffix}.png"
+            draw_blocks(discretization, result.wedged(end), title, path)
     if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
         return
     if scene.output.paraview:
         motions = end.state.displacement, end.state.elastic, end.mode
         write_blocks(folder / f"blocks{suffix}.pvd", discretization, *motions)
-        if first:
-            write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
+        with writing(scene.comm):
+            if first:
+                write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
     if scene.output.pictures:
         live, path = sign * discretization.bodies.live[:, :2], folder / f"collapse{suffix}.png"
         title = _title(scene.title, end) + f"{reversal}   ({end.bounds})" if first else ""
-        draw_collapse(discretization, end.mode, end.joints, live, title, path)
+        with writing(scene.comm):
+            draw_collapse(discretization, end.mode, end.joints, live, title, path)
 
 
 def _title(scene: str, end: Collapse) -> str:
@@ -90,7 +107,13 @@ def _title(scene: str, end: Collapse) -> str:
 
 def _opening(title: str) -> str:
     """How a title begins that tells of a scene with a title of its own."""
-    return f"{title}: " if title else ""
+    return f"{_drawn(title)}: " if title else ""
+
+
+def _drawn(title: str) -> str:
+    """A title as pictures have it: one short line, in which dollars are no mathematics."""
+    line = "".join(c if c.isprintable() else " " for c in title)
+    return textwrap.shorten(line, LONGEST_TITLE, placeholder=" ...").replace("$", r"\$")
 
 
 def result_record(result: Result) -> Record:
@@ -128,6 +151,7 @@ def result_record(result: Result) -> Record:
             "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
             "joint_points": len(discretization.joints.length),
         },
+        "warnings": list(discretization.warnings),
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],

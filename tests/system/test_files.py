@@ -171,7 +171,9 @@ def test_result_is_written_last(tmp_path):
     picture = tmp_path / "scene" / "collapse.png"
     picture.unlink()
     picture.mkdir()  # in the way of the next run
-    assert run(["solve", "scene.toml"], tmp_path).code == 1
+    found = run(["solve", "scene.toml"], tmp_path)
+    assert (found.code, found.err.count("\n")) == (4, 1)
+    assert "cannot write to 'scene': Is a directory" in found.err
     assert files(tmp_path / "scene") == {"collapse.png"}
 
 

@@ -23,7 +23,7 @@ TREES = {
 
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
-    {"errors", "compat", "version"},
+    {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
     {"mesh"},
     {"meshing", "scene", "toml_tables"},
     {"discretization"},

@@ -1,0 +1,98 @@
+"""What is legal in a scene and probably meant otherwise, in a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.mesh import BlockMesh
+from fenics_contact.scene import JointLaw, Material, Scene
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Values beyond which a number is probably in the wrong unit, or a result not what is wanted.
+
+    Attributes:
+        friction: Largest coefficient of friction; that of brick and stone is 0.3 to 0.9.
+        young: Smallest Young's modulus, Pa; that of soft brickwork is 1e8.
+        poisson: Largest Poisson's ratio; closer to 0.5, linear cells lock in plane strain.
+    """
+
+    friction: float = 2.0
+    young: float = 1e6
+    poisson: float = 0.49
+
+
+def doubts(scene: Scene, boundary: Boundary, usual: Usual | None = None) -> tuple[str, ...]:
+    """Warnings on a scene, for people; the same on all ranks. Collective."""
+    usual = usual or Usual()
+    return (
+        *_of_mesh(scene.mesh),
+        *_of_materials(scene.materials, scene.plane, usual),
+        *_of_laws("joints", scene.joints, usual),
+        *_of_laws("foundations", scene.foundations, usual),
+        *_of_weights(scene),
+        *_of_tractions(scene, boundary),
+    )
+
+
+def _of_mesh(mesh: BlockMesh) -> Iterator[str]:
+    if mesh.joined:
+        yield (
+            f"{mesh.joined} of the {mesh.surfaces} surfaces drawn share nodes with others of their"
+            f" groups, so that there are {mesh.body_count} blocks; give every block nodes of its"
+            " own if they can come apart"
+        )
+
+
+def _of_materials(materials: Mapping[str, Material], plane: str, usual: Usual) -> Iterator[str]:
+    for name, material in materials.items():
+        if material.young < usual.young:
+            yield f"materials.{name}.young = {material.young:g} Pa is very soft; is it in Pa?"
+        if plane == "strain" and material.poisson > usual.poisson:
+            yield (
+                f"materials.{name}.poisson = {material.poisson:g} in plane strain: cells are too"
+                " stiff in bending"
+            )
+
+
+def _of_laws(table: str, laws: Mapping[str, JointLaw], usual: Usual) -> Iterator[str]:
+    for name, law in laws.items():
+        if (law.friction or 0.0) > usual.friction:
+            yield (
+                f"{table}.{name}.friction = {law.friction:g} is very high; it is the tangent of"
+                " the angle of friction"
+            )
+
+
+def _of_weights(scene: Scene) -> Iterator[str]:
+    """Blocks that body forces leave out."""
+    heavy = [scene.material(groups).density > 0.0 for groups in scene.mesh.cell_sets]
+    count = np.zeros(scene.mesh.body_count, dtype=np.int64)
+    np.add.at(count, scene.mesh.body, np.array(heavy, dtype=np.int64)[scene.mesh.cell_groups])
+    scene.comm.Allreduce(MPI.IN_PLACE, count, MPI.SUM)
+    light = int(np.count_nonzero(count == 0))
+    for name, load in (("dead", scene.dead), ("live", scene.live)):
+        if light and any(load.body):
+            yield f"loads.{name}.body does not act on {light} blocks: their material has no density"
+
+
+def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
+    """Tractions on one side of a joint; those on both sides are refused."""
+    if not scene.dead.traction and not scene.live.traction:
+        return
+    facing = np.zeros(len(boundary.length), dtype=bool)
+    facing[facing_facets(boundary)] = True
+    for kind, load in (("dead", scene.dead), ("live", scene.live)):
+        for name in load.traction:
+            if inside := np.count_nonzero(boundary.in_group(name) & facing):
+                yield (
+                    f"loads.{kind}.traction.{name} also acts on {inside} facets in joints, on one"
+                    " of the two blocks"
+                )

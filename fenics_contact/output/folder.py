@@ -1,0 +1,70 @@
+"""Files of a result appear in their folder complete, or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from mpi4py import MPI
+
+from fenics_contact.errors import OutputError, raised_together
+
+
+@contextmanager
+def writing(comm: MPI.Comm) -> Iterator[None]:
+    """Raise what goes wrong with a file on one rank on all of them; see `raised_together`.
+
+    Raises:
+        OutputError: On all ranks, with the reason.
+    """
+    with raised_together(comm):
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(error.strerror or str(error)) from None
+
+
+@contextmanager
+def filled_at_once(folder: Path, last: str, comm: MPI.Comm) -> Iterator[Path]:
+    """A hidden folder to write to, whose files are moved to `folder` at the end; one of them last.
+
+    Collective. If anything goes wrong before, `folder` is as it was.
+
+    Raises:
+        OutputError: On all ranks, if a file or folder cannot be made.
+    """
+    hidden: Path | None = None
+    made: list[Path] = []
+    try:
+        with writing(comm):
+            if comm.rank == 0:
+                made = [path for path in (folder, *folder.parents) if not path.exists()]
+                folder.mkdir(parents=True, exist_ok=True)
+                hidden = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+        place: Path = comm.bcast(hidden)
+        yield place
+        with writing(comm):
+            if comm.rank == 0:
+                _move(place, folder, last)
+                made = []
+    except OutputError as error:
+        problem = f"cannot write to '{folder}': {error}; choose another folder with -o"
+        raise OutputError(problem) from None
+    finally:
+        if comm.rank == 0:
+            if hidden is not None:
+                shutil.rmtree(hidden, ignore_errors=True)
+            for path in made:  # those that are empty
+                with suppress(OSError):
+                    path.rmdir()
+
+
+def _move(hidden: Path, folder: Path, last: str) -> None:
+    """Move all files; without the one that comes last, those in the folder are of two results."""
+    (folder / last).unlink(missing_ok=True)
+    for path in sorted(hidden.iterdir(), key=lambda path: path.name == last):
+        os.replace(path, folder / path.name)

@@ -1,0 +1,181 @@
+"""Planar cells by their corners: what cells of a mesh must be, and cells that overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import InputError
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+#: Smallest and largest size of a structure, m, and its largest distance from the origin.
+SIZES = 1e-9, 1e9
+#: Area of a cell below which it has none, over its longest side squared.
+FLAT = 1e-10
+#: Blocks may reach into each other by this fraction of a cell: nodes of joints match to 1e-4.
+PENETRATION = 5e-4
+#: Cells that are compared with others at a time, which bounds the memory.
+PORTION = 20_000
+
+
+def check_coordinates(coordinates: Array, source: str) -> None:
+    """Refuse coordinates that are no numbers, not in a plane, or of no structure's size.
+
+    `coordinates` are x, y, z of the nodes in use, shape (nodes, 3), m.
+
+    Raises:
+        InputError: With the first node that is wrong.
+    """
+    wrong = np.flatnonzero(~np.isfinite(coordinates).all(axis=1))
+    if len(wrong):
+        place = ", ".join(f"{x:g}" for x in coordinates[wrong[0]])
+        raise InputError(f"{source}: {len(wrong)} nodes have no place, the first is at ({place})")
+    largest = np.abs(coordinates).max()
+    if largest > SIZES[1]:
+        raise InputError(f"{source} has a coordinate of {largest:g}; give coordinates in m")
+    spread = np.ptp(coordinates, axis=0)
+    if spread[2] > 1e-9 * spread.max():
+        raise InputError(f"{source} is not planar: z varies by {spread[2]:.3g}; draw it in x and y")
+    if spread.max() < SIZES[0]:
+        raise InputError(f"{source} is {spread.max():g} m wide; give coordinates in m")
+
+
+def anticlockwise(points: Array, cells: Indices, source: str) -> Indices:
+    """Cells with their nodes in anticlockwise order; those given clockwise are turned.
+
+    Raises:
+        InputError: If cells have no area, are no convex quadrilaterals, are given twice, or lie on
+            the same side of a facet.
+    """
+    corners = points[cells]
+    # Relative to the first corner, so that far-away origins cost no digits.
+    shifted = corners - corners[:, :1]
+    sides = np.roll(shifted, -1, axis=1) - shifted
+    area = 0.5 * np.linalg.det(np.stack([shifted, np.roll(shifted, -1, axis=1)], axis=2)).sum(1)
+    # Twice the area at every corner; both signs occur where a quadrilateral is folded.
+    turn = np.linalg.det(np.stack([sides, np.roll(sides, -1, axis=1)], axis=2))
+    least = FLAT * (sides**2).sum(axis=2).max(axis=1)
+    _refuse(np.abs(area) <= least, corners, source, "cells have no area")
+    folded = np.any(turn * np.sign(area)[:, None] <= least[:, None], axis=1)
+    _refuse(folded, corners, source, "cells are no convex quadrilaterals")
+    turned = np.where((area < 0.0)[:, None], cells[:, ::-1], cells)
+    given = np.sort(cells, axis=1)
+    twice = _repeated(given)
+    _refuse(twice, corners, source, "cells are given twice", "; delete the copies")
+    ends = np.stack([turned, np.roll(turned, -1, axis=1)], axis=2).reshape(-1, 2)
+    same_side = _repeated(ends).reshape(cells.shape).any(axis=1)
+    _refuse(same_side, corners, source, "cells overlap others on the same nodes")
+    return turned
+
+
+def _refuse(
+    wrong: npt.NDArray[np.bool_], corners: Array, source: str, what: str, do: str = ""
+) -> None:
+    where = np.flatnonzero(wrong)
+    if len(where):
+        x, y = corners[where[0]].mean(axis=0)
+        raise InputError(f"{source}: {len(where)} {what}, the first at ({x:g}, {y:g}){do}")
+
+
+def _repeated(rows: Indices) -> npt.NDArray[np.bool_]:
+    """Which rows of whole numbers came before, shape (rows,)."""
+    order = np.lexsort(rows.T)
+    same = np.all(rows[order[1:]] == rows[order[:-1]], axis=1)
+    found = np.zeros(len(rows), dtype=bool)
+    found[order[1:][same]] = True
+    return found
+
+
+def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], source: str) -> None:
+    """Refuse blocks that lie over each other.
+
+    Cells of two bodies overlap if no side of either separates them. Where the outlines of two
+    bodies meet, cells at the outlines overlap; else one body lies inside the other, with all cells.
+
+    Args:
+        points: Coordinates, m, shape (points, 2).
+        cells: Corners of convex cells, anticlockwise, shape (cells, 3 or 4).
+        body: Body of every cell.
+        source: For the message.
+
+    Raises:
+        InputError: With the place where the first two blocks overlap.
+    """
+    corners = points[cells]
+    size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    rim = np.flatnonzero(_at_outline(cells, len(points)))
+    _, one_of_each = np.unique(body, return_index=True)
+    everywhere = np.arange(len(cells))
+    for some, others in ((rim, rim), (one_of_each, everywhere)):
+        for one, two in _near(corners.mean(axis=1), size, some, others):
+            allowed = PENETRATION * np.minimum(size[one], size[two])
+            common = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])
+            keep = (body[one] != body[two]) & np.all(common > allowed[:, None], axis=1)
+            one, two, allowed = one[keep], two[keep], allowed[keep]
+            bad = np.flatnonzero(_penetration(corners[one], corners[two]) > allowed)
+            if len(bad):
+                x, y = corners[[one[bad[0]], two[bad[0]]]].mean(axis=(0, 1))
+                place = f"blocks overlap at ({x:g}, {y:g})"
+                raise InputError(f"{source}: {place}; draw them side by side")
+
+
+def _at_outline(cells: Indices, points: int) -> npt.NDArray[np.bool_]:
+    """Which cells have a node at the outline of their body."""
+    ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = np.sort(ends, axis=1)
+    _, side, count = np.unique(
+        ends[:, 0] * points + ends[:, 1], return_inverse=True, return_counts=True
+    )
+    outside = np.zeros(points, dtype=bool)
+    outside[ends[count[side.ravel()] == 1]] = True
+    return outside[cells].any(axis=1)
+
+
+def _near(
+    centre: Array, size: Array, some: Indices, others: Indices
+) -> Iterator[tuple[Indices, Indices]]:
+    """Pairs of cells whose circles meet, in portions.
+
+    Cells are sorted into classes of half the size, so that small ones do not find all small ones
+    within the reach of a large one.
+    """
+    from scipy.spatial import cKDTree
+
+    level = np.floor(np.log2(size / size.max())).astype(int)
+    trees = []
+    for k in np.unique(level[others]):
+        partners = others[level[others] == k]
+        trees.append((k, partners, cKDTree(centre[partners])))
+    for j in np.unique(level[some]):
+        cells = some[level[some] == j]
+        portions = [cells[start : start + PORTION] for start in range(0, len(cells), PORTION)]
+        for part, (k, partners, tree) in product(portions, trees):
+            reach = size.max() * (2.0 ** (j + 1) + 2.0 ** (k + 1))
+            table = cKDTree(centre[part]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+            one, two = part[table["i"]], partners[table["j"]]
+            meet = table["v"] < size[one] + size[two]
+            yield one[meet], two[meet]
+
+
+def _penetration(first: Array, second: Array) -> Array:
+    """Depth, m, by which convex cells reach into each other, below 0 if apart, shape (pairs,).
+
+    The least overlap of the projections on the normals of all sides (separating axis theorem).
+    """
+    depth = np.full(len(first), np.inf)
+    for cells in (first, second):
+        for side in range(cells.shape[1]):
+            along = cells[:, (side + 1) % cells.shape[1]] - cells[:, side]
+            normal = np.column_stack([along[:, 1], -along[:, 0]])
+            normal /= np.linalg.norm(along, axis=1)[:, None]
+            origin = cells[:, side, None]
+            one, two = (np.einsum("nek,nk->ne", some - origin, normal) for some in (first, second))
+            common = np.minimum(one.max(1), two.max(1)) - np.maximum(one.min(1), two.min(1))
+            depth = np.minimum(depth, common)
+    return depth

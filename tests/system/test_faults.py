@@ -1,0 +1,288 @@
+"""Faults from outside: signals, lost ranks, closed outputs, folders that vanish."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from matplotlib import image
+
+from tests.system.program import Run, command, environment, files, result, run, write_scene
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+
+#: Time in which a run comes to a moment, and in which it ends, s.
+PATIENCE = 60.0
+
+STATE, PARENT, SESSION = 0, 1, 3  # columns of /proc/PID/stat behind the name
+
+
+@dataclass(frozen=True)
+class Started:
+    """A run in a session of its own, which prints into files."""
+
+    process: subprocess.Popen[bytes]
+    folder: Path
+
+    @property
+    def out(self) -> str:
+        return (self.folder / "stdout").read_text()
+
+    @property
+    def output(self) -> Path:
+        return self.folder / "scene"
+
+    def members(self) -> list[int]:
+        """Processes of the session that have not ended."""
+        found = {pid: row for pid, row in _processes() if row[SESSION] == str(self.process.pid)}
+        return [pid for pid, row in found.items() if row[STATE] != "Z"]
+
+    def ranks(self) -> list[int]:
+        """Ranks in order, of a run by mpirun."""
+        parent = str(self.process.pid)
+        return sorted(pid for pid, row in _processes() if row[PARENT] == parent)
+
+    def wait_for(self, moment: Callable[[Started], bool]) -> None:
+        """Wait for a moment, or for the end."""
+        end = time.monotonic() + PATIENCE
+        while self.process.poll() is None and not moment(self):
+            assert time.monotonic() < end, self.out
+            time.sleep(0.002)
+
+    def ended(self) -> Run:
+        """What is left once all processes have ended."""
+        code, end = self.process.wait(PATIENCE), time.monotonic() + PATIENCE
+        while left := self.members():
+            assert time.monotonic() < end, f"processes {left} go on"
+            time.sleep(0.02)
+        return Run(code, self.out, (self.folder / "stderr").read_text())
+
+
+def _processes() -> Iterator[tuple[int, list[str]]]:
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                yield int(entry.name), (entry / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue  # ended meanwhile
+
+
+@contextmanager
+def started(folder: Path, ranks: int = 1) -> Iterator[Started]:
+    """Start `solve scene.toml`; whatever still runs at the end is killed."""
+    with (
+        (folder / "stdout").open("wb") as out,
+        (folder / "stderr").open("wb") as err,
+        subprocess.Popen(
+            command(["solve", "scene.toml"], ranks),
+            cwd=folder,
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
+        ) as process,
+    ):
+        run = Started(process, folder)
+        try:
+            yield run
+        finally:
+            for pid in run.members():
+                os.kill(pid, signal.SIGKILL)
+
+
+MOMENTS: dict[str, Callable[[Started], bool]] = {
+    "reading": lambda run: "reading" in run.out,
+    "solving": lambda run: " on " in run.out,
+    "writing": lambda run: run.output.exists(),
+    "writing pictures": lambda run: (run.output / "joints.vtu").exists(),
+}
+
+moments = pytest.mark.parametrize("moment", MOMENTS)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A folder with a wall that takes about a second to solve."""
+    write_scene(tmp_path, {"joints.default.friction": 0.65}, "long wall")
+    return tmp_path
+
+
+def complete(folder: Path) -> set[str]:
+    """Names of the files of a folder, all of which must be complete."""
+    names = files(folder) if folder.exists() else set()
+    readers: dict[str, Callable[[Path], Any]] = {
+        ".json": lambda path: json.loads(path.read_text()),
+        ".png": lambda path: image.imread(path),
+        ".csv": lambda path: path.read_text().index("\n"),
+    }
+    for name in names:
+        path = folder / name
+        if path.suffix in (".pvd", ".pvtu", ".vtu", *readers):
+            readers.get(path.suffix, ElementTree.parse)(path)
+    if "result.json" in names:
+        assert {"blocks.pvd", "joints.vtu", "collapse.png"} <= names
+    return names
+
+
+@moments
+def test_ctrl_c(moment, scene):
+    with started(scene) as program:
+        program.wait_for(MOMENTS[moment])
+        os.killpg(program.process.pid, signal.SIGINT)
+        found = program.ended()
+    assert (found.code, found.err) == (130, "")
+    assert "result.json" not in complete(program.output)
+
+
+@pytest.mark.slow
+@moments
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_to_mpirun(number, moment, scene):
+    """Open MPI gives its own exit code, 1, and takes a second to end its ranks."""
+    with started(scene, 2) as program:
+        program.wait_for(MOMENTS[moment])
+        program.process.send_signal(number)
+        found = program.ended()
+    assert (found.code, found.err) in [(1, ""), (130, "")]
+    complete(program.output)
+
+
+@pytest.mark.slow
+@moments
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_ended_by_a_signal(number, moment, scene):
+    with started(scene) as program:
+        program.wait_for(MOMENTS[moment])
+        program.process.send_signal(number)
+        found = program.ended()
+    assert (found.code, found.err) == (-number, "")
+    assert "result.json" not in complete(program.output)
+    again = run(["solve", "scene.toml"], scene)
+    assert (again.code, again.err) == (0, "")
+    complete(program.output)
+    assert result(program.output)["status"] == "limit"
+
+
+@pytest.mark.slow
+@moments
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_lost_rank_ends_the_others(lost, moment, scene):
+    with started(scene, 2) as program:
+        program.wait_for(MOMENTS[moment])
+        os.kill(program.ranks()[lost], signal.SIGKILL)
+        found = program.ended()
+    assert found.code == 128 + signal.SIGKILL
+    assert "Traceback" not in found.err and "PETSC" not in found.err
+    complete(program.output)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("moment", ["solving", "writing", "writing pictures"])
+def test_folder_removed(moment, ranks, scene):
+    (scene / "scene").mkdir()
+    (scene / "scene" / "old").touch()
+    seen = MOMENTS[moment]
+    if moment == "writing":
+        seen = lambda run: (run.output / "blocks.pvd").exists()  # noqa: E731
+    with started(scene, ranks) as program:
+        program.wait_for(seen)
+        shutil.rmtree(program.output, ignore_errors=True)
+        found = program.ended()
+    assert "Traceback" not in found.err and "PETSC" not in found.err
+    if moment == "solving":
+        assert (found.code, found.err) == (0, "")
+        assert result(program.output)["status"] == "limit"
+    elif found.code:
+        assert found.err.startswith("fenics-contact: ")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("lines", [0, 1])
+def test_output_that_nobody_reads(lines, ranks, tmp_path):
+    """As `fenics-contact solve scene.toml | head -1`."""
+    write_scene(tmp_path)
+    read, write = os.pipe()
+    with (
+        os.fdopen(read) as printed,
+        subprocess.Popen(
+            command(["solve", "scene.toml"], ranks),
+            cwd=tmp_path,
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=write,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process,
+    ):
+        os.close(write)
+        assert [printed.readline() for _ in range(lines)] == ["reading scene.toml\n"] * lines
+        printed.close()
+        _, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (0, "")
+    assert result(tmp_path / "scene")["status"] == "limit"
+
+
+@pytest.mark.parametrize("arguments", [["check", "scene.toml"], ["solve", "--help"]])
+def test_answers_that_nobody_reads(arguments, tmp_path):
+    write_scene(tmp_path)
+    line = " ".join(command(arguments)) + " | true; exit ${PIPESTATUS[0]}"
+    done = subprocess.run(
+        ["bash", "-c", line], cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_output_to_a_full_disk(tmp_path):
+    write_scene(tmp_path)
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            command(["solve", "scene.toml"]),
+            cwd=tmp_path,
+            env=environment(),
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert done.returncode == 0
+    assert done.stderr == "fenics-contact: cannot print: No space left on device\n"
+    assert result(tmp_path / "scene")["status"] == "limit"
+
+
+DOWN, STEEP = {"loads.live.body": [0.0, -9.81]}, {"joints": {}}
+ENDS = {
+    "limit": ({}, "block"),
+    "unbounded": (DOWN, "block"),
+    "unstable": (STEEP, "steep"),
+    "not_converged": ({"solve.tolerance": 1e-12, "solve.method": "splitting"}, "wall"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", ENDS)
+def test_nothing_goes_to_standard_error(name, ranks, tmp_path):
+    changes, mesh = ENDS[name]
+    write_scene(tmp_path, changes, mesh)
+    assert run(["check", "scene.toml"], tmp_path, ranks).err == ""
+    found = run(["solve", "scene.toml"], tmp_path, ranks)
+    err = found.err
+    if ranks > 1 and found.code:  # of which Open MPI has something to say
+        notice = r"-{74}\nPrimary job .*aborted\.\n-{74}\n-{74}\nmpirun detected .*-{74}\n"
+        err = re.sub(notice, "", err, flags=re.S)
+    assert err == ""
+    assert result(tmp_path / "scene")["status"] == name
