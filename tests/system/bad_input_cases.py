@@ -237,6 +237,13 @@ CELLS = {
 }  # fmt: skip
 
 SOUND = msh()
+#: The block as two surfaces that share the nodes of the diagonal.
+TWO_SURFACES = SOUND.replace("3 2 2 2 2 1 3 4", "3 2 2 2 3 1 3 4")
+#: Two blocks, one on the other; the side of the lower one in their joint is the group "bed0".
+TWO_BEDS = msh(at(0, 0.5), TWO_BLOCKS)
+TWO_BEDS = TWO_BEDS.replace("Names\n2", 'Names\n3\n1 3 "bed0"').replace(
+    "Elements\n5", "Elements\n6\n6 1 2 3 3 3 4"
+)
 MESH_FILES = {
     "empty": only_mesh("", "gmsh"),
     "of zeros": only_mesh(bytes(1000), "gmsh"),

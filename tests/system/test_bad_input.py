@@ -8,8 +8,16 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError
-from tests.system.bad_input_cases import ALL, CUT_SHORT, Wrong
-from tests.system.program import Run, files, run, run_here, write_scene
+from tests.system.bad_input_cases import (
+    ALL,
+    CUT_SHORT,
+    TWO_BEDS,
+    TWO_SURFACES,
+    Wrong,
+    msh,
+    only_mesh,
+)
+from tests.system.program import BLOCK, Run, files, result, run, run_here, toml, write_scene
 
 
 def prepare(wrong: Wrong, folder: Path) -> list[str]:
@@ -106,3 +114,45 @@ def test_good_mesh_is_read_after_a_broken_one(tmp_path):
     with pytest.raises(InputError):
         BlockMesh.from_file(tmp_path / "broken.msh")
     assert BlockMesh.from_file(tmp_path / "block.msh").cell_names == ("blocks",)
+
+
+# ---- what is legal
+
+#: Changes of a scene or its files, and what its warnings say.
+DOUBTS = {
+    "nothing": (Wrong(()), ()),
+    "mark of byte order": (Wrong((), files={"scene.toml": "\ufeff" + toml(BLOCK)}), ()),
+    "clockwise cells": (only_mesh(msh(cells=[(1, 3, 2), (1, 3, 4)])), ()),
+    "angle for friction": (
+        Wrong((), {"foundations.base.friction": 35.0}),
+        ("foundations.base.friction = 35",),
+    ),
+    "GPa": (Wrong((), {"materials.default.young": 20.0}), ("young = 20 Pa",)),
+    "hardly compressible": (Wrong((), {"materials.default.poisson": 0.499}), ("poisson",)),
+    "block without weight": (
+        Wrong((), {"materials.high": {"young": 1e9, "poisson": 0.2}}, "stack"),
+        ("loads.dead.body does not act on 1 blocks", "loads.live.body does not act on 1 blocks"),
+    ),
+    "traction on one side of a joint": (
+        Wrong((), {"loads.dead.traction": {"bed0": [0.0, -1.0]}}, files={"block.msh": TWO_BEDS}),
+        ("loads.dead.traction.bed0 also acts on 1 facets",),
+    ),
+    "surfaces that share nodes": (only_mesh(TWO_SURFACES), ("2 of the 2 surfaces drawn",)),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", DOUBTS)
+def test_warnings(name, folder, capsys):
+    """A line each, and in result.json; without a warning where there is no doubt."""
+    wrong, parts = DOUBTS[name]
+    arguments = [*prepare(wrong, folder), "--set", "output.pictures=false"]
+    found = run_here(arguments, capsys)
+    assert found.code in (0, 3), found.err
+    if MPI.COMM_WORLD.rank == 0:
+        lines = [line for line in found.out.splitlines() if line.startswith("warning: ")]
+        assert len(lines) == len(parts)
+        assert all(part in line for part, line in zip(parts, lines, strict=True))
+        assert [f"warning: {text}" for text in result(folder / "scene")["warnings"]] == lines
+    checked = run_here(["check", "scene.toml"], capsys)
+    assert checked.out.count("warning: ") == len(parts) * (MPI.COMM_WORLD.rank == 0)
