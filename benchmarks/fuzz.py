@@ -16,7 +16,6 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
 import gmsh
@@ -49,61 +48,25 @@ NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 STRANGE = (b"0", b"-1", b"1", b"2", b"1e308", b"-1e308", b"1e-320", b"nan", b"inf", b"1e100", b"x",
            b"99999999999999999999", b"4294967296", b"-2147483649", b"0.5", b"")  # fmt: skip
 
-Mutation = Callable[[random.Random, bytearray], bytes]
 
-
-def flip(dice: random.Random, data: bytearray) -> bytes:
-    """Other bits in a few bytes."""
-    for _ in range(dice.choice((1, 1, 3, 20))):
-        data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
-    return bytes(data)
-
-
-def delete(dice: random.Random, data: bytearray) -> bytes:
-    """Without some bytes in a row."""
-    start = dice.randrange(len(data))
-    del data[start : start + dice.choice((1, 4, 8, 50))]
-    return bytes(data)
-
-
-def duplicate(dice: random.Random, data: bytearray) -> bytes:
-    """Some bytes once more."""
-    start = dice.randrange(len(data))
-    data[start:start] = data[start : start + dice.choice((1, 4, 8, 50))]
-    return bytes(data)
-
-
-def truncate(dice: random.Random, data: bytearray) -> bytes:
-    """The beginning alone."""
-    return bytes(data[: dice.randrange(len(data))])
-
-
-def swap_lines(dice: random.Random, data: bytearray) -> bytes:
-    """One line in place of another, or besides it."""
-    lines = bytes(data).split(b"\n")
-    one, two = dice.randrange(len(lines)), dice.randrange(len(lines))
-    lines[one : one + dice.randrange(2)] = [lines[two]]
-    return b"\n".join(lines)
-
-
-def swap_numbers(dice: random.Random, data: bytearray) -> bytes:
-    """Numbers of the file in each other's places."""
-    found = list(NUMBER.finditer(bytes(data)))
-    one, two = dice.choice(found), dice.choice(found)
-    data[one.start() : one.end()] = two.group()
-    return bytes(data)
-
-
-def strange_number(dice: random.Random, data: bytearray) -> bytes:
-    """A number that nobody expects."""
-    found = dice.choice(list(NUMBER.finditer(bytes(data))))
-    data[found.start() : found.end()] = dice.choice(STRANGE)
-    return bytes(data)
-
-
-MUTATIONS: tuple[Mutation, ...] = (
-    flip, delete, duplicate, truncate, swap_lines, swap_numbers, strange_number, strange_number
-)  # fmt: skip
+def damaged(dice: random.Random, data: bytes) -> bytes:
+    """A file with other bits, bytes, lines or numbers at a place or two."""
+    kind = dice.choice(("flip", "cut", "copy", "end", "line", "swap", "number", "number", "number"))
+    start, length = dice.randrange(len(data)), dice.choice((1, 4, 8, 50))
+    before, piece, after = data[:start], data[start : start + length], data[start + length :]
+    if kind == "flip":
+        return before + bytes(byte ^ 1 << dice.randrange(8) for byte in piece) + after
+    if kind in ("cut", "copy", "end"):
+        return before + {"cut": after, "copy": 2 * piece + after, "end": b""}[kind]
+    if kind == "line":
+        lines = data.split(b"\n")
+        one, two = dice.randrange(len(lines)), dice.randrange(len(lines))
+        lines[one : one + dice.randrange(2)] = [lines[two]]
+        return b"\n".join(lines)
+    numbers = list(NUMBER.finditer(data))
+    one, two = dice.choice(numbers), dice.choice(numbers)
+    new = two.group() if kind == "swap" else dice.choice(STRANGE)
+    return data[: one.start()] + new + data[one.end() :]
 
 
 def sound_meshes() -> list[bytes]:
@@ -123,11 +86,10 @@ def run(seed: int, meshes: list[bytes], folder: Path) -> str:
     """What became of a case: its exit code, or what is wrong with how it ended."""
     dice = random.Random(seed)
     scene, mesh = SCENE, dice.choice(meshes)
-    damage = dice.choice(MUTATIONS)
-    if dice.random() < 0.3:
-        scene = damage(dice, bytearray(scene))
+    if dice.random() < 0.4:
+        scene = damaged(dice, scene)
     else:
-        mesh = damage(dice, bytearray(mesh))
+        mesh = damaged(dice, mesh)
     (folder / "scene.toml").write_bytes(scene)
     (folder / "wall.msh").write_bytes(mesh)
     command = [sys.executable, "-m", "fenics_contact", "solve", "scene.toml", "-o", "out"]

@@ -222,6 +222,8 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
 
 def _check_folder(folder: Path) -> None:
     """Refuse a folder that is a file, or that cannot be written to."""
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        folder.stat()  # refuses names that cannot be
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
         raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")

@@ -10,6 +10,7 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError, compat
+from fenics_contact.gmsh_reader import ReadLimits, read
 from fenics_contact.mesh import (
     BODY_IMBALANCE,
     bodies_of_cells,
@@ -133,15 +134,6 @@ def test_file_gives_the_same_mesh_as_its_model_and_leaves_the_current_one(folder
     assert "wall.msh" in mesh.source
 
 
-@pytest.fixture
-def gmsh_restarted():
-    """Whatever state a test leaves gmsh in, the next one gets a fresh one."""
-    yield
-    with gmsh_session() as gmsh:
-        gmsh.finalize()
-
-
-@pytest.mark.usefixtures("gmsh_restarted")
 def test_broken_file(folder):
     text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 2 garbage\n"
     path = write(text, folder / "broken.msh")
@@ -149,6 +141,22 @@ def test_broken_file(folder):
         BlockMesh.from_file(path, MPI.COMM_WORLD)
     # gmsh must still be of use after a file it could not read.
     assert mesh_of(polygons([SQUARE], 1.0)).body_count == 1
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        (ReadLimits(patience=1e-3), "no end"),
+        (ReadLimits(memory=3e7, memory_per_byte=0.0), "breaks down|damaged|memory|object"),
+    ],
+)
+def test_file_is_read_within_limits(limits, message, tmp_path):
+    model_from_arrays(SQUARE, ONE_CELL, {})
+    with gmsh_session() as gmsh:
+        gmsh.write(str(tmp_path / "square.msh"))
+    assert len(read(tmp_path / "square.msh").tags) == 4
+    with pytest.raises(ValueError, match=message):
+        read(tmp_path / "square.msh", limits)
 
 
 def test_gmsh_keeps_its_hands_off_ctrl_c():

@@ -1,0 +1,103 @@
+"""Results that cannot be written: exit code 4, one line, and the folder as it was before."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import cli
+from tests.system.program import files, launcher, run_command, run_here, write_scene
+
+#: Run the command line, in which no file can be longer than so many bytes, as on a full disk.
+ON_A_FULL_DISK = """
+import resource, sys
+from fenics_contact.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[1]),))
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+def file_in_place(folder: Path) -> None:
+    if folder.is_dir():
+        shutil.rmtree(folder)
+    folder.write_text("mine")
+
+
+def no_right(folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / "result.json").mkdir()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("happens", "reason"),
+    [
+        (file_in_place, "File exists"),
+        (lambda folder: file_in_place(folder.parent), "Not a directory"),
+        (no_right, "Is a directory"),
+    ],
+)
+def test_folder_that_changes_during_the_run(
+    happens: Callable[[Path], None], reason, folder, capsys, monkeypatch
+):
+    solved = cli.limit_load
+
+    def solve(*arguments):
+        result = solved(*arguments)
+        if MPI.COMM_WORLD.rank == 0:
+            Path("out").mkdir()
+            happens(Path("out/here"))
+        MPI.COMM_WORLD.barrier()
+        before.update(files(folder))
+        MPI.COMM_WORLD.barrier()
+        return result
+
+    before: set[str] = set()
+    monkeypatch.setattr(cli, "limit_load", solve)
+    if MPI.COMM_WORLD.rank == 0:
+        write_scene(folder)
+    MPI.COMM_WORLD.barrier()
+    found = run_here(["solve", "scene.toml", "-o", "out/here"], capsys)
+    assert found.code == 4
+    if MPI.COMM_WORLD.rank == 0:
+        assert found.err.count("\n") == 1
+        assert f"cannot write to 'out/here': {reason}" in found.err
+    MPI.COMM_WORLD.barrier()
+    assert files(folder) == before
+
+
+@pytest.mark.parametrize("size", [0, 100, 1000, 5000, 30000])
+def test_full_disk_leaves_nothing(size, tmp_path):
+    check_full_disk(size, 1, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [100, 5000])
+def test_full_disk_on_two_ranks(size, tmp_path):
+    check_full_disk(size, 2, tmp_path)
+
+
+def check_full_disk(size: int, ranks: int, folder: Path) -> None:
+    write_scene(folder)
+    before = files(folder)
+    program = [*launcher(ranks), sys.executable, "-c", ON_A_FULL_DISK, str(size)]
+    found = run_command([*program, "solve", "scene.toml", "-o", "new/out"], folder)
+    assert found.code == 4, found.err
+    assert "load factor = 0.3" in found.out
+    assert found.err.count("fenics-contact: cannot write to 'new/out': ") == 1
+    assert "Traceback" not in found.err
+    assert files(folder) == before
+
+
+def test_earlier_result_stays_where_a_new_one_cannot_be_written(tmp_path, capsys):
+    scene = write_scene(tmp_path)
+    assert run_here(["solve", scene], capsys).code == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "scene").iterdir()}
+    program = [sys.executable, "-c", ON_A_FULL_DISK, "5000"]
+    assert run_command([*program, "solve", str(scene)], tmp_path).code == 4
+    assert {path: path.read_bytes() for path in (tmp_path / "scene").iterdir()} == before
