@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
 import io
 import logging
@@ -111,6 +112,8 @@ class _Output:
 def _output_may_close() -> Iterator[None]:
     """Go on where nobody reads what is printed, as in `fenics-contact solve ... | head`."""
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the program
+    # MPI takes a second to end, in which Ctrl-C would be a traceback.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_DFL)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
             stream.reconfigure(errors="backslashreplace")
