@@ -70,7 +70,10 @@ def contents(model: Any) -> GmshContents:
     tags, coordinates, _ = model.mesh.getNodes()
     elements = []
     for dim, entity in [*model.getEntities(1), *model.getEntities(2)]:
-        of_entity = [int(tag) for tag in model.getPhysicalGroupsForEntity(dim, entity)]
+        # A number below zero says that the group has the entity reversed.
+        of_entity = [abs(int(tag)) for tag in model.getPhysicalGroupsForEntity(dim, entity)]
+        for tag in of_entity:
+            groups.setdefault((dim, tag), str(tag))
         if of_entity:
             types, _, nodes = model.mesh.getElements(dim, entity)
             for kind, flat in zip(types, nodes, strict=True):
