@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 import resource
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ class ReadLimits:
     seconds: float = 10.0
     seconds_per_megabyte: float = 1.0
     patience: float = 6.0
-    memory: float = 4e9
+    memory: float = 3e9
     memory_per_byte: float = 100.0
 
 
@@ -94,6 +95,7 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
     numbers = [str(int(number)) for number in (seconds, memory)]
     launched = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")  # it is no rank of this run
     environment = {k: v for k, v in os.environ.items() if not k.startswith(launched)}
+    environment["OPENBLAS_NUM_THREADS"] = "1"  # each takes address space
     try:
         done = subprocess.run(
             [sys.executable, "-P", __file__, str(path), *numbers],
@@ -106,9 +108,11 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
         )
         failure, columns = pickle.loads(done.stdout)
     except subprocess.TimeoutExpired:
-        raise ValueError("gmsh finds no end of it") from None
+        raise ValueError("it finds no end") from None
     except (EOFError, pickle.UnpicklingError):  # it was ended before it could answer
-        raise ValueError(f"gmsh breaks down over it (exit code {done.returncode})") from None
+        no_end = done.returncode == -signal.SIGXCPU
+        failure = "it finds no end" if no_end else f"it crashes (exit code {done.returncode})"
+        raise ValueError(failure) from None
     if failure:
         raise ValueError(failure)
     return GmshContents(**columns)
