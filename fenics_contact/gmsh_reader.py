@@ -30,14 +30,14 @@ class ReadLimits:
         seconds: Time of the processor, s; 30 times what gmsh needs to start.
         seconds_per_megabyte: More of it by size; gmsh reads more than 10 MB/s.
         patience: Time by the clock over that of the processor, on a busy machine.
-        memory: Address space, bytes; gmsh and its libraries take 1e9.
+        memory: Address space, bytes; gmsh and its libraries take 2e8.
         memory_per_byte: More of it by size of the file.
     """
 
     seconds: float = 10.0
     seconds_per_megabyte: float = 1.0
     patience: float = 6.0
-    memory: float = 3e9
+    memory: float = 2e9
     memory_per_byte: float = 100.0
 
 
