@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import pickle
 import resource
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -29,14 +30,14 @@ class ReadLimits:
         seconds: Time of the processor, s; 30 times what gmsh needs to start.
         seconds_per_megabyte: More of it by size; gmsh reads more than 10 MB/s.
         patience: Time by the clock over that of the processor, on a busy machine.
-        memory: Address space, bytes; gmsh and its libraries take 1e9.
+        memory: Address space, bytes; gmsh and its libraries take 2e8.
         memory_per_byte: More of it by size of the file.
     """
 
     seconds: float = 10.0
     seconds_per_megabyte: float = 1.0
     patience: float = 6.0
-    memory: float = 4e9
+    memory: float = 2e9
     memory_per_byte: float = 100.0
 
 
@@ -70,7 +71,10 @@ def contents(model: Any) -> GmshContents:
     tags, coordinates, _ = model.mesh.getNodes()
     elements = []
     for dim, entity in [*model.getEntities(1), *model.getEntities(2)]:
-        of_entity = [int(tag) for tag in model.getPhysicalGroupsForEntity(dim, entity)]
+        # A number below zero says that the group has the entity reversed.
+        of_entity = [abs(int(tag)) for tag in model.getPhysicalGroupsForEntity(dim, entity)]
+        for tag in of_entity:
+            groups.setdefault((dim, tag), str(tag))
         if of_entity:
             types, _, nodes = model.mesh.getElements(dim, entity)
             for kind, flat in zip(types, nodes, strict=True):
@@ -91,6 +95,7 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
     numbers = [str(int(number)) for number in (seconds, memory)]
     launched = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")  # it is no rank of this run
     environment = {k: v for k, v in os.environ.items() if not k.startswith(launched)}
+    environment["OPENBLAS_NUM_THREADS"] = "1"  # each takes address space
     try:
         done = subprocess.run(
             [sys.executable, "-P", __file__, str(path), *numbers],
@@ -103,9 +108,11 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
         )
         failure, columns = pickle.loads(done.stdout)
     except subprocess.TimeoutExpired:
-        raise ValueError("gmsh finds no end of it") from None
+        raise ValueError("it finds no end") from None
     except (EOFError, pickle.UnpicklingError):  # it was ended before it could answer
-        raise ValueError(f"gmsh breaks down over it (exit code {done.returncode})") from None
+        no_end = done.returncode == -signal.SIGXCPU
+        failure = "it finds no end" if no_end else f"it crashes (exit code {done.returncode})"
+        raise ValueError(failure) from None
     if failure:
         raise ValueError(failure)
     return GmshContents(**columns)

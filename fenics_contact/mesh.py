@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -158,6 +159,8 @@ def gmsh_session(**options: float) -> Iterator[Any]:
 
 def _read(path: Path) -> GmshMesh:
     try:
+        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
+            raise InputError(f"'{path}' is a folder or device; give the path of a gmsh .msh file")
         with path.open("rb") as file:
             start = file.read(16)
     except (FileNotFoundError, NotADirectoryError, ValueError):  # a name with a NUL

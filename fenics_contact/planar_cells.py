@@ -109,10 +109,10 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
     corners = points[cells]
     size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    rim = np.flatnonzero(_at_outline(cells, len(points)))
-    _, one_of_each = np.unique(body, return_index=True)
-    everywhere = np.arange(len(cells))
-    for some, others in ((rim, rim), (one_of_each, everywhere)):
+    outer = _at_outline(cells, len(points))
+    rim, inside = np.flatnonzero(outer), np.flatnonzero(~outer)
+    _, one_of_each = np.unique(body[rim], return_index=True)
+    for some, others in ((rim, rim), (rim[one_of_each], inside)):
         for one, two in _near(corners.mean(axis=1), size, some, others):
             allowed = PENETRATION * np.minimum(size[one], size[two])
             common = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])

@@ -20,6 +20,8 @@ T = TypeVar("T")
 _EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
 #: Tables within tables that a file may have.
 DEEPEST = 20
+#: Bytes that a file may have; a mesh given for a scene has more.
+LARGEST = 1_000_000
 
 
 def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict[str, Any]:
@@ -42,7 +44,11 @@ def read_toml(path: Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> dict
 def _read(path: Path) -> dict[str, Any]:
     """Tables of a file; a byte order mark, as some editors write, is left out."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise InputError(f"file '{path}' has more than {LARGEST} bytes; give a scene file")
+        return tomllib.loads(data.decode("utf-8-sig"))
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(f"file '{path}' does not exist") from None
     except IsADirectoryError:

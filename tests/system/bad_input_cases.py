@@ -247,7 +247,7 @@ TWO_BEDS = TWO_BEDS.replace("Names\n2", 'Names\n3\n1 3 "bed0"').replace(
 MESH_FILES = {
     "empty": only_mesh("", "gmsh"),
     "of zeros": only_mesh(bytes(1000), "gmsh"),
-    "a folder": Wrong(("block.msh", "directory"), files={"block.msh": {}}),
+    "a folder": Wrong(("block.msh", "folder"), files={"block.msh": {}}),
     "header alone": only_mesh(SOUND[:40], "block.msh"),
     "a million nodes": only_mesh(SOUND.replace("$Nodes\n4", "$Nodes\n1000000"), "gmsh"),
     "too many nodes": only_mesh(SOUND.replace("$Nodes\n4", f"$Nodes\n{10**18}"), "gmsh"),
@@ -262,7 +262,8 @@ MESH_FILES = {
     "name with a NUL": Wrong(("nul\\x00l",), {"mesh.file": "nul\0l"}),
     "name too long": Wrong(("File name too long",), {"mesh.file": 5000 * "x"}),
     "in a file": Wrong(("does not exist",), {"mesh.file": "scene.toml/block.msh"}),
-    "current folder": Wrong(("directory",), {"mesh.file": "."}),
+    "device": Wrong(("/dev/zero", "device"), {"mesh.file": "/dev/zero"}),
+    "current folder": Wrong(("folder",), {"mesh.file": "."}),
 }
 
 
@@ -278,6 +279,7 @@ SCENE_FILES = {
     "not UTF-8 at the end": only_scene(b"title = '' # \xff", "UTF-8"),
     "two marks": only_scene("\ufeff\ufefftitle = ''", "TOML"),
     "a folder": only_scene({}, "folder"),
+    "too long": only_scene(10**6 * " " + "a", "1000000"),
     "lists in lists": only_scene("a = " + 5000 * "[", "20"),
     "few lists in lists": only_scene(f"a = {30 * '['}{30 * ']'}", "20"),
     "tables in tables": only_scene("a" + 3000 * ".a" + " = 1", "20"),

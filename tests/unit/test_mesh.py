@@ -147,7 +147,8 @@ def test_broken_file(folder):
     ("limits", "message"),
     [
         (ReadLimits(patience=1e-3), "no end"),
-        (ReadLimits(memory=3e7, memory_per_byte=0.0), "breaks down|damaged|memory|object"),
+        (ReadLimits(seconds=0.0, seconds_per_megabyte=0.0, patience=1e9), "no end|crashes"),
+        (ReadLimits(memory=3e7, memory_per_byte=0.0), "crashes|damaged|memory|object"),
     ],
 )
 def test_file_is_read_within_limits(limits, message, tmp_path):
