@@ -22,7 +22,7 @@ from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.arclength import FALLING_PRODUCTS, RISING_WORK, Continuation, PathPoint
+from fenics_contact.solvers.arclength import FALLING_PRODUCTS, RISING_WORK, Continuation
 from fenics_contact.solvers.delassus import JointPoints
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
@@ -109,7 +109,6 @@ class Task:
 
 Answer = tuple[Solution, History]
 Attempt = Callable[[Task], Answer]
-Approach = Callable[[Task, PerturbedKKT, Callable[[State], State]], PathPoint]
 Minimiser = Callable[[ProximalStep, Array], Array]
 _Given = ParamSpec("_Given")
 
@@ -162,33 +161,18 @@ def along_falling_products(task: Task) -> Solution:
 
 
 @monolithic
-def along_block_modes(task: Task, approach: Approach) -> Solution:
-    """State by continuation in block modes at first.
-
-    `approach` leads to a point under the whole work; from there the products fall.
-    """
-    modes, tally = task.case.discretization.block_modes, task.case.discretization.mode_tally
+def along_block_modes(task: Task) -> Solution:
+    """State by continuation in block modes: the work rises to T, then the products fall."""
+    case = task.case
+    modes, tally = case.discretization.block_modes, case.discretization.mode_tally
     with modes.stiffness(GENERAL, tally) as stiffness:
-        problem = modes.under(task.case.problem)
+        problem = modes.under(case.problem)
         kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
-        point = approach(task, kkt, modes.restricted)
+        start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
+        path = rising(kkt)
+        point = path.follow(path.begin(start, task.rising_mu), task.work)
         point = falling(kkt).follow(point, task.mu(OPTIONS.ends[0]))
     return _to_end(task, modes.prolonged(point.state), point.mu)
-
-
-def rising_work(task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]) -> PathPoint:
-    """The point where the work has risen from that on the bonded structure to T."""
-    path = rising(kkt)
-    start = restricted(task.case.bonded_state(min(task.case.bonded_work, task.work)))
-    return path.follow(path.begin(start, task.rising_mu), task.work)
-
-
-def large_products(
-    task: Task, kkt: PerturbedKKT, restricted: Callable[[State], State]
-) -> PathPoint:
-    """The point with products of 1 next to the bonded structure under the whole work."""
-    start = restricted(task.case.bonded_state(task.work))
-    return falling(kkt).begin(start, 1.0)
 
 
 def next_to(state: State, direction: Array | None) -> Attempt:
@@ -384,15 +368,7 @@ JOINT_FORCES: dict[str, Strategy] = {
 
 #: By method: with Coulomb friction, where the bound on friction depends on the pressure.
 COULOMB: dict[str, Strategy] = {
-    "auto": Strategy(
-        (
-            partial(along_block_modes, approach=rising_work),
-            partial(along_block_modes, approach=large_products),
-            interior_point,
-        ),
-        GENERAL,
-        further_along_rising_work,
-    ),
+    "auto": Strategy((along_block_modes, interior_point), GENERAL, further_along_rising_work),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy((fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium),
     **JOINT_FORCES,

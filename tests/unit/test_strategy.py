@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -19,11 +18,6 @@ from tests.unit.core import FAR, conditions, load_case, misses, prepared, solved
 #: A wall with one state.
 wall = prepared(wall_recipe("W4", coulomb(0.4)))
 
-BY_MODES = [
-    partial(attempts.along_block_modes, approach=approach)
-    for approach in (attempts.rising_work, attempts.large_products)
-]
-
 
 def task_of(case: LoadCase, ratio: float = FAR) -> Task:
     kkt = conditions(case, ratio)
@@ -32,8 +26,12 @@ def task_of(case: LoadCase, ratio: float = FAR) -> Task:
 
 @pytest.mark.parametrize(
     "attempt",
-    [attempts.interior_point, *BY_MODES, attempts.along_falling_products, attempts.fixed_point],
-    ids=["interior point", "rising work", "falling products", "without modes", "fixed point"],
+    [
+        attempts.interior_point,
+        attempts.along_block_modes,
+        attempts.along_falling_products,
+        attempts.fixed_point,
+    ],
 )
 def test_all_attempts_find_the_same_state(wall, attempt):
     count = wall.discretization.factorizations
@@ -55,7 +53,7 @@ def test_rising_work_leads_past_folds_to_the_low_state():
     with load_case(item.scene()) as case:
         with pytest.raises(SolverError):
             attempts.interior_point(task_of(case))
-        assert item.error(BY_MODES[0](task_of(case))[0].state.load_factor) <= 1e-3
+        assert item.error(attempts.along_block_modes(task_of(case))[0].state.load_factor) <= 1e-3
 
 
 def test_states_from_others(wall):
