@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import inspect
 import logging
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import cpp, fem, io, la, mesh
+from dolfinx import cpp, fem, io, jit, la, mesh
 from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -121,6 +122,30 @@ def quiet_compiler() -> Iterator[None]:
         logging.disable(disabled)
         root.setLevel(level)
         root.handlers[:] = handlers
+
+
+@contextmanager
+def form_cache() -> Iterator[None]:
+    """Keep the cache of compiled forms to this process, and free of what a killed one left.
+
+    FFCx waits for ten seconds for a source that another process compiles, and then gives up. If
+    that process was killed, the lock file still says so, and its sources are removed.
+    """
+    options = getattr(jit, "get_options", None) or jit.get_parameters
+    folder = Path(options()["cache_dir"])
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "fenics_contact.lock").open("a+") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # the system ends it with the process
+        lock.seek(0)
+        if lock.read():
+            for source in folder.glob("libffcx_*.c"):
+                if not source.with_suffix(".c.cached").exists():
+                    source.unlink(missing_ok=True)
+        else:
+            lock.write("compiling")
+            lock.flush()
+        yield
+        lock.truncate(0)
 
 
 def add_ghosts(function: fem.Function) -> None:

@@ -93,7 +93,7 @@ def _compile(cell: str, degree: int, plane: str) -> None:
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
     cells, ranks = np.arange(len(corners))[None, :], np.zeros(1, dtype=np.int32)
-    with compat.quiet_compiler():
+    with compat.quiet_compiler(), compat.form_cache():
         domain = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, ranks)
         domain.topology.create_connectivity(1, 2)
         space = compat.function_space(domain, "Lagrange", degree, (2,))
