@@ -20,6 +20,8 @@ from pathlib import Path
 
 import gmsh
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 from fenics_contact.meshing import running_bond
 
 #: Time that a run may take, s; the scenes take one or two.
