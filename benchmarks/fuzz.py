@@ -20,7 +20,8 @@ from pathlib import Path
 
 import gmsh
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+ROOT = str(Path(__file__).resolve().parents[1])
+sys.path.insert(0, ROOT)
 
 from fenics_contact.meshing import running_bond
 
@@ -95,7 +96,7 @@ def run(seed: int, meshes: list[bytes], folder: Path) -> str:
     (folder / "scene.toml").write_bytes(scene)
     (folder / "wall.msh").write_bytes(mesh)
     command = [sys.executable, "-m", "fenics_contact", "solve", "scene.toml", "-o", "out"]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": ROOT}
     try:
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, timeout=TIME_LIMIT
