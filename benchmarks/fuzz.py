@@ -20,8 +20,7 @@ from pathlib import Path
 
 import gmsh
 
-ROOT = str(Path(__file__).resolve().parents[1])
-sys.path.insert(0, ROOT)
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact.meshing import running_bond
 
@@ -96,7 +95,7 @@ def run(seed: int, meshes: list[bytes], folder: Path) -> str:
     (folder / "scene.toml").write_bytes(scene)
     (folder / "wall.msh").write_bytes(mesh)
     command = [sys.executable, "-m", "fenics_contact", "solve", "scene.toml", "-o", "out"]
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": ROOT}
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": sys.path[0]}
     try:
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, timeout=TIME_LIMIT
