@@ -114,7 +114,28 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
+        *_mesh_lines(end),
     ]
+
+
+def _mesh_lines(end: Collapse) -> list[str]:
+    """What a load factor owes to the length of hinges, and other states on the way to none."""
+    error = end.mesh_error
+    if error is None:
+        return []
+    if np.isnan(error.load_factor_point_hinges):
+        return ["hinges: no estimate of what their length, that of the mesh, does to the load factor"]
+    if error.load_factor_point_hinges == end.load_factor:
+        return ["hinges: the load factor does not depend on their length"]
+    lines = [
+        f"hinges: load factor {end.load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g}"
+        f" mm; {error.load_factor_point_hinges:.4g} for point hinges"
+    ]
+    lines += [
+        f"hinges: another collapse state as they get shorter, load factor {before:.4g} to {after:.4g}"
+        for before, after in (change.load_factors for change in error.state_changes)
+    ]
+    return lines
 
 
 def description(discretization: Discretization) -> str:
