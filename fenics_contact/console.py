@@ -124,18 +124,17 @@ def _mesh_lines(end: Collapse) -> list[str]:
     if error is None:
         return []
     if np.isnan(error.load_factor_point_hinges):
-        return ["hinges: no estimate of what their length, that of the mesh, does to the load factor"]
+        return ["hinges: what their length does to the load factor is not known"]
     if error.load_factor_point_hinges == end.load_factor:
         return ["hinges: the load factor does not depend on their length"]
     lines = [
         f"hinges: load factor {end.load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g}"
         f" mm; {error.load_factor_point_hinges:.4g} for point hinges"
     ]
-    lines += [
-        f"hinges: another collapse state as they get shorter, load factor {before:.4g} to {after:.4g}"
-        for before, after in (change.load_factors for change in error.state_changes)
+    return lines + [
+        f"hinges: another collapse state as they get shorter, {one.before:.4g} to {one.after:.4g}"
+        for one in error.state_changes
     ]
-    return lines
 
 
 def description(discretization: Discretization) -> str:

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,13 +21,7 @@ from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.mesh_error import MeshError, StateChange
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import (
-    Strategy,
-    WorkOptions,
-    along_block_modes,
-    next_to,
-    rising_work,
-)
+from fenics_contact.analysis.strategy import COULOMB, WorkOptions, next_to
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.discretization.hinge_nodes import HingeNodes
 from fenics_contact.discretization.joints import GROUND, Joints
@@ -55,9 +48,9 @@ class HingeOptions:
     halvings: tuple[float, ...] = (1.0, 4.0, 30.0, 1000.0)
     probes: int = 2
     unchanged: float = 1e-8
-    same_mode: float = 0.99
-    more_work: float = 0.03
-    work: WorkOptions = WorkOptions(largest=1e3, missing=2)
+    same_mode: float = 0.9999
+    more_work: float = 0.1
+    work: WorkOptions = field(default_factory=lambda: WorkOptions(largest=1e3, missing=2))
 
 
 OPTIONS = HingeOptions()
@@ -77,6 +70,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
     joints, points = case.discretization.joints, hinges(case.discretization.joints, end.joints)
     length = _length(joints, points, end.joints.normal_force)
     determinate = MeshError(length, end.load_factor, 0.0)
+    size = abs(end.load_factor) if end.certificate is None else end.certificate.size
     # Where nothing slides the power balance has no forces of the state. What slides without force
     # on this mesh may have some on a finer one.
     slides = bool(np.any(end.joints.slips & ~end.joints.opens))
@@ -89,17 +83,18 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
             _log.info("  hinges: no state after %g halvings", halvings)
             return replace(unknown, hinge_length=length)
         if not _same_mode(found[-1], new):
-            before = 0.0 if len(found) == 1 else OPTIONS.halvings[len(found) - 2]
+            before = (0.0, *OPTIONS.halvings)[len(found) - 1]
             factors = found[-1].load_factor, new.load_factor
-            changes.append(StateChange((before, halvings), factors))
+            changes.append(StateChange((before, halvings), *factors))
         found.append(new)
         points = np.union1d(points, hinges(joints, new.joints))
-        if len(found) == OPTIONS.probes + 1 and _unchanged(found, tolerance):
+        if len(found) == OPTIONS.probes + 1 and _unchanged(found, size, tolerance):
             return determinate
-    factors = [one.load_factor for one in found]
-    limit = _limit(factors, changes)
-    jumps = sum(after - before for before, after in (one.load_factors for one in changes))
-    error = abs(limit - factors[0] - jumps) / abs(factors[0])
+    limit, (before, last) = found[-1].load_factor, OPTIONS.halvings[-2:]
+    if not changes or changes[-1].halvings[1] < last:
+        limit += (limit - found[-2].load_factor) * before / (last - before)
+    jumps = sum(change.after - change.before for change in changes)
+    error = abs(limit - end.load_factor - jumps) / size
     return MeshError(length, limit, error, state_changes=tuple(changes))
 
 
@@ -132,21 +127,15 @@ def _with_compliance(
     nodes = whole.joints.nodes[points]
     hinge_nodes = HingeNodes.of(whole, nodes[nodes != GROUND])
     first = max(last.work_ratio, OPTIONS.work.first * (1.0 + OPTIONS.more_work * halvings))
-    strategy = Strategy(
-        (next_to(last.state, last.mode), partial(along_block_modes, approach=rising_work)),
-        GENERAL,
-        work=replace(OPTIONS.work, first=first, first_of_many=0.0),
-    )
+    usual = COULOMB["auto"]
+    attempts = (next_to(last.state, last.mode), usual.attempts[0])
+    work = replace(OPTIONS.work, first=first, first_of_many=0.0)
+    strategy = replace(usual, attempts=attempts, work=work)
     with Owner() as owner:
         problem = hinge_nodes.soften(case.problem, halvings, owner)
         stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
-        softer = replace(
-            case,
-            problem=problem,
-            stiffness=stiffness,
-            kind=GENERAL,
-            monitor=lambda step: None,
-        )
+        silent = replace(case, kind=GENERAL, monitor=lambda step: None)
+        softer = replace(silent, problem=problem, stiffness=stiffness)
         found = find_collapse(softer, strategy, tolerance)
     _log.info("  hinges of %g halvings: load factor %.8g", halvings, found.load_factor)
     return found
@@ -163,16 +152,8 @@ def _same_mode(one: Collapse, other: Collapse) -> bool:
     return bool(cosine > OPTIONS.same_mode)
 
 
-def _unchanged(found: list[Collapse], tolerance: float) -> bool:
-    """Whether load factors are equal, the first one to the tolerance on it."""
+def _unchanged(found: list[Collapse], size: float, tolerance: float) -> bool:
+    """Whether load factors are equal, the first one to the tolerance on it, relative to `size`."""
     given, *others = (one.load_factor for one in found)
-    same = max(others) - min(others) <= OPTIONS.unchanged * abs(given)
-    return same and abs(others[0] - given) <= tolerance * abs(given)
-
-
-def _limit(factors: list[float], changes: list[StateChange]) -> float:
-    """Load factor for m to infinity, from the last two unless the state changed between."""
-    before, last = OPTIONS.halvings[-2:]
-    if changes and changes[-1].halvings[1] == last:
-        return factors[-1]
-    return factors[-1] + (factors[-1] - factors[-2]) * before / (last - before)
+    same = max(others) - min(others) <= OPTIONS.unchanged * size
+    return same and abs(others[0] - given) <= tolerance * size

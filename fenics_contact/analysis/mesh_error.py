@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -12,11 +12,13 @@ class StateChange:
 
     Attributes:
         halvings: Halvings of the elements at hinges before and after.
-        load_factors: Load factors before and after.
+        before: Load factor before.
+        after: Load factor after.
     """
 
     halvings: tuple[float, float]
-    load_factors: tuple[float, float]
+    before: float
+    after: float
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,5 @@ class MeshError:
     @property
     def estimate(self) -> float:
         """Sum of the errors that are known, relative; nan if that of hinges is not."""
-        return self.hinge_error + (0.0 if math.isnan(self.algebraic_error) else self.algebraic_error)
-
-    def reversed(self) -> MeshError:
-        """The same in multiples of the opposite live load."""
-        changes = tuple(
-            replace(change, load_factors=(-change.load_factors[0], -change.load_factors[1]))
-            for change in self.state_changes
-        )
-        factor = -self.load_factor_point_hinges
-        return replace(self, load_factor_point_hinges=factor, state_changes=changes)
+        algebraic = 0.0 if math.isnan(self.algebraic_error) else self.algebraic_error
+        return self.hinge_error + algebraic

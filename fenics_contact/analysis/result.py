@@ -101,6 +101,9 @@ class Collapse:
 
     def reversed(self) -> Collapse:
         """Collapse under the reversed live load, in multiples of the live load as given."""
+        changes = self.mesh_error.state_changes if self.mesh_error else ()
+        reversed_changes = tuple(_negated(change, "before", "after") for change in changes)
+        error = self.mesh_error and replace(self.mesh_error, state_changes=reversed_changes)
 
         def with_steps(record: Any) -> Any:
             return record and replace(record, steps=tuple(map(_negated, record.steps)))
@@ -114,7 +117,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
-            mesh_error=self.mesh_error and self.mesh_error.reversed(),
+            mesh_error=_negated(error, "load_factor_point_hinges"),
         )
 
 

@@ -20,6 +20,7 @@ slips, and rigid motions stay what they are.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -85,29 +86,34 @@ class HingeNodes:
             selection = own(_matrix(sizes, start, columns, np.ones(len(columns)), comm))
             of_nodes = own(stiffness.matMult(selection))  # K_h
             between = own(selection.transposeMatMult(of_nodes))  # K_hh
-            inner = self._inner(_whole(between), halvings)[columns]  # M, this rank's rows
-            row, column = np.nonzero(inner)
-            start = np.searchsorted(row, np.arange(len(columns) + 1))
+            inner = self._inner(between, halvings)[columns]  # M, this rank's rows
             sizes = sizes[1], sizes[1]
-            middle = own(_matrix(sizes, start, column, inner[row, column], comm))
+            middle = own(_matrix(sizes, inner.indptr, inner.indices, inner.data, comm))
             transposed = own(of_nodes.transpose(PETSc.Mat()))
             less = own(middle.ptap(transposed))
             softened = stiffness.copy()
             softened.axpy(-1.0, less, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             result = SparseMap(softened)
             owner.callback(result.close)
-            give = own(middle.matMult(transposed))  # M K_h^T
-            loads = [f - _transposed_product(give, f[rows]) for f in (problem.dead, problem.live)]
+            give = SparseMap(middle.matMult(transposed))  # M K_h^T
+            temporary.callback(give.close)
+            loads = [f - give.T @ f[rows] for f in (problem.dead, problem.live)]
         return replace(problem, stiffness=result, dead=loads[0], live=loads[1])
 
-    def _inner(self, between: Array, halvings: float) -> Array:
-        """M, shape (2 nodes, 2 nodes), for K_hh; held displacements have no compliance."""
-        compliance, count = np.zeros_like(between), len(self.nodes)
-        place = np.arange(2 * count).reshape(count, 2)
-        compliance[place[:, :, None], place[:, None, :]] = halvings * self.compliance
-        inner = np.linalg.solve((np.eye(2 * count) + between @ compliance).T, compliance).T
-        inner[np.abs(inner) < 1e-14 * np.abs(inner).max(initial=0.0)] = 0.0  # other blocks' nodes
-        return np.asarray(0.5 * (inner + inner.T))
+    def _inner(self, between: PETSc.Mat, halvings: float) -> Any:
+        """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
+        from scipy.sparse import bsr_matrix, csr_matrix, identity, vstack
+        from scipy.sparse.linalg import spsolve
+
+        start, columns, values = between.getValuesCSR()
+        mine = csr_matrix((values, columns, start), (len(start) - 1, between.getSize()[1]))
+        between_nodes = vstack(between.comm.tompi4py().allgather(mine))
+        place = np.arange(len(self.nodes) + 1)
+        compliance = bsr_matrix((halvings * self.compliance, place[:-1], place)).tocsc()
+        # C (1 + K_hh C)^-1 is symmetric.
+        give = identity(2 * len(self.nodes)) + compliance @ between_nodes
+        inner = spsolve(give.tocsc(), compliance)
+        return (0.5 * (inner + inner.T)).tocsr()
 
 
 def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
@@ -122,7 +128,7 @@ def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
     inward, sides = np.zeros((2, len(nodes), 2))
     np.add.at(inward, place, -boundary.normal[facet])
     np.add.at(sides, place, along)
-    inward /= np.linalg.norm(inward, axis=1)[:, None]
+    inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-12)[:, None]  # no direction in a slit
     # A facet is at half the angle from the bisector: along . b = cos(a), summed over both.
     cosine = 0.5 * np.sum(sides * inward, axis=1)
     return 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0)), inward
@@ -130,20 +136,16 @@ def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
 
 def _modulus(whole: Discretization, nodes: Indices) -> Array:
     """E' at nodes, Pa: the least of the cells there."""
-    elasticity = whole.elasticity
+    elasticity, comm = whole.elasticity, whole.scene.comm
     first, mu = (field.x.array for field in elasticity.lame)
-    values = 4.0 * mu * (first + mu) / (first + 2.0 * mu)
-    space = elasticity.space
-    dofs, index_map = compat.cell_dofs(space), space.dofmap.index_map
-    least = np.full(index_map.size_local + index_map.num_ghosts, np.inf)
     cells = compat.cell_dofs(elasticity.lame[0].function_space)[:, 0]
-    np.minimum.at(least, dofs, np.broadcast_to(values[cells][:, None], dofs.shape))
-    everywhere = np.asarray(index_map.local_to_global(np.arange(len(least), dtype=np.int32)))
-    at = np.minimum(np.searchsorted(nodes, everywhere), len(nodes) - 1)
-    found = nodes[at] == everywhere
-    mine = np.full(len(nodes), np.inf)
-    mine[at[found]] = least[found]
-    return np.asarray(np.min(whole.scene.comm.allgather(mine), axis=0))
+    modulus = (4.0 * mu * (first + mu) / (first + 2.0 * mu))[cells]
+    dofs, index_map = compat.cell_dofs(elasticity.space), elasticity.space.dofmap.index_map
+    least = np.full(index_map.size_local + index_map.num_ghosts, np.inf)
+    np.minimum.at(least, dofs, np.broadcast_to(modulus[:, None], dofs.shape))
+    start, end = index_map.local_range
+    mine = nodes[(nodes >= start) & (nodes < end)] - start
+    return np.concatenate(comm.allgather(least[mine]))
 
 
 def _matrix(
@@ -158,22 +160,3 @@ def _matrix(
     matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm)
     matrix.assemble()
     return matrix
-
-
-def _whole(matrix: PETSc.Mat) -> Array:
-    """All rows of a small matrix on every rank."""
-    start, columns, values = matrix.getValuesCSR()
-    rows = np.zeros((len(start) - 1, matrix.getSize()[1]))
-    rows[np.repeat(np.arange(len(rows)), np.diff(start)), columns] = values
-    return np.concatenate(matrix.comm.tompi4py().allgather(rows))
-
-
-def _transposed_product(matrix: PETSc.Mat, values: Array) -> Array:
-    """A^T x, this rank's part."""
-    right, left = matrix.createVecs()
-    left.array[:] = values
-    matrix.multTranspose(left, right)
-    product = right.array_r.copy()
-    for vector in (right, left):
-        vector.destroy()
-    return product

@@ -182,7 +182,7 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
 def _mesh_error_record(error: MeshError) -> Record:
     """What the load factor owes to the mesh."""
     names = "hinge_length", "load_factor_point_hinges", "hinge_error", "algebraic_error", "estimate"
-    changes = [_record(change, "halvings", "load_factors") for change in error.state_changes]
+    changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
     return _record(error, *names) | {"state_changes": changes}
 
 
