@@ -82,7 +82,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
         if new.status != "limit" or new.joints is None:
             _log.info("  hinges: no state after %g halvings", halvings)
             return replace(unknown, hinge_length=length)
-        if not _same_mode(found[-1], new):
+        if not _same_mode(found[-1], new) or _turns_back(found, new, size):
             before = (0.0, *OPTIONS.halvings)[len(found) - 1]
             factors = found[-1].load_factor, new.load_factor
             changes.append(StateChange((before, halvings), *factors))
@@ -150,6 +150,15 @@ def _same_mode(one: Collapse, other: Collapse) -> bool:
     )
     cosine = first @ second / (np.linalg.norm(first) * np.linalg.norm(second))
     return bool(cosine > OPTIONS.same_mode)
+
+
+def _turns_back(found: list[Collapse], new: Collapse, size: float) -> bool:
+    """Whether the load factor, which one state changes one way, goes back further than it came."""
+    if len(found) < 2:
+        return False
+    before, last = (one.load_factor for one in found[-2:])
+    came, goes = last - before, new.load_factor - last
+    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * size)
 
 
 def _unchanged(found: list[Collapse], size: float, tolerance: float) -> bool:
