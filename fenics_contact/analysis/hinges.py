@@ -39,6 +39,7 @@ class HingeOptions:
     Attributes:
         halvings: m, rising: with an incomplete set of hinges a large m leads to other states.
         probes: So many of them tell whether the load factor depends on hinges.
+        tolerance: On the load factor of each state, relative.
         unchanged: It does not if these differ by less than this, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
@@ -47,6 +48,7 @@ class HingeOptions:
 
     halvings: tuple[float, ...] = (1.0, 4.0, 30.0, 1000.0)
     probes: int = 2
+    tolerance: float = 1e-6
     unchanged: float = 1e-8
     same_mode: float = 0.9999
     more_work: float = 0.1
@@ -78,7 +80,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
         return determinate
     found, changes = [end], []
     for halvings in OPTIONS.halvings:
-        new = _with_compliance(case, found[-1], points, halvings, tolerance)
+        new = _with_compliance(case, found[-1], points, halvings)
         if new.status != "limit" or new.joints is None:
             _log.info("  hinges: no state after %g halvings", halvings)
             return replace(unknown, hinge_length=length)
@@ -88,7 +90,9 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
             changes.append(StateChange((before, halvings), *factors))
         found.append(new)
         points = np.union1d(points, hinges(joints, new.joints))
-        if len(found) == OPTIONS.probes + 1 and _unchanged(found, size, tolerance):
+        if len(found) == OPTIONS.probes + 1 and _unchanged(
+            found, size, max(tolerance, OPTIONS.tolerance)
+        ):
             return determinate
     limit, (before, last) = found[-1].load_factor, OPTIONS.halvings[-2:]
     if not changes or changes[-1].halvings[1] < last:
@@ -117,9 +121,7 @@ def _length(joints: Joints, points: Indices, force: Array) -> float:
     return float(np.linalg.norm(joints.position[one] - joints.position[other]))
 
 
-def _with_compliance(
-    case: LoadCase, last: Collapse, points: Indices, halvings: float, tolerance: float
-) -> Collapse:
+def _with_compliance(case: LoadCase, last: Collapse, points: Indices, halvings: float) -> Collapse:
     """The collapse next to another one, with the compliance of so many halvings at hinges."""
     if last.state is None:
         return last
@@ -136,7 +138,7 @@ def _with_compliance(
         stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
         silent = replace(case, kind=GENERAL, monitor=lambda step: None)
         softer = replace(silent, problem=problem, stiffness=stiffness)
-        found = find_collapse(softer, strategy, tolerance)
+        found = find_collapse(softer, strategy, OPTIONS.tolerance)
     _log.info("  hinges of %g halvings: load factor %.8g", halvings, found.load_factor)
     return found
 
