@@ -114,6 +114,26 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
+        *_mesh_lines(end),
+    ]
+
+
+def _mesh_lines(end: Collapse) -> list[str]:
+    """What a load factor owes to the length of hinges, and other states on the way to none."""
+    error = end.mesh_error
+    if error is None:
+        return []
+    if np.isnan(error.load_factor_point_hinges):
+        return ["hinges: what their length does to the load factor is not known"]
+    if error.load_factor_point_hinges == end.load_factor:
+        return ["hinges: the load factor does not depend on their length"]
+    lines = [
+        f"hinges: load factor {end.load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g}"
+        f" mm; {error.load_factor_point_hinges:.4g} for point hinges"
+    ]
+    return lines + [
+        f"hinges: another collapse state as they get shorter, {one.before:.4g} to {one.after:.4g}"
+        for one in error.state_changes
     ]
 
 

@@ -12,6 +12,7 @@ from typing import Protocol
 from dolfinx import fem
 
 from fenics_contact.analysis.dead_load import reaching_zero
+from fenics_contact.analysis.hinges import estimate_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
@@ -129,6 +130,10 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     found = {name: _collapse(case) for name, case in cases.items()}
     found = reaching_zero(cases, found, asked)
     seconds["solve"] = time.perf_counter() - start
+    if scene.solve.error:
+        start = time.perf_counter()
+        found = {name: _with_mesh_error(cases[name], end) for name, end in found.items()}
+        seconds["error"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     result = _result(discretization, ends, seconds)
     if scene.output.capacity and result.status == "limit":
@@ -150,6 +155,14 @@ def _collapse(case: LoadCase) -> Collapse:
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
+
+
+def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:
+    """A collapse with the estimate of its discretisation error, if its load case led to it."""
+    if end.status != "limit" or end.path is not None:
+        return end
+    tolerance = case.discretization.scene.solve.tolerance
+    return replace(end, mesh_error=estimate_mesh_error(case, end, tolerance))
 
 
 def _result(

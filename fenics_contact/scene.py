@@ -137,6 +137,7 @@ class SolveOptions:
         control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
+        error: Estimate how much of the load factor is due to the mesh, with Coulomb friction.
     """
 
     method: str = "auto"
@@ -145,6 +146,7 @@ class SolveOptions:
     control: str = "work"
     slip: str = "stress-free"
     states: str = "first"
+    error: bool = True
 
     def __post_init__(self) -> None:
         for name in ("method", "direction", "control", "slip", "states"):

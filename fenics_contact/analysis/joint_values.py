@@ -67,10 +67,14 @@ class JointValues:
         return self.opening_rate > self._moving_rate
 
     @property
+    def slips(self) -> npt.NDArray[np.bool_]:
+        """Points that slip in the collapse mode, closed or not."""
+        return np.abs(self.slip_rate) > self._moving_rate
+
+    @property
     def contact(self) -> npt.NDArray[np.int64]:
         """`Contact` of every point."""
-        slips = np.abs(self.slip_rate) > self._moving_rate
-        contact = np.where(slips, Contact.SLIP, Contact.STICK)
+        contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
         loaded = self.normal_force > OPTIONS.no_pressure * self.normal_force.max(initial=0.0)
         contact[~loaded | self.opens] = Contact.OPEN
         return contact

@@ -30,6 +30,7 @@ class LoadCase:
         scales: Typical sizes on the elastic part of the path.
         kind: Of factorisation, see `JointStiffness`.
         monitor: Told every iteration.
+        stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
     """
 
@@ -40,6 +41,7 @@ class LoadCase:
     scales: Scales
     kind: str
     monitor: Callable[[Step], None]
+    stiffness: JointStiffness
     sign: float = 1.0
 
     @classmethod
@@ -57,7 +59,8 @@ class LoadCase:
         scales = typical_sizes(discretization.problem, bonded)
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
-        return cls(discretization, problem, blocks, bonded, scales, kind, monitor, sign)
+        stiffness = discretization.stiffness(kind)
+        return cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
 
     def reversed(self) -> LoadCase:
         """The same structure under the opposite live load."""
@@ -65,11 +68,6 @@ class LoadCase:
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
         origin = self.problem.slip_origin
         return replace(case, problem=replace(case.problem, slip_origin=origin))
-
-    @property
-    def stiffness(self) -> JointStiffness:
-        """K with joint springs."""
-        return self.discretization.stiffness(self.kind)
 
     @property
     def bonded_work(self) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
@@ -49,6 +50,7 @@ class Collapse:
         reason: Why there is no limit load, for people.
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
+        mesh_error: Estimate of the discretisation error; None if it was not made.
     """
 
     status: str
@@ -64,6 +66,7 @@ class Collapse:
     states: tuple[CollapseState, ...] = ()
     reason: str = ""
     wedging: Array | None = None
+    mesh_error: MeshError | None = None
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -98,6 +101,9 @@ class Collapse:
 
     def reversed(self) -> Collapse:
         """Collapse under the reversed live load, in multiples of the live load as given."""
+        changes = self.mesh_error.state_changes if self.mesh_error else ()
+        reversed_changes = tuple(_negated(change, "before", "after") for change in changes)
+        error = self.mesh_error and replace(self.mesh_error, state_changes=reversed_changes)
 
         def with_steps(record: Any) -> Any:
             return record and replace(record, steps=tuple(map(_negated, record.steps)))
@@ -111,6 +117,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
+            mesh_error=_negated(error, "load_factor_point_hinges"),
         )
 
 

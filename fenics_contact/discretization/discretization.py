@@ -122,11 +122,15 @@ class Discretization:
     def stiffness(self, kind: str) -> JointStiffness:
         """K with joint springs, made when first asked for, by `kind` of factorisation."""
         if kind not in self._stiffnesses:
-            made = self.operators
-            rows = JointRows.single(made.dofs, made.normal_rows, made.tangential_rows)
-            stiffness = JointStiffness(self.problem.stiffness, rows, kind, self.tally)
+            stiffness = self.stiffness_with(self.problem.stiffness, kind)
             self._stiffnesses[kind] = self._owned.enter_context(stiffness)
         return self._stiffnesses[kind]
+
+    def stiffness_with(self, elastic: SparseMap, kind: str) -> JointStiffness:
+        """Another stiffness of the blocks with joint springs; the caller closes it."""
+        made = self.operators
+        rows = JointRows.single(made.dofs, made.normal_rows, made.tangential_rows)
+        return JointStiffness(elastic, rows, kind, self.tally)
 
     def bonded(self, kind: str) -> Bonded:
         """Solve with all joints closed, under the dead and under the live load.

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints
@@ -132,6 +133,7 @@ def result_record(result: Result) -> Record:
         "method": None,
         "error_estimate": None,
         "residuals": None,
+        "discretization": None,
         "iterations": {"fixed_point": 0},
     }
     if collapse is not None:
@@ -182,6 +184,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record["states"] = [_record(state, *names) for state in collapse.states]
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
+    record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
 
 
@@ -198,6 +201,13 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
         "failures": sorted(certificate.failures),
         "worst_joint": point,
     }
+
+
+def _mesh_error_record(error: MeshError) -> Record:
+    """What the load factor owes to the mesh."""
+    names = "hinge_length", "load_factor_point_hinges", "hinge_error", "algebraic_error", "estimate"
+    changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
+    return _record(error, *names) | {"state_changes": changes}
 
 
 def _iteration_record(collapse: Collapse) -> Record:
@@ -225,7 +235,7 @@ def strict(value: Any) -> Any:
     """A record as strict JSON has it: numbers that are not finite are None."""
     if isinstance(value, dict):
         return {key: strict(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, (list, tuple)):
         return [strict(item) for item in value]
     if isinstance(value, float):
         return value + 0.0 if math.isfinite(value) else None

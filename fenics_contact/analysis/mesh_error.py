@@ -1,0 +1,46 @@
+"""What a load factor owes to the mesh, as data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class StateChange:
+    """Another collapse state that more compliant hinges lead to.
+
+    Attributes:
+        halvings: Halvings of the elements at hinges before and after.
+        before: Load factor before.
+        after: Load factor after.
+    """
+
+    halvings: tuple[float, float]
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class MeshError:
+    """Estimate of the discretisation error of a load factor; nan: not known.
+
+    Attributes:
+        hinge_length: Element side at the most loaded hinge, m; nan without hinges.
+        load_factor_point_hinges: Load factor in the limit of hinges of no length.
+        hinge_error: Change of the load factor up to there, relative, without changes of state.
+        algebraic_error: Error of joints that are closed over a length, relative.
+        state_changes: Changes of state on the way to point hinges: no part of the errors.
+    """
+
+    hinge_length: float
+    load_factor_point_hinges: float
+    hinge_error: float
+    algebraic_error: float = math.nan
+    state_changes: tuple[StateChange, ...] = ()
+
+    @property
+    def estimate(self) -> float:
+        """Sum of the errors that are known, relative; nan if that of hinges is not."""
+        algebraic = 0.0 if math.isnan(self.algebraic_error) else self.algebraic_error
+        return self.hinge_error + algebraic

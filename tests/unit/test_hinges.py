@@ -1,0 +1,133 @@
+"""Hinges: where they are, what wedges give way, and the problem with more compliant nodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import JointLaw
+from fenics_contact.analysis.hinges import hinges
+from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.hinge_nodes import HingeNodes, wedge_compliance
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.solvers.problem import Owner
+from tests.helpers import dense
+from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
+
+MODULUS = 2.0e9
+
+
+def compliance(degrees: float, bisector: tuple[float, float] = (0.0, -1.0)) -> np.ndarray:
+    """C of one wedge."""
+    angle = np.array([np.radians(degrees)])
+    return wedge_compliance(np.array([MODULUS]), angle, np.array([bisector]))[0]
+
+
+def test_half_plane_gives_way_alike_in_all_directions():
+    """Flamant: u = 2 P / (pi E') log(r)."""
+    flamant = 2.0 * np.log(2.0) / (np.pi * MODULUS)
+    assert compliance(180.0) == pytest.approx(flamant * np.eye(2), rel=1e-12)
+
+
+def test_thin_wedge_is_a_bar_along_its_axis():
+    """A bar of width 2 a r gives way by P / (E' 2 a) log(2)."""
+    along = compliance(1.0)[1, 1]
+    assert along == pytest.approx(np.log(2.0) / (MODULUS * np.radians(1.0)), rel=1e-4)
+
+
+def test_sharper_wedges_give_way_more_and_most_across():
+    sizes = [np.linalg.eigvalsh(compliance(angle)) for angle in (150.0, 90.0, 45.0)]
+    assert np.all(np.diff(sizes, axis=0) > 0.0)
+    diagonal = compliance(90.0, (np.sqrt(0.5), np.sqrt(0.5)))
+    assert diagonal[0, 1] < 0.0  # less along the bisector than across
+    assert np.linalg.eigvalsh(diagonal) == pytest.approx(np.linalg.eigvalsh(compliance(90.0)))
+
+
+def joints_in_a_row(count: int) -> Joints:
+    """Points along one joint with a facet between neighbours."""
+    places = np.arange(count)
+    return Joints(
+        nodes=np.column_stack([places, places + count]),
+        bodies=np.tile([0, 1], (count, 1)),
+        position=np.column_stack([places, np.zeros(count)]).astype(float),
+        normal=np.tile([0.0, 1.0], (count, 1)),
+        length=np.ones(count),
+        law=np.zeros(count, dtype=int),
+        laws=(JointLaw("coulomb", friction=0.5),),
+        names=("default",),
+        segments=np.column_stack([places[:-1], places[1:]]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("force", "opening_rate", "expected"),
+    [
+        ([0, 0, 0, 1], [3, 2, 1, 0], [3]),
+        ([0, 0, 1, 1], [2, 1, 0, 0], []),  # closed over a length
+        ([0, 0, 0, 0], [3, 2, 1, 0], []),  # nothing presses
+        ([1, 0, 0, 0], [0, 0, 0, 0], []),  # nothing opens
+    ],
+)
+def test_hinge_is_a_closed_point_next_to_open_ones(force, opening_rate, expected):
+    zero = np.zeros(4)
+    values = JointValues(np.array(force, float), zero, zero, zero, zero, zero, zero, zero)
+    values = replace(values, opening_rate=np.array(opening_rate, float))
+    assert hinges(joints_in_a_row(4), values).tolist() == expected
+
+
+def some_nodes(whole: Discretization) -> np.ndarray:
+    """Nodes of blocks at a few joint points."""
+    nodes = whole.joints.nodes[::3].ravel()
+    return nodes[nodes != GROUND]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("scene", ["on the ground", "inclined roller", "quadratic"])
+def test_softer_nodes_are_springs_in_a_row(scene):
+    """Like unknowns of their own for the nodes, between springs and mesh, that are eliminated."""
+    if scene == "inclined roller":
+        made = on_an_inclined_roller(2, "fixed")
+    else:
+        made = THREE_BLOCKS.scene(2)
+        made = replace(made, degree=2) if scene == "quadratic" else made
+    with Discretization(made) as whole, Owner() as owner:
+        problem = whole.problem
+        nodes = HingeNodes.of(whole, some_nodes(whole))
+        softer = nodes.soften(problem, 3.0, owner)
+        stiffness = dense(problem.stiffness.matrix)
+        dofs = (2 * nodes.nodes[:, None] + np.arange(2)).ravel()
+        give = np.zeros((len(dofs), len(dofs)))
+        for k, block in enumerate(nodes.compliance):
+            give[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = 3.0 * block
+        inner = give @ np.linalg.inv(np.eye(len(dofs)) + stiffness[np.ix_(dofs, dofs)] @ give)
+        columns = stiffness[:, dofs]
+        expected = stiffness - columns @ inner @ columns.T
+        near = 1e-12 * np.abs(stiffness).max()
+        assert dense(softer.stiffness.matrix) == pytest.approx(expected, abs=near)
+        for before, after in ((problem.dead, softer.dead), (problem.live, softer.live)):
+            loads, found = (np.concatenate(problem.comm.allgather(f)) for f in (before, after))
+            wanted = loads - columns @ inner @ loads[dofs]
+            assert found == pytest.approx(wanted, abs=1e-12 * np.abs(loads).max())
+        rigid = problem.rigid @ np.ones(problem.rigid.matrix.getLocalSize()[1])
+        assert problem.max(np.abs(softer.stiffness @ rigid)) < near
+
+
+@pytest.mark.mpi
+def test_compliance_of_corners_and_sides():
+    """Angles and bisectors are those of the outlines; E over 1 - nu^2 in plane strain."""
+    with Discretization(THREE_BLOCKS.scene(2)) as whole:
+        nodes = HingeNodes.of(whole, some_nodes(whole))
+        boundary = whole.boundary
+        ends = boundary.nodes[:, :2].ravel()
+        material = whole.scene.materials["default"]
+        modulus = material.young / (1.0 - material.poisson**2)
+        for node, found in zip(nodes.nodes, nodes.compliance, strict=True):
+            normals = np.repeat(boundary.normal, 2, axis=0)[ends == node]
+            straight = normals[0] @ normals[1] > 0.5
+            bisector = -normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
+            angle = np.pi if straight else 0.5 * np.pi
+            wedge = wedge_compliance(np.array([modulus]), np.array([angle]), bisector[None])
+            assert found == pytest.approx(wedge[0], rel=1e-10, abs=1e-15 / modulus)
