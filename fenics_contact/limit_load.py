@@ -132,7 +132,7 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
     seconds["solve"] = time.perf_counter() - start
     if scene.solve.error:
         start = time.perf_counter()
-        found = {name: _with_mesh_error(cases[name], end) for name, end in found.items()}
+        found |= {name: _with_mesh_error(cases[name], found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     result = _result(discretization, ends, seconds)

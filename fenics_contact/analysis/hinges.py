@@ -43,6 +43,7 @@ class HingeOptions:
         unchanged: It does not if these differ by less than this, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
+        dearest: The estimate is given up from so many times the factorisations of the collapse on.
         work: How the work grows from there: where no state is near, the estimate is given up.
     """
 
@@ -52,6 +53,7 @@ class HingeOptions:
     unchanged: float = 1e-8
     same_mode: float = 0.9999
     more_work: float = 0.1
+    dearest: float = 3.0
     work: WorkOptions = field(default_factory=lambda: WorkOptions(largest=1e3, missing=2))
 
 
@@ -78,8 +80,13 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
     slides = bool(np.any(end.joints.slips & ~end.joints.opens))
     if not case.problem.coulomb or not slides or not len(points):
         return determinate
-    found, changes = [end], []
+    count, found, changes = case.discretization.factorizations, [end], []
+    steps = [step for history in end.history for step in history.steps]
+    most = count() + OPTIONS.dearest * sum(step.factorizations for step in steps)
     for halvings in OPTIONS.halvings:
+        if count() > most:
+            _log.info("  hinges: given up at %g halvings, too dear", halvings)
+            return replace(unknown, hinge_length=length)
         new = _with_compliance(case, found[-1], points, halvings)
         if new.status != "limit" or new.joints is None:
             _log.info("  hinges: no state after %g halvings", halvings)
