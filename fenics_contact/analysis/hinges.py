@@ -53,7 +53,7 @@ class HingeOptions:
     unchanged: float = 1e-8
     same_mode: float = 0.9999
     more_work: float = 0.1
-    dearest: float = 3.0
+    dearest: float = 5.0
     work: WorkOptions = field(default_factory=lambda: WorkOptions(largest=1e3, missing=2))
 
 
