@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import Task, along_block_modes, rising_work
+from fenics_contact.analysis.strategy import Task, along_block_modes
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.arclength import (
@@ -112,7 +112,7 @@ def tasks(mesh: BlockMesh, friction: float, ratio: float) -> Iterator[Task]:
 def whole_way(task: Task) -> tuple[list[Points], float]:
     """All paths of the program's first attempt, and the load factor that it ends with."""
     with recorded() as recorder:
-        solution, _ = along_block_modes(task, rising_work)
+        solution, _ = along_block_modes(task)
     units = task.scales.elastic_part, task.case.bonded_work
     return recorder.points(*units), solution.state.load_factor
 
