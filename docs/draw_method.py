@@ -62,7 +62,7 @@ class _Recorder(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         if "mu %.2e, T %.4e" not in str(record.msg) or not isinstance(record.args, tuple):
             return
-        step, load_factor, mu, work, _ = record.args
+        step, load_factor, mu, work = record.args
         if step == 0 or not self.paths:
             self.paths.append([])
         path = self.paths[-1]
