@@ -47,11 +47,13 @@ class ProgramOptions:
     Attributes:
         collinear: Difference of direction, and offset over the structure's size, of one line.
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
+        iterations: At most, for each row and column.
         rounding: Missing forces in the same units, summed, that count as none.
     """
 
     collinear: float = 1e-6
     feasibility: float = 1e-10
+    iterations: int = 50
     rounding: float = 1e-8
 
 
@@ -398,4 +400,5 @@ def _answer(
 
     names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
     options = dict.fromkeys(names, OPTIONS.feasibility) | (options or {})
+    options["maxiter"] = OPTIONS.iterations * sum(columns.shape)  # HiGHS may go round in circles
     return linprog(cost, None, None, columns, right, limits, method, options=options)
