@@ -94,6 +94,12 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
         assert blocks.limit() is None and blocks.associative_pressure() is None
 
 
+def test_loads_a_billion_times_the_weight_have_an_answer():
+    """Lifted: HiGHS goes round in circles where its iterations are not bounded."""
+    with programs(replace(BOND, parts={"live": Load((GRAVITY, 1e9))})) as (blocks, _):
+        assert blocks.limit() == pytest.approx(GRAVITY / 1e9, rel=1e-6)
+
+
 def test_fall_is_a_motion_that_no_joint_resists():
     """The block slides down a slope of 17.5 degrees with friction 0.3; each point by itself."""
     with programs(block(coulomb(0.3), **bank.on_slope(17.5, (-GRAVITY, 0.0)))) as (blocks, made):
