@@ -5,8 +5,9 @@ from __future__ import annotations
 import fcntl
 import inspect
 import logging
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -133,19 +134,19 @@ def form_cache() -> Iterator[None]:
     """
     options = getattr(jit, "get_options", None) or jit.get_parameters
     folder = Path(options()["cache_dir"])
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "fenics_contact.lock").open("a+") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # the system ends it with the process
-        lock.seek(0)
-        if lock.read():
-            for source in folder.glob("libffcx_*.c"):
-                if not source.with_suffix(".c.cached").exists():
-                    source.unlink(missing_ok=True)
-        else:
-            lock.write("compiling")
-            lock.flush()
+    with ExitStack() as stack:
+        with suppress(OSError):  # where nothing can be written, all may be compiled already
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = os.open(folder / "fenics_contact.lock", os.O_RDWR | os.O_CREAT, 0o644)
+            stack.callback(os.close, lock)
+            fcntl.flock(lock, fcntl.LOCK_EX)  # the system ends it with the process
+            if os.read(lock, 1):
+                for source in folder.glob("libffcx_*.c"):
+                    if not source.with_suffix(".c.cached").exists():
+                        source.unlink(missing_ok=True)
+            os.write(lock, b"compiling")
+            stack.callback(os.ftruncate, lock, 0)
         yield
-        lock.truncate(0)
 
 
 def add_ghosts(function: fem.Function) -> None:
