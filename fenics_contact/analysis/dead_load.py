@@ -130,7 +130,10 @@ def reaching_zero(
     if dead.state is None:
         status = "no_equilibrium" if dead.falls else "not_converged"
         reason = _without_equilibrium(found) if short or dead.falls else ""
-        return {n: replace(end, status=status, reason=reason) for n, end in found.items()}
+        # Ends on both sides of zero, or one of them lost, do not leave it out.
+        named = set(found) if short else lost
+        changed = {n: replace(found[n], status=status, reason=reason) for n in named}
+        return {**found, **changed}
     ends = dict(found)
     for name in (short | lost).intersection(asked):
         problem, state = cases[name].problem, dead.state
