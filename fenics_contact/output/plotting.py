@@ -42,7 +42,8 @@ def draw_collapse(
     boundary, joints = discretization.boundary, discretization.joints
     velocity = discretization.cartesian(mode)
     at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
-    at_joints = _at_nodes(discretization, velocity, joints.nodes)
+    at_joints = _at_nodes(discretization, velocity, joints.stencil.nodes)
+    at_joints = np.sum(joints.stencil.weights[..., None] * at_joints, axis=2)
     if discretization.scene.comm.rank != 0:
         return
     figure, (left, right) = _figure_of(boundary)
@@ -186,7 +187,7 @@ def _draw_joints(axes: Any, joints: Joints, values: JointValues, motion: Array) 
     from matplotlib.lines import Line2D
 
     middle = motion.mean(axis=1)
-    middle[joints.nodes[:, 0] == GROUND] = 0.0
+    middle[joints.bodies[:, 0] == GROUND] = 0.0
     position = joints.position + middle
     contact, opens = values.contact[joints.segments], values.opens[joints.segments]
     is_open = np.any(contact == Contact.OPEN, axis=1)
