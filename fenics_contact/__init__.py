@@ -1,5 +1,6 @@
 """Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction."""
 
+from fenics_contact.equilibrium import Equilibrium, equilibrium
 from fenics_contact.errors import ContactError, InputError, OutputError, SolverError
 from fenics_contact.limit_load import LimitLoad, limit_load
 from fenics_contact.mesh import BlockMesh
@@ -9,6 +10,7 @@ from fenics_contact.version import __version__
 __all__ = [
     "BlockMesh",
     "ContactError",
+    "Equilibrium",
     "InputError",
     "JointLaw",
     "LimitLoad",
@@ -20,5 +22,6 @@ __all__ = [
     "SolveOptions",
     "SolverError",
     "__version__",
+    "equilibrium",
     "limit_load",
 ]
