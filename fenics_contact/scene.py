@@ -25,6 +25,7 @@ CHOICES = {
     "control": ("work", "load"),
     "slip": ("stress-free", "load-steps"),
     "states": ("first", "lowest"),
+    "formats": ("png", "svg", "pdf"),
 }
 
 #: Characters that a title can have.
@@ -239,15 +240,20 @@ class OutputOptions:
 
     Attributes:
         paraview: ParaView files of fields and joints.
-        pictures: collapse.png, and capacity.png where there is a curve.
+        pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
+        formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
     """
 
     paraview: bool = True
     pictures: bool = True
+    formats: tuple[str, ...] = ("png",)
     capacity: int = 0
 
     def __post_init__(self) -> None:
+        for name in self.formats:
+            _require_choice("formats", name)
+        _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -335,8 +341,11 @@ class Scene(_Shared):
 
     def material(self, groups: Iterable[str]) -> Material:
         """Material of the cells in a set of groups."""
-        named = sorted(set(groups) & set(self.materials))
-        return self.materials[named[0] if named else "default"]
+        return self.materials[self.material_name(groups)]
+
+    def material_name(self, groups: Iterable[str]) -> str:
+        """Name of the material of the cells in a set of groups."""
+        return min(set(groups) & set(self.materials), default="default")
 
     def _check_names(self) -> None:
         source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names

@@ -85,14 +85,23 @@ def nodal_forces(
     index_map = space.dofmap.index_map
     mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
     first, last = index_map.local_range
-    for nodes, force in _on_facets(boundary, load, f"loads.{kind}"):
+    for facets, force in forces_on_facets(boundary, load, f"loads.{kind}"):
+        nodes = boundary.nodes[facets]
         here = (nodes >= first) & (nodes < last)
         np.add.at(mine, nodes[here] - first, force[here])
     return mine.ravel()
 
 
-def _on_facets(boundary: Boundary, load: Load, key: str) -> list[tuple[Indices, Array]]:
-    """Nodes and their forces, of earth pressure and forces at places."""
+def forces_on_facets(
+    boundary: Boundary, load: Load, key: str = "loads.live"
+) -> list[tuple[Indices, Array]]:
+    """Facets and the forces on their nodes, of each earth pressure and then each force at a place.
+
+    Forces have the shape (facets, nodes of a facet, 2), N per metre of thickness.
+
+    Raises:
+        InputError: If a force is where there is no edge; `key` names the load.
+    """
     found = []
     for name, earth in load.earth.items():
         strips = _below(boundary, np.flatnonzero(boundary.in_group(name)), earth.level)
@@ -102,7 +111,7 @@ def _on_facets(boundary: Boundary, load: Load, key: str) -> list[tuple[Indices, 
         free[facing_facets(boundary)] = False
         for name, force in load.force.items():
             found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
-    return [(boundary.nodes[strips.facets], force) for strips, force in found]
+    return [(strips.facets, force) for strips, force in found]
 
 
 def _earth_traction(boundary: Boundary, strips: _Strips, earth: EarthPressure) -> Any:
