@@ -18,7 +18,8 @@ from fenics_contact.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
 
-BLACK, ORANGE, BLUE, VERMILLION, PURPLE = "#000000", "#E69F00", "#0072B2", "#D55E00", "#CC79A7"
+BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
+PALE_ORANGE = "#F2C766"
 #: Tints of the materials, repeated if there are more.
 TINTS = ("#c3d5e3", "#e8d7a8", "#aab9a0", "#d9bfcb", "#9fa3ab", "#f3efe0")
 #: Sum of the angles along an outline, radians, that is not drawn as a corner.
@@ -38,10 +39,9 @@ class Limits:
     high: Array
 
     @classmethod
-    def of(cls, view: View) -> Limits:
-        """The blocks, at rest and displaced, with the arrows of loads and a margin."""
-        rest = view.boundary.points[:, :2]
-        points = [rest.reshape(-1, 2), (rest + view.motion).reshape(-1, 2)]
+    def of(cls, view: View, *more: Array) -> Limits:
+        """The blocks at rest, with the arrows of loads, more points and a margin."""
+        points = [table.reshape(-1, 2) for table in (view.boundary.points[:, :2], *more)]
         points += [np.concatenate(ends) for ends in _arrow_ends(view) if len(ends[0])]
         both, margin = np.concatenate(points), 0.02 * view.size
         return cls(both.min(axis=0) - margin, both.max(axis=0) + margin)
@@ -52,11 +52,15 @@ class Limits:
         return self.high - self.low
 
 
-def prepare(axes: Any, view: View) -> None:
+def moved(view: View) -> Array:
+    """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
+    return view.boundary.points[:, :2] + view.motion
+
+
+def prepare(axes: Any, limits: Limits) -> None:
     """Set the limits of axes, with one scale in x and y and without a frame."""
-    limits = Limits.of(view)
     x, y = np.column_stack([limits.low, limits.high])
-    axes.set(aspect="equal", xlim=x, ylim=y)
+    axes.set(aspect="equal", xlim=x, ylim=y, anchor="N")
     axes.axis("off")
 
 
@@ -120,7 +124,7 @@ def draw_moved(axes: Any, view: View) -> None:
     rest = view.boundary.points[:, :2]
     draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
     style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
-    draw_outlines(axes, view.boundary, rest + view.motion, **style)
+    draw_outlines(axes, view.boundary, moved(view), **style)
 
 
 def _tints(view: View) -> Array:
@@ -156,11 +160,12 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     position = joints.position + view.joint_motion
     state = facet_contact(view.values, joints.segments)
     opens = np.any(view.values.opens[joints.segments], axis=1) & (state == Contact.OPEN)
-    wide = 2.6 * fineness(axes, view)
+    fine = fineness(axes, view)
+    thin, wide = 0.8 * max(fine, 0.5), max(2.6 * fine, 1.4)
     handles = []
     for label, chosen, strokes in (
-        ("closed", state == Contact.STICK, [(BLACK, 0.7)]),
-        ("open, at rest", (state == Contact.OPEN) & ~opens, [(ORANGE, 0.9)]),
+        ("closed", state == Contact.STICK, [(BLACK, thin)]),
+        ("open, at rest", (state == Contact.OPEN) & ~opens, [(PALE_ORANGE, thin)]),
         ("opens", opens, [(ORANGE, wide)]),
         ("slides", state == Contact.SLIP, [(BLUE, wide), ("white", 0.3 * wide)]),
     ):
@@ -234,13 +239,13 @@ def nice(value: float) -> float:
     return float(steps[steps <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
 
 
-def force_scale(size: Array, block: float) -> float:
+def force_scale(size: Array, view: View) -> float:
     """Force per metre of drawing, N/m per m, a nice number, for forces of given sizes.
 
-    Most forces are shorter than 0.9 times a block, and none is longer than twice a block.
+    Nine in ten are shorter than 1.2 times a block, and all than 0.35 times the structure.
     """
-    per_metre = max(float(np.quantile(size, 0.9)) / 0.9, float(size.max()) / 2.0) / block
-    return nice(1.6 * per_metre)
+    typical = float(np.quantile(size, 0.9)) / (1.2 * view.block_size)
+    return nice(1.5 * max(typical, float(size.max()) / (0.35 * view.size)))
 
 
 def force_text(force: float) -> str:
@@ -251,13 +256,14 @@ def force_text(force: float) -> str:
     return f"{force / factor:.4g} {unit}"
 
 
-def draw_scale(axes: Any, view: View, largest: float, per_metre: float, colour: str) -> None:
-    """A bar below the structure that says how long a force is drawn."""
+def draw_scale(
+    axes: Any, view: View, corner: Array, per_metre: float, largest: float, colour: str
+) -> None:
+    """A bar below the lower left corner of a picture that says how long forces are drawn."""
     force = nice(min(largest, 0.3 * view.size * per_metre))
     length = force / per_metre
-    limits = Limits.of(view)
-    x, y = limits.low + view.size * np.array([0.02, -0.025])
+    x, y = corner + view.size * np.array([0.02, -0.02])
     axes.plot([x, x + length], [y, y], "|-", color=colour, lw=1.8, markersize=7, zorder=4)
     text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
     axes.text(x + length + 0.015 * view.size, y, text, va="center", fontsize=9)
-    axes.set_ylim(limits.low[1] - 0.06 * view.size, limits.high[1])
+    axes.set_ylim(y - 0.03 * view.size, None)

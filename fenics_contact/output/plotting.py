@@ -30,6 +30,7 @@ from fenics_contact.output.drawing import (
     force_scale,
     legend,
     material_handles,
+    moved,
     outlines,
     prepare,
 )
@@ -49,7 +50,7 @@ FORCE = "#7b2d8b"
 
 def draw_mode(axes: Any, view: View) -> Any:
     """The collapse mode: blocks displaced, joints by what they do, and the live load."""
-    prepare(axes, view)
+    prepare(axes, Limits.of(view, moved(view)))
     draw_moved(axes, view)
     joints = draw_joints(axes, view)
     legend(axes, [*joints, *draw_live_load(axes, view), *material_handles(view)], 5)
@@ -64,19 +65,21 @@ def draw_forces(axes: Any, view: View) -> Any:
     """
     from matplotlib.collections import LineCollection
 
-    prepare(axes, view)
+    prepare(axes, Limits.of(view))
     draw_rest(axes, view)
     faces = face_resultants(view.joints, _values(view))
     total, centre = faces.force[faces.loaded], faces.centre[faces.loaded]
     if len(total):
         size = np.linalg.norm(total, axis=1)
-        per_metre = force_scale(size, view.block_size)
+        per_metre = force_scale(size, view)
         reach, fine = total / per_metre, fineness(axes, view)
         lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
         widths = 2.4 * fine * (0.4 + 0.6 * size / size.max())
         axes.add_collection(LineCollection(lines, colors=FORCE, linewidths=widths))
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine)
-        draw_scale(axes, view, float(size.max()), per_metre, FORCE)
+        limits = Limits.of(view, lines)
+        prepare(axes, limits)
+        draw_scale(axes, view, limits.low, per_metre, float(size.max()), FORCE)
     legend(axes, material_handles(view))
     return axes
 
@@ -90,7 +93,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
 
-    prepare(axes, view)
+    prepare(axes, Limits.of(view))
     draw_rest(axes, view)
     lines = thrust_lines(face_resultants(view.joints, _values(view)), view.centre)
     axes.add_collection(LineCollection(lines.ends, colors="0.3", linewidths=0.9))
@@ -114,9 +117,8 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     """
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.lines import Line2D
 
-    prepare(axes, view)
+    prepare(axes, Limits.of(view))
     pressure = -principal_stresses(raster.stress)[0][..., 1]
     known = np.maximum(pressure[np.isfinite(pressure)], 0.0)
     largest = float(np.quantile(known, LARGEST)) or float(known.max()) or 1.0
@@ -130,17 +132,14 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     clip = type(outlines(view.boundary, rest)[0]).make_compound_path(*outlines(view.boundary, rest))
     image.set_clip_path(clip, axes.transData)
     draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.45", linewidth=0.5)
-    entries = []
-    for colour, label, lines in zip(
-        (BLACK, VERMILLION), ("compression", "tension"), _crosses(raster, largest), strict=True
-    ):
-        if len(lines):
-            axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.8))
-            entries.append(Line2D([], [], color=colour, lw=1.2, label=label))
-    legend(axes, entries)
-    prepare(axes, view)
-    label = f"larger compressive principal stress ({unit})"
-    axes.figure.colorbar(image, ax=axes, extend="max", shrink=0.8, pad=0.02, label=label)
+    compression, tension = _crosses(raster, largest)
+    axes.add_collection(LineCollection(compression, colors=BLACK, linewidths=0.8))
+    axes.add_collection(LineCollection(tension, colors=VERMILLION, linewidths=1.2))
+    crosses = "; black: compression" + (", red: tension" if len(tension) else "")
+    prepare(axes, Limits.of(view))
+    style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
+    label = f"larger compressive principal stress ({unit}){crosses}"
+    axes.figure.colorbar(image, ax=axes, **style).set_label(label, fontsize=9)
     return axes
 
 
@@ -174,16 +173,16 @@ def draw_capacity(axes: Any, points: Sequence[CapacityPoint], limit: float = mat
 
 def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
     """Some blocks, shaded and with their numbers, among all, displaced as the view says."""
-    prepare(axes, view)
+    prepare(axes, Limits.of(view, moved(view)))
     boundary = view.boundary
     rest = boundary.points[:, :2]
     shade = np.full((len(view.centre), 3), 0.92)
     shade[blocks] = (0.93, 0.75, 0.45)
     draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
     style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
-    draw_outlines(axes, boundary, rest + view.motion, **style)
+    draw_outlines(axes, boundary, moved(view), **style)
     for block in blocks[:LEGIBLE]:
-        place = (rest + view.motion)[boundary.body == block]
+        place = moved(view)[boundary.body == block]
         axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
     return axes
 
@@ -200,19 +199,20 @@ def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
     first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
     exponent = math.floor(math.log10(first)) if first > 0.0 else 0
     if exponent < -4 or exponent > 8:
-        return [f"{number + 0.0:.{digits - 1}e}" for number in numbers]
-    decimals = max(digits - 1 - exponent, 0)
-    return [f"{number + 0.0:.{decimals}f}" for number in numbers]
+        form = f".{digits - 1}e"
+    else:
+        form = f".{max(digits - 1 - exponent, 0)}f"
+    return [format(number, form) if number else "0" for number in numbers]
 
 
 # ---- files
 
 
-def figure_of(view: View, count: int = 1) -> tuple[Any, Any]:
-    """A figure with axes of the structure's shape side by side."""
+def figure_of(limits: Limits, count: int = 1) -> tuple[Any, Any]:
+    """A figure with axes of a structure's shape side by side."""
     from matplotlib.figure import Figure
 
-    width, height = Limits.of(view).shape
+    width, height = limits.shape
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
     wide = min(WIDTH, tall * width / height)
     figure = Figure(figsize=(count * max(wide, 3.2), tall + 1.1), layout="constrained")
@@ -221,7 +221,7 @@ def figure_of(view: View, count: int = 1) -> tuple[Any, Any]:
 
 def save_collapse(view: View, title: str, paths: Sequence[Path]) -> None:
     """Collapse mode and joint forces, side by side."""
-    figure, (left, right) = figure_of(view, 2)
+    figure, (left, right) = figure_of(Limits.of(view, moved(view)), 2)
     draw_mode(left, view).set_title("collapse mode (grey outline: at rest)", fontsize=10)
     draw_forces(right, view).set_title("joint forces at collapse", fontsize=10)
     _save(figure, title, paths)
@@ -229,21 +229,21 @@ def save_collapse(view: View, title: str, paths: Sequence[Path]) -> None:
 
 def save_thrust(view: View, title: str, paths: Sequence[Path]) -> None:
     """Lines of thrust."""
-    figure, (axes,) = figure_of(view)
+    figure, (axes,) = figure_of(Limits.of(view))
     draw_thrust(axes, view).set_title("line of thrust at collapse (width: force)", fontsize=10)
     _save(figure, title, paths)
 
 
 def save_stress(view: View, raster: StressRaster, title: str, paths: Sequence[Path]) -> None:
     """Principal stresses."""
-    figure, (axes,) = figure_of(view)
+    figure, (axes,) = figure_of(Limits.of(view))
     draw_stress(axes, view, raster).set_title("principal stresses at collapse", fontsize=10)
     _save(figure, title, paths)
 
 
 def save_marked(view: View, blocks: Indices, title: str, paths: Sequence[Path]) -> None:
     """Some blocks with their numbers among all."""
-    figure, (axes,) = figure_of(view)
+    figure, (axes,) = figure_of(Limits.of(view, moved(view)))
     draw_marked(axes, view, blocks)
     axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
     _save(figure, title, paths)

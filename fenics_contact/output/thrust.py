@@ -3,11 +3,12 @@
 Joint forces act on a straight face between two bodies, so that their resultant passes through the
 centre of pressure, sum r_N x / sum r_N: shear forces have no moment about points of the face. Faces
 in one line that touch end to end are one *section*, as a bed joint through a pier is, or a radial
-joint through a ring. Blocks on one side of a section are one *part*: a course of a pier, a
-voussoir. Through a part runs a straight line from one of its sections to the other; with three
-sections or more, a line from each to the mean of all centres of pressure, weighted by force. This
-is the line of resistance of J. Heyman, The Stone Skeleton, Cambridge 1995. A part on one section
-only has its line in the resultant, from where its load acts.
+joint through a ring; it ends at a face that opens over its whole length in the collapse mode, so
+that parts that move apart have lines of their own. Blocks on one side of a section are one *part*:
+a course of a pier, a voussoir. Through a part with two sections runs a straight line from one to
+the other: the line of resistance of J. Heyman, The Stone Skeleton, Cambridge 1995. A part with more
+of them, as a course above two piers, shows the resultant of each along its line of action, up to
+the middle of the blocks next to it; so does a part on one section, where the line begins.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ class Resultants:
         centre: Centre of pressure, m, shape (faces, 2); the middle where no force acts.
         normal: Unit normal from first to second body, shape (faces, 2).
         ends: Ends of the faces, m, shape (faces, 2, 2).
+        parts: Whether they open over their whole length in the collapse mode, shape (faces,).
     """
 
     bodies: Indices
@@ -62,6 +64,7 @@ class Resultants:
     centre: Array
     normal: Array
     ends: Array
+    parts: Flags
 
     @property
     def size(self) -> Array:
@@ -78,6 +81,7 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
     """Resultants of joint forces on all faces, loaded or not."""
     faces = straight_faces(joints, joints.length)
     count = len(faces.ends)
+    closed = np.bincount(faces.of_point, ~values.opens, count)
     normal_force, *sums = (
         np.bincount(faces.of_point, column, count).astype(float)
         for column in (
@@ -99,6 +103,7 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         centre=np.where(pressed[:, None], centre, ends.mean(axis=1)),
         normal=joints.normal[first],
         ends=ends,
+        parts=closed == 0,
     )
 
 
@@ -127,26 +132,27 @@ def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
     sections, part = _sections_and_parts(faces, len(centre))
     loaded = [mine for mine in sections if np.any(faces.loaded[mine])]
     crossed = [_crossing(faces, mine) for mine in loaded]
-    of_part: dict[int, list[int]] = {}
-    for number, mine in enumerate(loaded):
-        for side in set(part[faces.bodies[mine]].ravel().tolist()) - {GROUND}:
-            of_part.setdefault(side, []).append(number)
+    of_part: dict[int, list[tuple[_Crossing, Array]]] = {}
+    for one, mine in zip(crossed, loaded, strict=True):
+        for side in _sides(faces, mine):
+            if np.all(side != GROUND):
+                beside = faces.normal_force[mine] @ centre[side] / faces.normal_force[mine].sum()
+                of_part.setdefault(int(part[side[0]]), []).append((one, beside))
     segments: list[Array] = []
     forces: list[float] = []
-    for label, numbers in of_part.items():
-        point = np.array([crossed[number].centre for number in numbers])
-        force = np.array([crossed[number].force for number in numbers])
-        size = np.linalg.norm(force, axis=1)
-        leads = size >= OPTIONS.leading * size.max()
-        point, force, size = point[leads], force[leads], size[leads]
-        if len(size) == 1:
-            along = force[0] / size[0]
-            inside = centre[np.flatnonzero(part[:-1] == label)].mean(axis=0)
-            node = point[0] + ((inside - point[0]) @ along) * along
-        else:
-            node = size @ point / size.sum()
-        segments += [np.stack([one, node]) for one in point]
-        forces += size.tolist()
+    for pairs in of_part.values():
+        largest = max(one.size for one, _ in pairs)
+        leading = [pair for pair in pairs if pair[0].size >= OPTIONS.leading * largest]
+        if len(leading) == 2:
+            (one, _), (other, _) = leading
+            segments.append(np.stack([one.centre, other.centre]))
+            forces.append(0.5 * (one.size + other.size))
+            continue
+        for one, beside in leading:
+            along = one.force / one.size
+            inside = one.centre + ((beside - one.centre) @ along) * along
+            segments.append(np.stack([one.centre, inside]))
+            forces.append(one.size)
     return ThrustLines(
         np.array(segments).reshape(-1, 2, 2),
         np.array(forces),
@@ -162,6 +168,11 @@ class _Crossing:
     force: Array
     centre: Array
     ends: Array
+
+    @property
+    def size(self) -> float:
+        """Size of the resultant."""
+        return float(np.linalg.norm(self.force))
 
 
 def _crossing(faces: Resultants, mine: Indices) -> _Crossing:
@@ -232,7 +243,8 @@ def _in_line(faces: Resultants) -> Sequence[Indices]:
     pairs = cKDTree(points).query_pairs(near, output_type="ndarray") // 2
     one, other = faces.normal[pairs[:, 0]], faces.normal[pairs[:, 1]]
     sine = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    pairs = pairs[np.abs(sine) <= OPTIONS.parallel]
+    apart = np.any(faces.parts[pairs], axis=1)
+    pairs = pairs[(np.abs(sine) <= OPTIONS.parallel) & ~apart]
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
     label = connected_components(graph, directed=False)[1]
     order = np.argsort(label, kind="stable")
