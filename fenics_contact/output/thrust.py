@@ -5,10 +5,12 @@ centre of pressure, sum r_N x / sum r_N: shear forces have no moment about point
 in one line that touch end to end are one *section*, as a bed joint through a pier is, or a radial
 joint through a ring; it ends at a face that opens over its whole length in the collapse mode, so
 that parts that move apart have lines of their own. Blocks on one side of a section are one *part*:
-a course of a pier, a voussoir. Through a part with two sections runs a straight line from one to
-the other: the line of resistance of J. Heyman, The Stone Skeleton, Cambridge 1995. A part with more
-of them, as a course above two piers, shows the resultant of each along its line of action, up to
-the middle of the blocks next to it; so does a part on one section, where the line begins.
+a course of a pier, a voussoir.
+
+Through a part runs a straight line between the sections with the two largest forces, if these lie
+along it: the line of resistance of J. Heyman, The Stone Skeleton, Cambridge 1995. From other
+sections, as those of piers below one course, the resultant is shown along its line of action, up to
+the middle of the blocks next to it; so is that of a part on one section, where the line begins.
 """
 
 from __future__ import annotations
@@ -33,12 +35,14 @@ class ThrustOptions:
         parallel: Sine of the angle between two faces of one section, at most.
         loaded: A face without this part of the largest force of all carries none.
         leading: A section with less than this part of the largest force of a part has no line.
+        along: Cosine of the angle between a force and the line through a part, at least.
     """
 
     touching: float = 1e-6
     parallel: float = 1e-3
     loaded: float = 1e-6
     leading: float = 1e-2
+    along: float = 0.7
 
 
 OPTIONS = ThrustOptions()
@@ -141,14 +145,14 @@ def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
     segments: list[Array] = []
     forces: list[float] = []
     for pairs in of_part.values():
-        largest = max(one.size for one, _ in pairs)
-        leading = [pair for pair in pairs if pair[0].size >= OPTIONS.leading * largest]
-        if len(leading) == 2:
-            (one, _), (other, _) = leading
-            segments.append(np.stack([one.centre, other.centre]))
-            forces.append(0.5 * (one.size + other.size))
-            continue
-        for one, beside in leading:
+        pairs.sort(key=lambda pair: -pair[0].size)
+        through = len(pairs) > 1 and _passes(pairs[0][0], pairs[1][0])
+        if through:
+            segments.append(np.stack([pair[0].centre for pair in pairs[:2]]))
+            forces.append(0.5 * (pairs[0][0].size + pairs[1][0].size))
+        for one, beside in pairs[2 * through :]:
+            if one.size < OPTIONS.leading * pairs[0][0].size:
+                continue
             along = one.force / one.size
             inside = one.centre + ((beside - one.centre) @ along) * along
             segments.append(np.stack([one.centre, inside]))
@@ -173,6 +177,13 @@ class _Crossing:
     def size(self) -> float:
         """Size of the resultant."""
         return float(np.linalg.norm(self.force))
+
+
+def _passes(one: _Crossing, other: _Crossing) -> bool:
+    """Whether a force passes from one section to another: both lie along the line between."""
+    line = other.centre - one.centre
+    reach = OPTIONS.along * float(np.linalg.norm(line))
+    return all(abs(float(each.force @ line)) > reach * each.size for each in (one, other))
 
 
 def _crossing(faces: Resultants, mine: Indices) -> _Crossing:
