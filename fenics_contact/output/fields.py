@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, indent
@@ -13,6 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
@@ -109,10 +110,36 @@ def write_blocks(
     functions = [displacement_function(discretization, u, name) for name, u in moving.items()]
     functions += _cell_functions(discretization, elastic)
     with writing(comm):
-        compat.write_vtk(path, functions)
+        compat.write_vtk(path, comm, [(0.0, functions)])
     with writing(comm):
         if comm.rank == 0:
-            compat.tidy_vtk(path, {"mode_scale": scale})
+            compat.tidy_vtk(path, [{"mode_scale": scale}])
+
+
+def write_series(
+    path: Path, discretization: Discretization, points: Sequence[CapacityPoint]
+) -> None:
+    """Write the displacements along a capacity curve as a .pvd file with a time for every point.
+
+    Collective. The time is the mean displacement along the live load, mm, or the number of the
+    point where that does not rise; "load_factor" is in the files too.
+
+    Raises:
+        OutputError: On all ranks, with the reason, if a file cannot be written.
+    """
+    comm, times = discretization.scene.comm, [1e3 * point.displacement for point in points]
+    if np.any(np.diff(times) <= 0.0):
+        times = [float(number) for number in range(len(points))]
+    steps = (
+        (time, [displacement_function(discretization, point.motion, "displacement")])
+        for time, point in zip(times, points, strict=True)
+        if point.motion is not None
+    )
+    with writing(comm):
+        compat.write_vtk(path, comm, steps)
+    with writing(comm):
+        if comm.rank == 0:
+            compat.tidy_vtk(path, [{"load_factor": point.load_factor} for point in points])
 
 
 def _cell_functions(discretization: Discretization, elastic: Array) -> list[fem.Function]:

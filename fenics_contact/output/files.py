@@ -14,7 +14,7 @@ from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.output.fields import write_blocks, write_joints
+from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.output.plotting import (
     rounded_alike,
@@ -62,6 +62,8 @@ def write_result(result: Result, folder: Path) -> None:
         with writing(comm):
             if result.capacity and comm.rank == 0:
                 _write_capacity(result, hidden)
+        if result.capacity and options.paraview:
+            write_series(hidden / "capacity.pvd", result.discretization, result.capacity)
         result.seconds["write"] = time.perf_counter() - start
         with writing(comm):
             if comm.rank == 0:
