@@ -128,18 +128,18 @@ def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arr
         discretization.scene.live,
         discretization.bodies,
     )
-    spread = _traction_forces(boundary, load)
-    on_facets = [(facets, force.sum(axis=1)) for facets, force in forces_on_facets(boundary, load)]
-    tractions = [*spread, *on_facets[: len(load.earth)]]
+    on_facets = forces_on_facets(boundary, load)
+    tractions = [*_traction_forces(boundary, load), *on_facets[: len(load.earth)]]
     forces = on_facets[len(load.earth) :]
-    size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
-    arrows = [_along_edges(boundary, *item, APART * size) for item in tractions]
-    points = [_resultant(boundary, *item) for item in forces]
-    rest, middle = bodies.live.copy() * [1.0, 1.0, bodies.size], _middle(boundary)
+    apart = APART * float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+    arrows = [_along_edges(boundary, facets, force.sum(1), apart) for facets, force in tractions]
+    points = [_resultant(boundary, facets, force) for facets, force in forces]
+    rest = bodies.live * [1.0, 1.0, bodies.size]
     for facets, force in [*tractions, *forces]:
-        arm = middle[facets] - bodies.centre[boundary.body[facets]]
-        moment = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
-        np.subtract.at(rest, boundary.body[facets], np.column_stack([force, moment]))
+        body = boundary.body[facets]
+        arm = boundary.points[facets, : force.shape[1]] - bodies.centre[body][:, None]
+        moment = arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0]
+        np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
     if load.acceleration == (0.0, 0.0):
         rest[:] = 0.0
     body = _body_force(rest, bodies.centre)
@@ -151,23 +151,19 @@ def _turned(arrows: Arrows, sign: float) -> Arrows:
     return Arrows(arrows.place, sign * arrows.vector, arrows.pushes == (sign > 0.0))
 
 
-def _middle(boundary: Boundary) -> Array:
-    """Middles of the facets, m."""
-    return boundary.points[:, :2].mean(axis=1)
-
-
 def _traction_forces(boundary: Boundary, load: Load) -> list[tuple[Indices, Array]]:
-    """Facets and the forces on them, N per metre of thickness, of all tractions."""
+    """Facets and the forces at their two ends, N per metre of thickness, of all tractions."""
     found = []
     for name, traction in load.traction.items():
         facets = np.flatnonzero(boundary.in_group(name))
-        found.append((facets, np.outer(boundary.length[facets], traction)))
+        half = np.outer(0.5 * boundary.length[facets], traction)
+        found.append((facets, np.stack([half, half], axis=1)))
     return found
 
 
 def _along_edges(boundary: Boundary, facets: Indices, force: Array, apart: float) -> Arrows:
     """Mean tractions on stretches of edges."""
-    middle, length = _middle(boundary)[facets], boundary.length[facets]
+    middle, length = boundary.points[facets, :2].mean(axis=1), boundary.length[facets]
     turned = np.round(2.0 * boundary.normal[facets]).astype(np.int64)  # sides look different ways
     key = np.column_stack([np.floor(middle / apart).astype(np.int64), turned])
     group = np.unique(key, axis=0, return_inverse=True)[1].ravel()
@@ -181,11 +177,12 @@ def _along_edges(boundary: Boundary, facets: Indices, force: Array, apart: float
 
 
 def _resultant(boundary: Boundary, facets: Indices, force: Array) -> Arrows:
-    """The resultant of a force at a place, in the middle of the facets that carry it."""
-    size = np.linalg.norm(force, axis=1)
-    place = size @ _middle(boundary)[facets] / size.sum()
-    pressing = np.sum(force * boundary.normal[facets]) <= 0.0
-    return Arrows(place[None], force.sum(axis=0)[None], np.array([pressing]))
+    """The resultant of a force at a place, from the forces on the nodes of facets."""
+    size = np.linalg.norm(force, axis=2).ravel()
+    place = size @ boundary.points[facets].reshape(-1, 2) / (size.sum() or 1.0)
+    total = force.sum(axis=1)
+    pressing = np.sum(total * boundary.normal[facets]) <= 0.0
+    return Arrows(place[None], total.sum(axis=0)[None], np.array([pressing]))
 
 
 def _body_force(force: Array, centre: Array) -> Arrows:
