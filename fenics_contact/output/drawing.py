@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.joint_values import Contact
+from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.mesh import Array
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
 
@@ -171,12 +173,23 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     ):
         if not np.any(chosen):
             continue
-        segments = position[joints.segments[chosen]]
+        segments = position[_runs(joints, joints.segments[chosen])]
         for colour, width in strokes:
             axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
         lines = [Line2D([], [], color=colour, lw=width) for colour, width in strokes]
         handles.append((label, tuple(lines)))
     return handles
+
+
+def _runs(joints: Joints, segments: Indices) -> Indices:
+    """Joint points at the ends of rows of facets that follow each other on a straight face."""
+    face = straight_faces(joints, joints.length).of_point
+    along = np.sum(joints.tangent * joints.position, axis=1)
+    order = np.argsort(along[segments], axis=1)
+    rising = np.take_along_axis(segments, order, axis=1)
+    rising = rising[np.lexsort((along[rising[:, 0]], face[rising[:, 0]]))]
+    starts = np.append(True, rising[1:, 0] != rising[:-1, 1])
+    return np.column_stack([rising[starts, 0], rising[np.roll(starts, -1), 1]])
 
 
 def legend(axes: Any, entries: Sequence[Any], columns: int = 4) -> None:
