@@ -44,6 +44,7 @@ def tower(count: int, width: float = 0.5, height: float = 0.5):
     return polygons(blocks, 0.25)
 
 
+@pytest.mark.mpi
 def test_thrust_of_one_block_runs_from_its_centre_to_its_toe():
     view, _ = solved(on_ground(polygons([rectangle(0.0, 0.0, 0.5, 1.0)], 0.25), ROUGH))
     lines = thrust(view)
@@ -54,6 +55,7 @@ def test_thrust_of_one_block_runs_from_its_centre_to_its_toe():
     assert lines.force[0] == pytest.approx(weight * math.hypot(1.0, 0.5), rel=1e-5)
 
 
+@pytest.mark.mpi
 def test_thrust_of_a_tower_passes_where_statics_says():
     count = 4
     view, result = solved(on_ground(tower(count), ROUGH))
@@ -86,6 +88,7 @@ def test_a_wall_has_one_line_and_its_sections_are_courses():
     np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), 4 * 0.4, atol=1e-9)
 
 
+@pytest.mark.mpi
 def test_two_piers_have_a_line_each():
     rows = [[1, -1, 1], [1, -1, 1], [3]]
     view, _ = solved(on_ground(wall(rows, (0.4, 0.4)), JointLaw(friction=0.3)))
@@ -115,6 +118,7 @@ def test_resultants_balance_the_loads():
     np.testing.assert_allclose(total, [-result.load_factor * weight, weight], rtol=1e-5)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("quadrilaterals", [False, True])
 def test_raster_carries_the_weight(degree, quadrilaterals):
@@ -140,6 +144,7 @@ def test_principal_stresses_of_a_tensor():
     np.testing.assert_allclose(np.abs(first), [[np.sqrt(0.5)] * 2, [0.0, 1.0]], atol=1e-12)
 
 
+@pytest.mark.mpi
 def test_loads_are_shown_where_they_act():
     model = wall([[1, 1]], (0.5, 0.5))
     force = EdgeForce((0.0, -2.0e3), 0.25)
@@ -176,6 +181,7 @@ def test_forces_are_drawn_to_a_round_scale():
     assert size.max() / per_metre <= 0.35 * view.size * (1.0 + 1e-9)
 
 
+@pytest.mark.mpi
 def test_materials_and_states_are_in_the_legend_where_they_are():
     model = polygons(
         [rectangle(0.0, 0.0, 1.0, 0.5), rectangle(0.0, 0.5, 1.0, 1.0)], 0.5, ["stone", "brick"]
