@@ -76,7 +76,7 @@ def draw_forces(axes: Any, view: View) -> Any:
         lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
         widths = 2.4 * fine * (0.4 + 0.6 * size / size.max())
         axes.add_collection(LineCollection(lines, colors=FORCE, linewidths=widths))
-        axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine)
+        axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
         limits = Limits.of(view, lines)
         prepare(axes, limits)
         draw_scale(axes, view, limits.low, per_metre, float(size.max()), FORCE)
