@@ -232,7 +232,8 @@ class _Climb:
             return False
         if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
             return False
-        self.steps.append(LoadStep(target, state.work / self._unit, state.work))
+        motion = _kept(case, state)
+        self.steps.append(LoadStep(target, state.work / self._unit, state.work, motion))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
@@ -242,6 +243,12 @@ class _Climb:
             origin = case.problem.tangential @ state.displacement
             self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
         return True
+
+
+def _kept(case: LoadCase, state: State) -> Array | None:
+    """Displacements of a state, where ParaView files of a capacity curve are asked for."""
+    output = case.discretization.scene.output
+    return state.displacement if output.paraview and output.capacity else None
 
 
 def capacity_curve(
@@ -267,6 +274,7 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work))
+        motion = _kept(case, state)
+        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work, motion))
         monitor(number, points, curve[-1])
     return curve

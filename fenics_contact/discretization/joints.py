@@ -79,8 +79,8 @@ class Joints:
 
     @property
     def shear_strength(self) -> Array:
-        """Given bound on the shear force at every point, N/m; 0 where the law is not Tresca's."""
-        return np.array([law.bound or 0.0 for law in self.laws])[self.law] * self.length
+        """Shear force that every point carries without pressure, N/m: Tresca's bound, cohesion."""
+        return np.array([law.bound or law.cohesion for law in self.laws])[self.law] * self.length
 
 
 @dataclass(frozen=True)

@@ -129,6 +129,9 @@ TYPES = {
     "fraction for whole number": value("output.capacity", 2.5),
     "bool for whole number": value("output.capacity", True),
     "number for flag": value("output.paraview", 1),
+    "picture format": value("output.formats", ["jpg"]),
+    "string for list": value("output.formats", "png"),
+    "no picture format": value("output.formats", []),
     "string for flag": value("output.pictures", "no"),
 }
 
