@@ -19,9 +19,9 @@ from fenics_contact.version import __version__
 __all__ = [
     "BlockMesh",
     "ContactError",
-    "Equilibrium",
     "EarthPressure",
     "EdgeForce",
+    "Equilibrium",
     "InputError",
     "JointLaw",
     "LimitLoad",
