@@ -165,11 +165,13 @@ class OutputOptions:
         paraview: ParaView files of fields and joints.
         pictures: collapse.png, and capacity.png where there is a curve.
         capacity: Number of points on the capacity curve, 0 for none.
+        report: report.html, all of the result on one page.
     """
 
     paraview: bool = True
     pictures: bool = True
     capacity: int = 0
+    report: bool = False
 
     def __post_init__(self) -> None:
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
