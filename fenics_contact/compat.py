@@ -6,8 +6,10 @@ import fcntl
 import inspect
 import logging
 import os
+import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,6 +24,17 @@ from petsc4py import PETSc
 
 #: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
 CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that results depend on, by name; "" if not known."""
+    packages = {"dolfinx": "fenics-dolfinx", "numpy": "numpy", "scipy": "scipy"}
+    found = {"python": platform.python_version()}
+    for name, package in packages.items():
+        found[name] = ""
+        with suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(package)
+    return found | {"petsc": ".".join(map(str, PETSc.Sys.getVersion()))}
 
 
 def default_comm() -> MPI.Comm:

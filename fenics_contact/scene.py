@@ -243,12 +243,14 @@ class OutputOptions:
         pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
         formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
+        report: report.html, all of the result on one page.
     """
 
     paraview: bool = True
     pictures: bool = True
     formats: tuple[str, ...] = ("png",)
     capacity: int = 0
+    report: bool = False
 
     def __post_init__(self) -> None:
         for name in self.formats:

@@ -10,7 +10,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.mechanism import mechanism
 from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
@@ -24,6 +28,8 @@ from fenics_contact.output.plotting import (
     save_stress,
     save_thrust,
 )
+from fenics_contact.output.report import RECORD, write_report
+from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import view_of
 from fenics_contact.version import __version__
@@ -31,8 +37,6 @@ from fenics_contact.version import __version__
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
-#: The file that comes last.
-RECORD = "result.json"
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 
@@ -65,10 +69,13 @@ def write_result(result: Result, folder: Path) -> None:
         if result.capacity and options.paraview:
             write_series(hidden / "capacity.pvd", result.discretization, result.capacity)
         result.seconds["write"] = time.perf_counter() - start
+        record = strict(result_record(result))
         with writing(comm):
             if comm.rank == 0:
-                text = json.dumps(strict(result_record(result)), indent=2) + "\n"
-                (hidden / RECORD).write_text(text)
+                record["files"] = sorted(path.name for path in hidden.iterdir())
+                (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
+                if options.report:
+                    write_report(hidden)
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -153,7 +160,7 @@ def _drawn(title: str) -> str:
 
 
 def result_record(result: Result) -> Record:
-    """Content of result.json."""
+    """Content of result.json. Collective."""
     collapse, negative, scene = result.collapse, result.negative, result.scene
     mesh, discretization = scene.mesh, result.discretization
     record: Record = {
@@ -188,6 +195,8 @@ def result_record(result: Result) -> Record:
             "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
             "joint_points": len(discretization.joints.length),
         },
+        "scene": scene_record(discretization),
+        "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
         "warnings": list(discretization.warnings),
         "skipped": list(result.skipped),
         "control": scene.solve.control,
@@ -195,6 +204,24 @@ def result_record(result: Result) -> Record:
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
         "ranks": scene.comm.size,
         "version": __version__,
+        "versions": compat.versions(),
+        "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def _end_record(result: Result, end: Collapse) -> Record:
+    """What one end of the range of load factors is, and what the blocks do there. Collective."""
+    moves = None
+    if end.mode is not None and end.joints is not None and end.status != "unbounded":
+        found = mechanism(result.discretization, end.mode, end.joints)
+        moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
+    return {
+        "status": end.status,
+        "load_factor": end.load_factor,
+        "bounds": _record(end.bounds, "lower", "upper"),
+        "reason": result.reason(end) or None,
+        "wedged_blocks": result.wedged(end).tolist(),
+        "mechanism": moves,
     }
 
 
@@ -233,6 +260,7 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
         }
     return _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
         "residuals": dict(certificate.residuals),
+        "tolerances": certificate.tolerances,
         "failures": sorted(certificate.failures),
         "worst_joint": point,
     }
