@@ -163,7 +163,7 @@ def test_any_text_is_text(folder, capsys):
 
 def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
     page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
-    assert len(page.pictures) == 2
+    assert len(page.pictures) == 4
     page, record = solved(folder, capsys, {"output.pictures": False}, "block")
     assert (folder / "scene" / "capacity.png").exists()
     assert page.pictures == [] and record["files"] == []
