@@ -196,7 +196,10 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
     with contextlib.closing(shown(scene.solve.tolerance)) as progress:
-        result = limit_load(scene, progress if loud else None)
+        monitor = progress if loud else None
+        result = limit_load(scene, monitor)
+        if scene.output.capacity:
+            result.trace_capacity(monitor)
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()

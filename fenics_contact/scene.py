@@ -13,7 +13,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
-from fenics_contact.toml_tables import from_table, read_toml
+from fenics_contact.toml_tables import check_types, from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
@@ -70,6 +70,7 @@ class Material:
     density: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         young = self.young
         _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
         _require_size("young", young)
@@ -92,6 +93,7 @@ class JointLaw:
     bound: float | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("law", self.law)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             value, given = getattr(self, name), getattr(self, name) is not None
@@ -113,6 +115,7 @@ class Load:
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_types(self)
         tractions = {f"traction.{name}": value for name, value in self.traction.items()}
         for name, value in {"body": self.body, **tractions}.items():
             _require(
@@ -149,6 +152,7 @@ class SolveOptions:
     error: bool = True
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
@@ -172,6 +176,7 @@ class OutputOptions:
     capacity: int = 0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -217,6 +222,7 @@ class Scene(_Shared):
     degree: int = 1
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("plane.state", self.plane)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError, raised_together
@@ -122,6 +123,32 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if type(value) is not kind:  # a truth value is no whole number
         raise InputError(f"{key} = {_shown(value)} must be {_EXACT[kind]}")
     return value
+
+
+def check_types(item: Any) -> None:
+    """Refuse fields of a dataclass that are of another type, as `from_table` refuses them.
+
+    Raises:
+        InputError: The message names the field.
+    """
+    for name, kind in get_type_hints(type(item)).items():
+        _check_type(name, getattr(item, name), kind)
+
+
+def _check_type(key: str, value: Any, kind: Any) -> None:
+    if isinstance(kind, UnionType):
+        if value is None:
+            return
+        kind = get_args(kind)[0]
+    if get_origin(kind) is Mapping:
+        for name, inner in _as_table(key, value).items():
+            _check_type(f"{key}.{name}", inner, get_args(kind)[1])
+    elif get_origin(kind) is tuple:
+        _value(key, list(value) if isinstance(value, Iterable) else value, kind)
+    elif kind in (float, *_EXACT):
+        _value(key, value.item() if isinstance(value, np.generic) else value, kind)
+    elif not isinstance(value, kind):
+        raise InputError(f"{key} = {_shown(value)} must be a {kind.__name__}")
 
 
 def _shown(value: Any) -> str:

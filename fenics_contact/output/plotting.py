@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from mpi4py import MPI
@@ -32,30 +32,57 @@ def draw_collapse(
     values: JointValues,
     live: Array,
     title: str,
-    path: Path,
+    path: Path | BinaryIO,
 ) -> None:
     """Draw the collapse mode, and the joint forces at collapse, into a .png file. Collective.
 
     `mode` is this rank's part in the supports' coordinates, `live` are the resultants of the live
     load on the bodies, as it acts, shape (bodies, 2).
     """
+    motion = motion_in_pictures(discretization, mode)
+    if discretization.scene.comm.rank != 0:
+        return
+    figure, (left, right) = _figure_of(discretization.boundary)
+    draw_mode(left, discretization, motion, values, live)
+    draw_forces(right, discretization, values)
+    figure.suptitle(title, fontsize=13)
+    figure.savefig(path, dpi=150)
+
+
+def motion_in_pictures(discretization: Discretization, mode: Array) -> tuple[Array, Array]:
+    """Motions of the ends of facets, and of both sides of joint points, to draw. Collective."""
     boundary, joints = discretization.boundary, discretization.joints
     velocity = discretization.cartesian(mode)
     at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
     at_joints = _at_nodes(discretization, velocity, joints.nodes)
-    if discretization.scene.comm.rank != 0:
-        return
-    figure, (left, right) = _figure_of(boundary)
     fastest = float(np.linalg.norm(at_facets, axis=2).max()) or 1.0
     scale = AMPLITUDE * float(_size(boundary).max()) / fastest
-    _draw_blocks(left, boundary, scale * at_facets)
-    _draw_joints(left, joints, values, scale * at_joints)
-    _draw_live_load(left, live)
-    left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
-    _draw_forces(right, discretization, values)
-    right.set_title("joint forces at collapse (length by size)", fontsize=10)
-    figure.suptitle(title, fontsize=13)
-    figure.savefig(path, dpi=150)
+    return scale * at_facets, scale * at_joints
+
+
+def draw_mode(
+    axes: Any,
+    discretization: Discretization,
+    motion: tuple[Array, Array],
+    values: JointValues,
+    live: Array,
+) -> None:
+    """Draw blocks and joints as they move into axes, on this rank; see `motion_in_pictures`."""
+    boundary, (at_facets, at_joints) = discretization.boundary, motion
+    axes.set(**_shape(boundary))
+    axes.axis("off")
+    _draw_blocks(axes, boundary, at_facets)
+    _draw_joints(axes, discretization.joints, values, at_joints)
+    _draw_live_load(axes, live)
+    axes.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
+
+
+def draw_forces(axes: Any, discretization: Discretization, values: JointValues) -> None:
+    """Draw the joint forces into axes, on this rank."""
+    axes.set(**_shape(discretization.boundary))
+    axes.axis("off")
+    _draw_forces(axes, discretization, values)
+    axes.set_title("joint forces at collapse (length by size)", fontsize=10)
 
 
 def draw_blocks(
@@ -95,7 +122,12 @@ def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, pat
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-    axes = figure.subplots()
+    draw_curve(figure.subplots(), points, limit, title)
+    figure.savefig(path, dpi=150)
+
+
+def draw_curve(axes: Any, points: Sequence[CapacityPoint], limit: float, title: str = "") -> None:
+    """Draw the capacity curve into axes, on this rank."""
     curve = [(1e3 * point.displacement, point.load_factor) for point in points]
     axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
     if np.isfinite(limit):
@@ -104,7 +136,13 @@ def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, pat
     axes.set_xlabel("mean displacement along the live load (mm)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
-    figure.savefig(path, dpi=150)
+
+
+def new_axes() -> Any:
+    """Axes of a figure of their own, which a notebook shows."""
+    from matplotlib import pyplot
+
+    return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
 
 
 def _size(boundary: Boundary) -> Array:
@@ -119,14 +157,18 @@ def _figure_of(boundary: Boundary, count: int = 2) -> tuple[Any, Any]:
     width, height = _size(boundary)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
     figure = Figure(figsize=(count * WIDTH, tall + 1.4), layout="constrained")
-    margin = 1.3 * AMPLITUDE * max(width, height)
-    low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
-    x, y = np.column_stack([low - margin, high + margin])
-    shape = {"aspect": "equal", "xlim": x, "ylim": y}
-    row = figure.subplots(1, count, squeeze=False, subplot_kw=shape)[0]
+    row = figure.subplots(1, count, squeeze=False, subplot_kw=_shape(boundary))[0]
     for axes in row:
         axes.axis("off")
     return figure, row
+
+
+def _shape(boundary: Boundary) -> dict[str, Any]:
+    """Aspect and limits of axes for a structure and its motion."""
+    margin = 1.3 * AMPLITUDE * _size(boundary).max()
+    low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
+    x, y = np.column_stack([low - margin, high + margin])
+    return {"aspect": "equal", "xlim": x, "ylim": y}
 
 
 def _at_nodes(discretization: Discretization, velocity: Array, nodes: Indices) -> Array:

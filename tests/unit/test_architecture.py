@@ -28,9 +28,10 @@ FLOORS = (
     {"meshing", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
-    {"output"},
+    {"output", "console"},
     {"limit_load"},
-    {"cli", "console", "progress", "report"},
+    {"sweep"},
+    {"cli", "report"},
     {"__main__"},
 )
 
