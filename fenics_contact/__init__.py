@@ -4,6 +4,8 @@ from fenics_contact.errors import ContactError, InputError, OutputError, SolverE
 from fenics_contact.limit_load import LimitLoad, limit_load
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Load, Material, OutputOptions, Scene, SolveOptions
+from fenics_contact.sweeps.points import Point
+from fenics_contact.sweeps.sweep import Sweep, sweep
 from fenics_contact.version import __version__
 
 __all__ = [
@@ -16,9 +18,12 @@ __all__ = [
     "Material",
     "OutputError",
     "OutputOptions",
+    "Point",
     "Scene",
     "SolveOptions",
     "SolverError",
+    "Sweep",
     "__version__",
     "limit_load",
+    "sweep",
 ]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -252,15 +253,39 @@ class Scene(_Shared):
             InputError: On all ranks, if the file or its mesh is missing or wrong.
         """
         comm = compat.default_comm() if comm is None else comm
-        tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
+        folder = Path(path).parent
+        tables = read_toml(Path(path), comm, overrides)
+        return cls.from_tables(tables, lambda file: BlockMesh.from_file(folder / file, comm))
+
+    @classmethod
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh from its file's name.
+
+        Raises:
+            InputError: If a table is wrong.
+        """
+        tables = from_table(_SceneTables, given)
         return cls(
-            mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            mesh=mesh(tables.mesh.file),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
             plane=tables.plane.state,
             degree=tables.mesh.degree,
             **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
+        )
+
+    def tables(self) -> dict[str, Any]:
+        """The scene as tables of a file; the mesh has its source in place of a file."""
+        shared = {item.name: getattr(self, item.name) for item in fields(_Shared)}
+        return _as_tables(
+            {
+                "mesh": {"file": self.mesh.source, "degree": self.degree},
+                "plane": {"state": self.plane},
+                "materials": self.materials,
+                "loads": {"live": self.live, "dead": self.dead},
+                **shared,
+            }
         )
 
     def material(self, groups: Iterable[str]) -> Material:
@@ -303,6 +328,17 @@ class Scene(_Shared):
 
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+def _as_tables(item: Any) -> Any:
+    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
+    if hasattr(item, "tolist"):
+        return item.tolist()
+    if is_dataclass(item):
+        item = {one.name: getattr(item, one.name) for one in fields(item)}
+    if not isinstance(item, Mapping):
+        return item
+    return {name: _as_tables(value) for name, value in item.items() if value is not None}
 
 
 # ---- what a scene file holds, table by table

@@ -182,15 +182,33 @@ def _override(table: dict[str, Any], assignment: str) -> None:
         raise InputError(f"'--set {assignment}' is not of the form key=value")
     if not assignment.isprintable():
         raise InputError(f"'--set {assignment}' has more than one line, or characters of control")
-    try:
-        value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except (ValueError, RecursionError):
-        value = text.strip()  # a string without quotes
+    value = value_of(text)
     _check_depth([value], f"'--set {names[0]}'")
     if len(names) > DEEPEST:
         raise InputError(f"'--set {key}' has more than {DEEPEST} tables in tables")
-    for name in names[:-1]:
+    try:
+        assign(table, key, value)
+    except InputError as error:
+        raise InputError(f"'--set {assignment}': {error}") from None
+
+
+def value_of(text: str) -> Any:
+    """A TOML value; a string may go without quotes."""
+    try:
+        return tomllib.loads(f"value = {text.strip()}")["value"]
+    except (ValueError, RecursionError):
+        return text.strip()
+
+
+def assign(table: dict[str, Any], key: str, value: Any) -> None:
+    """Give a key "a.b.c" of tables a value; tables that are missing are made.
+
+    Raises:
+        InputError: If there is no table where the key has one.
+    """
+    *names, last = (name.strip() for name in key.split("."))
+    for name in names:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):
-            raise InputError(f"'--set {assignment}': '{name}' is not a table")
-    table[names[-1]] = value
+            raise InputError(f"'{name}' is not a table")
+    table[last] = value

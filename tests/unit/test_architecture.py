@@ -30,7 +30,7 @@ FLOORS = (
     {"analysis"},
     {"output", "console"},
     {"limit_load"},
-    {"sweep"},
+    {"sweeps"},
     {"cli", "report"},
     {"__main__"},
 )
