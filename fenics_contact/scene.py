@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
@@ -332,7 +333,7 @@ def _listed(names: Iterable[str]) -> str:
 
 def _as_tables(item: Any) -> Any:
     """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
-    if hasattr(item, "tolist"):
+    if isinstance(item, (np.generic, np.ndarray)):
         return item.tolist()
     if is_dataclass(item):
         item = {one.name: getattr(item, one.name) for one in fields(item)}

@@ -99,7 +99,7 @@ def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
 
 def _plain(value: Any) -> Any:
     """A value as TOML has it."""
-    if hasattr(value, "tolist"):
+    if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
@@ -138,7 +138,7 @@ class Family:
         """Scenes from tables of a file; `read` makes the mesh from the name of its file."""
         self.comm, self.tables, self._read = comm, tables, read
         self.file: tuple[Path, tuple[str, ...]] | None = None
-        self._mesh: tuple[str, BlockMesh] | None = None
+        self._last: tuple[str, BlockMesh] | None = None
 
     @classmethod
     def of_file(
@@ -171,10 +171,10 @@ class Family:
         tables = copy.deepcopy(self.tables)
         for key, value in values.items():
             assign(tables, key, value)
-        return Scene.from_tables(tables, self._mesh_of)
+        return Scene.from_tables(tables, self._kept_mesh)
 
-    def _mesh_of(self, name: str) -> BlockMesh:
-        if self._mesh is None or self._mesh[0] != name:
-            self._mesh = None  # frees the last one
-            self._mesh = name, self._read(name)
-        return self._mesh[1]
+    def _kept_mesh(self, name: str) -> BlockMesh:
+        if self._last is None or self._last[0] != name:
+            self._last = None  # frees the last one
+            self._last = name, self._read(name)
+        return self._last[1]

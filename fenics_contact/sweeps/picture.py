@@ -18,6 +18,8 @@ from fenics_contact.sweeps.points import Point, Structure, solve, value_text
 PICTURE, WORST = "sweep.png", "worst.png"
 #: Curves that one picture has room for; beyond them two numbers are drawn as a map.
 CURVES = 7
+#: What the legend calls a curve that is alone.
+ONE_CURVE = "load factor"
 #: Characters of a title, and of values of which there are many.
 TITLE, TICK = 60, 20
 
@@ -63,7 +65,7 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     for number, curve in enumerate(curves):
         given = ", ".join(f"{_name(key)} = {value_text(curve[0].values[key])}" for key in others)
         colour = BLUE if len(curves) == 1 else f"C{number}"
-        _draw_curve(axes, where, curve, colour, given if len(curves) > 1 else "load factor")
+        _draw_curve(axes, where, curve, colour, given if len(curves) > 1 else ONE_CURVE)
     _mark_worst(axes, where, curves)
     axes.set(xlabel=label, ylabel="load factor")
     if names:
@@ -104,7 +106,9 @@ def _draw_curve(axes: Any, where: Array, curve: Sequence[Point], colour: str, la
             continue
         axes.plot(x, shown, "o-", color=colour, markersize=4, label=None if suffix else label)
         known = np.isfinite(lower) & np.isfinite(upper)
-        axes.fill_between(x, lower, upper, where=known, color=colour, alpha=0.12, lw=0)
+        style = {"color": colour, "alpha": 0.12, "lw": 0}
+        shade = None if suffix or label != ONE_CURVE else "bracket"
+        axes.fill_between(x, lower, upper, where=known, label=shade, **style)
     for k in np.flatnonzero([not point.solved for point in curve]):
         axes.plot(where[k], 0.0, "x", color=RED)
     for k in np.flatnonzero([point.status == "unbounded" for point in curve]):
