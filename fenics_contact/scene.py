@@ -12,12 +12,13 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
+from fenics_contact.mesh import BLOCKS, BlockMesh
 from fenics_contact.toml_tables import from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
     "law": ("coulomb", "tresca", "frictionless"),
+    "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
     "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
@@ -247,8 +248,9 @@ class Scene(_Shared):
         """
         comm = compat.default_comm() if comm is None else comm
         tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
+        file = Path(path).parent / tables.mesh.file
         return cls(
-            mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            mesh=BlockMesh.from_file(file, comm, tables.mesh.blocks),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
@@ -306,8 +308,10 @@ def _listed(names: Iterable[str]) -> str:
 class _MeshTable:
     file: str = ""
     degree: int = 1
+    blocks: str = "connected"
 
     def __post_init__(self) -> None:
+        _require_choice("blocks", self.blocks)
         _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 
