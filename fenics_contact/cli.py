@@ -1,4 +1,4 @@
-"""The command line: `fenics-contact solve SCENE.toml` and `fenics-contact check SCENE.toml`."""
+"""The command line: `fenics-contact solve SCENE.toml`, `check SCENE.toml`, `mesh DRAWING.dxf`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from fenics_contact.console import Progress, ProgressBar, counted, description, summary
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.drawing import UNITS, mesh_drawing
 from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene import Scene
@@ -46,7 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
-        return _solve(options, comm) if options.command == "solve" else _check(options, comm)
+        commands = {"solve": _solve, "check": _check, "mesh": _mesh}
+        return commands[options.command](options, comm)
     except InputError as error:
         _complain(str(error), comm)
         return BAD_INPUT
@@ -155,12 +157,18 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     solve = commands.add_parser("solve", help="compute the limit load of a scene")
     check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")
+    mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
+    mesh.add_argument("drawing", type=Path, help="drawing: closed polylines are blocks (DXF)")
+    mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
+    mesh.add_argument("--unit", choices=sorted(UNITS), help="of the drawing, if it says none")
+    mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     for command in (solve, check):
         command.add_argument("scene", type=Path, help="scene file (TOML)")
         command.add_argument(
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
             help="change a value of the scene file, e.g. joints.default.friction=0.5",
         )  # fmt: skip
+    for command in (solve, check, mesh):
         loud = command.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
@@ -241,4 +249,14 @@ def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
         lines += [f"warning: {text}" for text in discretization.warnings]
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))
+    return 0
+
+
+def _mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Mesh a drawing on rank 0 and say what was made."""
+    with raised_together(comm):
+        if comm.rank == 0:
+            made = mesh_drawing(options.drawing, options.output, options.size, options.unit)
+            if not options.quiet:
+                print(made)
     return 0

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fenics_contact.mesh import gmsh_session
-from tests.system.program import changed, result, run_here, toml
+from tests.drawing import rectangle
+from tests.system.program import changed, files, result, run, run_here, toml
+
+ezdxf = pytest.importorskip("ezdxf")
 
 
 def write_fragments(path: Path, *boxes: tuple[float, float, float, float]) -> None:
@@ -46,3 +51,127 @@ def test_fragments_slide_on_the_joint_between_them(blocks, code, load_factor, fo
         assert result(folder / "out")["load_factor"] == pytest.approx(load_factor, rel=1e-6)
     else:
         assert "group 'bed'" in found.err and 'mesh.blocks = "surfaces"' in found.err
+
+
+# ---- DXF
+
+SQUARE = rectangle(0, 0, 1000, 1000)
+#: The blocks of `TABLE` in mm, with their bed joint and the ground as lines.
+TABLE_MM = [(1000.0 * np.array(rectangle(x, y, x + a, y + b)), "stone") for x, y, a, b in TABLE]
+
+
+def write_dxf(path: Path, blocks, lines=(), unit: int = 4, **options) -> Path:
+    """Write closed polylines (corners, layer) and lines (start, end, layer)."""
+    document = ezdxf.new()
+    document.units = unit
+    space = document.modelspace()
+    for corners, layer in blocks:
+        space.add_lwpolyline(corners, dxfattribs={"layer": layer}, **{"close": True, **options})
+    for start, end, layer in lines:
+        space.add_line(start, end, dxfattribs={"layer": layer})
+    document.saveas(path)
+    return path
+
+
+def test_from_a_dxf_drawing_to_a_load_factor(folder, capsys):
+    lines = [((0, 0), (2000, 0), "base"), ((0, 500), (2000, 500), "bed"), ((0, 9), (5, 9), "axis")]
+    write_dxf(folder / "table.dxf", TABLE_MM, lines)
+    found = run_here(["mesh", "table.dxf", "-o", "block.msh", "--size", "0.25"], capsys)
+    assert (found.code, found.err) == (0, "")
+    for text in ("3 blocks, 2 m x 1 m", "stone 3", "base 2 m, bed 4 m", "layer 'axis'", "next: "):
+        assert text in found.out
+    assert files(folder) == {"table.dxf", "block.msh"}
+    (folder / "scene.toml").write_text(toml(changed(WEAK_BED)))
+    found = run_here(["solve", "scene.toml", "-o", "out"], capsys)
+    assert found.code == 0, found.err
+    assert result(folder / "out")["load_factor"] == pytest.approx(0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "arguments", "width"),
+    [(4, [], "1 m"), (6, [], "1000 m"), (1, [], "25.4 m"), (0, ["--unit", "cm"], "10 m")],
+)
+def test_unit_of_the_drawing(unit, arguments, width, folder, capsys):
+    write_dxf(folder / "block.dxf", [(SQUARE, "stone")], unit=unit)
+    found = run_here(["mesh", "block.dxf", *arguments], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert f"1 blocks, {width} x {width}" in found.out
+    assert 'the group "base" is the lowest level' in found.out
+    assert files(folder) == {"block.dxf", "block.msh"}
+
+
+BOW_TIE = [(0, 0), (1000, 1000), (1000, 0), (0, 1500)]
+BAD_DRAWINGS = {
+    "no blocks": ([], [((0, 0), (1, 0), "base")], ("no closed polyline", "1 lines")),
+    "crossing": ([(BOW_TIE, "stone")], [], ("layer 'stone'", "crosses itself at (600, 600)")),
+    "no area": ([([(0, 0), (1, 1), (2, 2)], "flat")], [], ("layer 'flat'", "no area")),
+    "twice": ([(SQUARE, "a"), (SQUARE, "b")], [], ("blocks overlap at",)),
+    "inside": ([(SQUARE, "a"), (rectangle(300, 300, 600, 600), "b")], [], ("blocks overlap at",)),
+    "overlap": ([(SQUARE, "a"), (rectangle(900, 0, 2000, 1000), "a")], [], ("blocks overlap at",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_DRAWINGS)
+def test_bad_drawing(name, folder, capsys):
+    blocks, lines, names = BAD_DRAWINGS[name]
+    write_dxf(folder / "bad.dxf", blocks, lines)
+    refused(["mesh", "bad.dxf", "-o", "wall.msh"], ("bad.dxf", *names), folder, capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        (["nowhere.dxf"], ("nowhere.dxf", "does not exist")),
+        (["text.dxf"], ("text.dxf", "save the drawing as DXF")),
+        (["short.dxf"], ("short.dxf", "save the drawing as DXF")),
+        (["unitless.dxf"], ("unitless.dxf", "--unit mm")),
+        (["good.dxf", "--size", "0"], ("size = 0",)),
+        (["good.dxf", "--size", "nan"], ("size = nan",)),
+        (["good.dxf", "--size", "1e-6"], ("cells", "--size")),
+        (["good.dxf", "-o", "wall.vtk"], ("wall.vtk", ".msh")),
+        (["good.dxf", "-o", "nowhere/wall.msh"], ("nowhere/wall.msh", "No such file")),
+        (["good.dxf", "-o", "folder.msh"], ("folder.msh", "folder")),
+    ],
+)
+def test_bad_arguments(arguments, names, folder, capsys):
+    good = write_dxf(folder / "good.dxf", [(SQUARE, "stone")])
+    write_dxf(folder / "unitless.dxf", [(SQUARE, "stone")], unit=0)
+    (folder / "text.dxf").write_text("closed polyline")
+    (folder / "short.dxf").write_bytes(good.read_bytes()[:3000])
+    (folder / "folder.msh").mkdir()
+    refused(["mesh", *arguments], names, folder, capsys)
+
+
+def refused(arguments, names, folder, capsys) -> None:
+    """Exit code 2, one message that says what is wrong, nothing written."""
+    before = files(folder)
+    found = run_here(arguments, capsys)
+    assert (found.code, found.out) == (2, ""), found.err
+    assert found.err.count("\n") == 1
+    for name in names:
+        assert name in found.err
+    assert files(folder) == before
+
+
+def test_missing_ezdxf_is_said(folder, capsys, monkeypatch):
+    write_dxf(folder / "good.dxf", [(SQUARE, "stone")])
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    refused(["mesh", "good.dxf"], ("python3-ezdxf", "pip install ezdxf"), folder, capsys)
+
+
+def test_gaps_between_blocks_are_warned_of(folder, capsys):
+    write_dxf(folder / "gap.dxf", [(SQUARE, "a"), (rectangle(1000.2, 0, 2000, 1000), "a")])
+    found = run_here(["mesh", "gap.dxf"], capsys)
+    assert found.code == 0
+    assert "warning: 4 corners lie beside another block" in found.out and "0.0002 m" in found.out
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
+    write_dxf(tmp_path / "block.dxf", [(SQUARE, "stone")])
+    found = run(["mesh", "block.dxf", "-q"], tmp_path, ranks)
+    assert (found.code, found.out) == (0, ""), found.err
+    assert files(tmp_path) == {"block.dxf", "block.msh"}
+    found = run(["mesh", "nowhere.dxf"], tmp_path, ranks)
+    assert found.code == 2
+    assert found.err.count("fenics-contact: ") == 1
