@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, bodies_of_cells, extract, gmsh_session
+from fenics_contact.mesh import Array, Flags, bodies_of_cells, extract, gmsh_session
 from fenics_contact.meshing import (
     Segments,
     default_size,
@@ -94,22 +94,48 @@ class Drawing:
         blocks, near = divided_outlines(list(self.blocks), {})
         reach = 4.0 * LIMITS.gap * default_size(blocks)
         corners = np.unique(np.concatenate(blocks), axis=0)
-        found = []
+        found, middles = [], []
         for block in blocks:
-            low, high = block.min(axis=0) - reach, block.max(axis=0) + reach
-            close = corners[np.all((corners >= low) & (corners <= high), axis=1)]
-            distance = _distance(close, block)
+            close = corners[_in_box(corners, block, reach)]
+            way = _way_to(close, block)
+            distance = np.linalg.norm(way, axis=1)
             some = (distance > near) & (distance < reach)
-            found.append(np.column_stack([close[some], distance[some]]))
-        return np.concatenate(found)
+            found.append(np.column_stack([close, distance])[some])
+            middles.append((close + 0.5 * way)[some])
+        rows, middle = np.concatenate(found), np.concatenate(middles)
+        empty = np.ones(len(rows), dtype=bool)  # between corner and block there is no block
+        for block in blocks:
+            within = np.flatnonzero(_in_box(middle, block, near))
+            points = middle[within]
+            on = np.linalg.norm(_way_to(points, block), axis=1) <= near
+            empty[within[on | _inside(points, block)]] = False
+        return rows[empty]
 
 
-def _distance(points: Array, outline: Array) -> Array:
-    """Distance of points from the nearest side of an outline, m."""
+def _in_box(points: Array, outline: Array, margin: float) -> Flags:
+    """Which points lie in the box around an outline, with a margin."""
+    low, high = outline.min(axis=0) - margin, outline.max(axis=0) + margin
+    return np.all((points >= low) & (points <= high), axis=1)
+
+
+def _way_to(points: Array, outline: Array) -> Array:
+    """Vectors from points to the nearest place on an outline, shape (points, 2), m."""
     along = np.roll(outline, -1, axis=0) - outline
     arm = points[:, None] - outline
     at = np.clip(np.sum(arm * along, axis=2) / np.sum(along**2, axis=1), 0.0, 1.0)
-    return np.linalg.norm(arm - at[:, :, None] * along, axis=2).min(axis=1, initial=np.inf)
+    way = at[:, :, None] * along - arm
+    nearest = np.argmin(np.linalg.norm(way, axis=2), axis=1)
+    return way[np.arange(len(points)), nearest]
+
+
+def _inside(points: Array, outline: Array) -> Flags:
+    """Which points lie inside an outline: a ray from them crosses it an odd number of times."""
+    start, end = outline, np.roll(outline, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    spans = (start[:, 1] > y) != (end[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):  # level sides are not crossed
+        at = start[:, 0] + (y - start[:, 1]) * (end - start)[:, 0] / (end - start)[:, 1]
+    return np.count_nonzero(spans & (at > x), axis=1) % 2 == 1
 
 
 # ---- DXF
