@@ -98,16 +98,13 @@ def facade(
     sizes = (*opening, pier, *block)
     _require(storeys >= 1 and bays >= 1, "facade: give at least one storey and one bay")
     _require(min(sizes) > 0.0 <= sill, "facade: sizes must be positive, sill 0 or more")
-    parts, (wide, high) = _Parts(), opening
-    step, bearing = wide + pier, min(0.5 * block[0], pier / 3.0)
-    length = bays * step + pier
-    starts = step * np.arange(bays + 1)
-    low = 0.0
+    parts, step, bearing = _Parts(), opening[0] + pier, min(0.5 * block[0], pier / 3.0)
+    length, starts, low = bays * step + pier, step * np.arange(bays + 1), 0.0
     for _ in range(storeys):
         levels = _levels(low, sill, block[1])
         for k, y in enumerate(itertools.pairwise(levels)):
             parts.course("spandrels", (0.0, length), y, block[0], k % 2)
-        levels = _levels(levels[-1], high, block[1])
+        levels = _levels(levels[-1], opening[1], block[1])
         for k, y in enumerate(itertools.pairwise(levels)):
             for start in starts.tolist():
                 parts.course("piers", (start, start + pier), y, block[0], k % 2)
@@ -173,10 +170,7 @@ def bridge(
         parts: The other sizes.
     """
     parts = parts or BridgeParts()
-    _require(min(voussoirs, spans, parts.rings) >= 1, "bridge: give one of each part at least")
-    _require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
-    _require(parts.cover > 0.0, "bridge: the cover must be positive")
-    _require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
+    _check_bridge((span, rise, ring), (voussoirs, spans), parts)
     radius = 0.5 * (0.25 * span**2 / rise + rise)
     half = np.arctan2(0.5 * span, radius - rise)
     angles = np.linspace(-half, half, voussoirs + 1)
@@ -187,7 +181,6 @@ def bridge(
     reach, level = -float(curves[-1][0, 0]), float(curves[-1][0, 1])  # of the outer springing
     wide, high = parts.pier
     least = 2.0 * reach if spans > 1 else reach
-    _require(high >= 0.0, "bridge: the height of piers must be 0 or more")
     _require(wide >= least, f"bridge: piers must be {least:.4g} m wide, for the springings")
     road = float(curves[-1][:, 1].max()) + parts.cover
     drawn = _Parts()
@@ -200,10 +193,19 @@ def bridge(
         top = foot[0] + (reach if k > 0 else 0.0), right - (reach if k < spans else 0.0)
         _pier(drawn, foot, top, (-high, level, road))
     ends = (-wide, spans * (span + wide))
+    top_level = road + parts.parapet
     if parts.parapet > 0.0:
-        y = (road, road + parts.parapet)
-        drawn.course("parapets", ends, y, 2.0 * parts.parapet, 0)
-    return drawn.frame(ends, (-high, road + parts.parapet))
+        drawn.course("parapets", ends, (road, top_level), 2.0 * parts.parapet, 0)
+    return drawn.frame(ends, (-high, top_level))
+
+
+def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: BridgeParts) -> None:
+    span, rise, ring = sizes
+    _require(min(*counts, parts.rings) >= 1, "bridge: give one of each part at least")
+    _require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
+    _require(parts.cover > 0.0, "bridge: the cover must be positive")
+    _require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
+    _require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
 
 
 def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
