@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -175,3 +176,40 @@ def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
     found = run(["mesh", "nowhere.dxf"], tmp_path, ranks)
     assert found.code == 2
     assert found.err.count("fenics-contact: ") == 1
+
+
+# ---- the same facade, drawn in both ways
+
+
+def facade_boxes() -> list[tuple[float, float, float, float]]:
+    """Rectangles (x, y, length, height) of a facade of two storeys with six windows, m."""
+    boxes = []
+    for y in (0.0, 3.0):
+        boxes += [(x, y, 3.5, 1.0) for x in (0.0, 3.5)]
+        boxes += [(2.0 * k, y + 1.0, 1.0, 1.25) for k in range(4)]
+        ends = [0.0, 0.75, 2.25, 2.75, 4.25, 4.75, 6.25, 7.0]  # lintels and what is between them
+        boxes += [(a, y + 2.25, b - a, 0.25) for a, b in pairwise(ends)]
+        boxes += [(x, y + 2.5, 3.5, 0.5) for x in (0.0, 3.5)]
+    return boxes
+
+
+@pytest.mark.slow
+def test_facade_with_six_windows_by_gmsh_and_by_dxf(folder, capsys):
+    write_fragments(folder / "block.msh", *facade_boxes())
+    blocks = [(1e3 * np.array(rectangle(x, y, x + a, y + b)), "a") for x, y, a, b in facade_boxes()]
+    write_dxf(folder / "facade.dxf", blocks, [((0, 0), (7000, 0), "base")])
+    assert run_here(["mesh", "facade.dxf", "-o", "facade.msh", "--size", "0.25"], capsys).code == 0
+    rough = {"joints.default.friction": 0.9, "foundations.base.friction": 0.9}
+    by_gmsh = {**rough, "mesh.blocks": "surfaces"}
+    results = []
+    for name, changes in (("gmsh", by_gmsh), ("dxf", {**rough, "mesh.file": "facade.msh"})):
+        (folder / f"{name}.toml").write_text(toml(changed(changes)))
+        found = run_here(["solve", f"{name}.toml", "-o", name], capsys)
+        assert found.code == 0, found.err
+        assert "30 blocks" in found.out
+        results.append(result(folder / name))
+    one, other = results
+    assert one["bounds"] == pytest.approx(other["bounds"], rel=1e-9)
+    assert one["load_factor"] == pytest.approx(other["load_factor"], rel=1e-3)  # other triangles
+    limits = [found["discretization"]["load_factor_point_hinges"] for found in results]
+    assert limits[0] == pytest.approx(limits[1], rel=1e-5)
