@@ -14,12 +14,13 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
+from fenics_contact.mesh import BLOCKS, BlockMesh
 from fenics_contact.toml_tables import check_types, from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
     "law": ("coulomb", "tresca", "frictionless"),
+    "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
     "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
@@ -342,18 +343,20 @@ class Scene(_Shared):
         comm = compat.default_comm() if comm is None else comm
         folder = Path(path).parent
         tables = read_toml(Path(path), comm, overrides)
-        return cls.from_tables(tables, lambda file: BlockMesh.from_file(folder / file, comm))
+        return cls.from_tables(
+            tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
+        )
 
     @classmethod
-    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str], BlockMesh]) -> Scene:
-        """A scene from the tables of a file, and what makes the mesh from its file's name.
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str, str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh of `mesh.file` and `.blocks`.
 
         Raises:
             InputError: If a table is wrong.
         """
         tables = from_table(_SceneTables, given)
         return cls(
-            mesh=mesh(tables.mesh.file),
+            mesh=mesh(tables.mesh.file, tables.mesh.blocks),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
@@ -440,8 +443,10 @@ def _as_tables(item: Any) -> Any:
 class _MeshTable:
     file: str = ""
     degree: int = 1
+    blocks: str = "connected"
 
     def __post_init__(self) -> None:
+        _require_choice("blocks", self.blocks)
         _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 
