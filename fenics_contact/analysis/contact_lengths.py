@@ -76,20 +76,20 @@ class ContactLengths:
         length = force[points] / self.strength[points]
         beyond = points[length > self.mesh[points] * (1.0 + 1e-9)]
         hinges = [
-            f"{_place(self.joints.position[p])} ({1e3 * force[p] / self.strength[p]:.3g} mm for"
+            f"{_place(self.joints.position[p])} ({1e3 * force[p] / self.strength[p]:.3g} mm, mesh"
             f" {1e3 * self.mesh[p]:.3g} mm)"
             for p in beyond[np.argsort(-force[beyond] / self.strength[beyond])]
         ]
         found = []
         if hinges:
             found.append(
-                "for their compressive strength hinges need more length than the mesh gives them,"
-                f" which the load factor does not know: at {_listed(hinges)}"
+                "hinges need more length for their compressive strength than the mesh gives them,"
+                f" the load factor holds for the mesh's: at {_listed(hinges)}"
             )
         if faces := self._crushed_faces(values, points):
             found.append(
-                "the mean pressure over the closed length of joints is above their compressive"
-                f" strength: around {_listed(faces)}"
+                "the compressive strength is exceeded by the mean pressure over the closed length of"
+                f" joints: around {_listed(faces)}"
             )
         return tuple(found)
 
@@ -117,8 +117,8 @@ class ContactLengths:
         mean = np.divide(force, length, out=np.zeros(count), where=length > 0.0)
         worst = np.argsort(-mean / strength)
         return [
-            f"{_place(np.array([x[k], y[k]]) / force[k])} ({1e-6 * mean[k]:.3g} MPa for"
-            f" {1e-6 * strength[k]:.3g} MPa)"
+            f"{_place(np.array([x[k], y[k]]) / force[k])} ({1e-6 * mean[k]:.3g} MPa,"
+            f" strength {1e-6 * strength[k]:.3g} MPa)"
             for k in worst[(some > 0)[worst] & (mean > strength)[worst]]
         ]
 
@@ -135,7 +135,8 @@ def _strength(whole: Discretization) -> Array:
 
 
 def _place(point: Array) -> str:
-    return f"({point[0]:.3g}, {point[1]:.3g})"
+    x, y = np.round(point, 9) + 0.0
+    return f"({x:.3g}, {y:.3g})"
 
 
 def _listed(places: list[str]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.analysis.hinges import hinges
 from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.rigid_blocks import straight_faces
@@ -50,6 +51,8 @@ def draw_collapse(
     scale = AMPLITUDE * float(_size(boundary).max()) / fastest
     _draw_blocks(left, boundary, scale * at_facets)
     _draw_joints(left, joints, values, scale * at_joints)
+    _draw_hinges(left, joints, values, scale * at_joints)
+    _draw_joint_legend(left)
     _draw_live_load(left, live)
     left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
     _draw_forces(right, discretization, values)
@@ -180,30 +183,55 @@ def _draw_blocks(axes: Any, boundary: Boundary, motion: Array, size: Array | Non
     _draw_outlines(axes, boundary, moved, facecolor=shade, edgecolor="0.35", linewidth=0.5)
 
 
+#: Joint facets by what they do: colour and line width.
+JOINT_STYLES = {
+    "closed": (BLUE, 0.8),
+    "open, at rest": (RED, 0.8),
+    "slips": (ORANGE, 2.2),
+    "opens": (RED, 2.2),
+}
+#: Rings around hinges.
+HINGE_STYLE = {"marker": "o", "ls": "", "mfc": "white", "mec": "black", "mew": 0.9, "ms": 4.5}
+
+
+def _moved(joints: Joints, motion: Array) -> Array:
+    """Joint points between their displaced sides."""
+    middle = motion.mean(axis=1)
+    middle[joints.nodes[:, 0] == GROUND] = 0.0
+    return joints.position + middle
+
+
 def _draw_joints(axes: Any, joints: Joints, values: JointValues, motion: Array) -> None:
     """Joint facets by what they do, drawn between their displaced sides."""
     from matplotlib.collections import LineCollection
-    from matplotlib.lines import Line2D
 
-    middle = motion.mean(axis=1)
-    middle[joints.nodes[:, 0] == GROUND] = 0.0
-    position = joints.position + middle
+    position = _moved(joints, motion)
     contact, opens = values.contact[joints.segments], values.opens[joints.segments]
     is_open = np.any(contact == Contact.OPEN, axis=1)
     slips = np.any(contact == Contact.SLIP, axis=1) & ~is_open
     opens = np.any(opens, axis=1) & is_open
-    handles = []
-    for label, colour, width, chosen in (
-        ("closed", BLUE, 0.8, ~is_open & ~slips),
-        ("open, at rest", RED, 0.8, is_open & ~opens),
-        ("slips", ORANGE, 2.2, slips),
-        ("opens", RED, 2.2, opens),
-    ):
-        segments = position[joints.segments[chosen]]
+    chosen = (~is_open & ~slips, is_open & ~opens, slips, opens)
+    for (colour, width), facets in zip(JOINT_STYLES.values(), chosen, strict=True):
+        segments = position[joints.segments[facets]]
         axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
-        handles.append(Line2D([], [], color=colour, lw=width, label=label))
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": 4}
-    axes.legend(handles=handles, **place, fontsize=9, frameon=False)
+
+
+def _draw_hinges(axes: Any, joints: Joints, values: JointValues, motion: Array) -> None:
+    """Rings around the points that blocks turn about."""
+    axes.plot(*_moved(joints, motion)[hinges(joints, values)].T, **HINGE_STYLE)
+
+
+def _draw_joint_legend(axes: Any) -> None:
+    """What the lines and rings of joints mean."""
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=colour, lw=width, label=label)
+        for label, (colour, width) in JOINT_STYLES.items()
+    ]
+    handles.append(Line2D([], [], label="hinge", **HINGE_STYLE))
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": len(handles)}
+    axes.legend(handles=handles, **place, fontsize=9, frameon=False, columnspacing=1.2)
 
 
 def _draw_live_load(axes: Any, force: Array) -> None:
