@@ -66,7 +66,7 @@ class ContactLengths:
         return float(force[worst] / self.strength[worst])
 
     def halvings(self, points: Indices, force: Array) -> Array:
-        """m of some hinges under normal forces at all points, N/m; at least 0."""
+        """Halvings m of some hinges under normal forces at all points, N/m; at least 0."""
         length = np.maximum(force[points] / self.strength[points], 1e-300)
         return np.maximum(np.log2(self.mesh[points] / length), 0.0)
 
@@ -88,8 +88,8 @@ class ContactLengths:
             )
         if faces := self._crushed_faces(values, points):
             found.append(
-                "the compressive strength is exceeded by the mean pressure over the closed length of"
-                f" joints: around {_listed(faces)}"
+                "the compressive strength is exceeded by the mean pressure over the closed length"
+                f" of joints: around {_listed(faces)}"
             )
         return tuple(found)
 
@@ -126,7 +126,9 @@ class ContactLengths:
 def _strength(whole: Discretization) -> Array:
     """f_c at all joint points: of the joint, or else the lesser of both blocks', Pa."""
     scene, joints = whole.scene, whole.joints
-    material = [scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets]
+    material = [
+        scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets
+    ]
     of_body = np.full(scene.mesh.body_count + 1, np.inf)  # the last one is rigid ground
     np.minimum.at(of_body, scene.mesh.body, np.array(material)[scene.mesh.cell_groups])
     scene.comm.Allreduce(MPI.IN_PLACE, of_body, MPI.MIN)

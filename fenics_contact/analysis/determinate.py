@@ -1,10 +1,10 @@
 """Whether statics alone give the load factor of a collapse mechanism.
 
-The virtual work of all forces in equilibrium vanishes for every rigid motion v of the blocks. Let v
-be one, with f_L.v = 1, in which no joint force does work whatever its size: points that stick in the
-collapse mode do not move in v, and points that slip under F r_N, with a slip of sign s, obey
+The virtual work of all forces in equilibrium vanishes for every rigid motion v of the blocks. Let
+f_L.v = 1, and let no joint force do work in v, whatever its size: points that stick in the collapse
+mode do not move in v, and points that slip with a friction force r_T = s F r_N obey
 
-    B_N v + s F B_T v = 0    if the friction force is r_T = s F r_N.
+    B_N v + s F B_T v = 0.
 
 Then lambda = -f_D.v - (work of given strengths), which no joint force and so no mesh changes.
 """
@@ -12,13 +12,14 @@ Then lambda = -f_D.v - (work of given strengths), which no joint force and so no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
-from fenics_contact.mesh import Array
+from fenics_contact.mesh import Array, Flags
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def is_determinate(joints: Joints, values: JointValues, bodies: RigidBodies) -> 
     return moves <= OPTIONS.still * float(np.abs(motion).max())
 
 
-def _rows(joints: Joints, bodies: RigidBodies, chosen: Array, direction: Array) -> object:
+def _rows(joints: Joints, bodies: RigidBodies, chosen: Flags, direction: Array) -> Any:
     """Relative motion at some points along directions, by the bodies' free motions."""
     from scipy.sparse import csr_matrix
 

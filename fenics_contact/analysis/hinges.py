@@ -31,7 +31,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.errors import SolverError
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.mesh import Indices
 
 _log = logging.getLogger("fenics_contact")
 
@@ -196,7 +196,8 @@ def _with_algebraic_error(
     """
     last, points, halvings = way.states[-1], way.points[-1], way.halvings[-1]
     size, degree = _size(way.states[0]), case.discretization.scene.degree
-    assert last.joints is not None
+    if last.joints is None:
+        return error
     slides = last.joints.contact == Contact.SLIP
     slides[points] = False
     if not np.any(slides):
@@ -211,12 +212,13 @@ def _with_algebraic_error(
         _log.info("  other degree: %s", problem)
         return error
     _log.info("  degree %d: load factor %.8g", 3 - degree, other.load_factor)
-    if not other.same_state:
-        change = StateChange((halvings, halvings), last.load_factor, other.load_factor)
-        return replace(error, state_changes=(*error.state_changes, change))
     change = abs(other.load_factor - last.load_factor) / size
-    part = OPTIONS.error_of_degree[degree - 1] * change
-    return replace(error, algebraic_error=0.0 if change <= negligible else part)
+    if change <= negligible:
+        return replace(error, algebraic_error=0.0)
+    if not other.same_state:
+        jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
+        return replace(error, state_changes=(*error.state_changes, jump))
+    return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
 
 
 def _with_lengths(
@@ -231,27 +233,25 @@ def _with_lengths(
     state, points = end, way.points[0]
     if len(way.states) > 1:
         state, points = _with_strength(case, way, lengths)
-    values = state.joints
-    assert values is not None
+    values = state.joints or end.joints
     length = lengths.by_strength(points, values.normal_force)
     factor = state.load_factor
     warnings = lengths.warnings(values, points)
     return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
 
 
-def _with_strength(
-    case: LoadCase, way: _Way, lengths: ContactLengths
-) -> tuple[Collapse, Indices]:
+def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
     """The collapse with lengths of hinges that its own forces give, and its hinges."""
     end, size = way.states[0], _size(way.states[0])
-    assert end.joints is not None
+    if end.joints is None:
+        return end, way.points[0]
     halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
     # Start from the stiffest hinges that are not stiffer than most of them.
     start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
     state, points = way.states[start], way.points[start]
     for _ in range(OPTIONS.lengths):
-        assert state.joints is not None
-        soft = Softened(points, lengths.halvings(points, state.joints.normal_force))
+        force = (state.joints or end.joints).normal_force
+        soft = Softened(points, lengths.halvings(points, force))
         new = collapse_next_to(case, state, soft)
         _log.info("  hinges by strength: load factor %.8g", new.load_factor)
         if new.status != "limit" or new.joints is None:

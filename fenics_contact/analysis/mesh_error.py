@@ -50,6 +50,5 @@ class MeshError:
 
     @property
     def estimate(self) -> float:
-        """Sum of the errors that are known, relative; nan if that of hinges is not."""
-        algebraic = 0.0 if math.isnan(self.algebraic_error) else self.algebraic_error
-        return self.hinge_error + algebraic
+        """Sum of both errors, relative; nan if one is not known."""
+        return self.hinge_error + self.algebraic_error

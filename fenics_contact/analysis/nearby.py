@@ -27,6 +27,7 @@ from fenics_contact.analysis.strategy import (
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.discretization.hinge_nodes import HingeNodes
 from fenics_contact.discretization.joints import GROUND
+from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
 from fenics_contact.solvers.joint_stiffness import GENERAL
@@ -47,12 +48,19 @@ class NearbyOptions:
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
     """
 
-    warm: WarmStart = WarmStart(
-        (3e-3,), (), Tolerances(1e-10, 1e-7), InteriorPointOptions(40, window=12)
+    warm: WarmStart = field(
+        default_factory=lambda: WarmStart(
+            (3e-3,), (), Tolerances(1e-10, 1e-7), InteriorPointOptions(40, window=12)
+        )
     )
     farther: float = 1e-1
-    rough: WarmStart = WarmStart(
-        (1e-2,), (), Tolerances(1e-7, 1e-6), InteriorPointOptions(25, window=10, acceptable=1e-7)
+    rough: WarmStart = field(
+        default_factory=lambda: WarmStart(
+            (1e-2, 1e-4),
+            (1.0,),
+            Tolerances(1e-7, 1e-6),
+            InteriorPointOptions(40, window=15, acceptable=1e-6),
+        )
     )
     work: WorkOptions = field(
         default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
@@ -129,7 +137,8 @@ def state_next_to(case: LoadCase, last: Collapse, soft: Softened) -> tuple[float
     Raises:
         SolverError: If none is found.
     """
-    assert last.state is not None
+    if last.state is None:
+        raise SolverError("no state to start from")
     with softened(case, soft) as softer:
         work = _first_work(last, soft) * case.bonded_work
         scales = softer.scales_at(work, abs(last.load_factor))

@@ -23,6 +23,7 @@ from fenics_contact.analysis.nearby import Softened, rates, same_mode, state_nex
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.discretization.discretization import Bonded, Discretization
+from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.solvers.joint_stiffness import GENERAL
 
@@ -49,7 +50,8 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened) -> OtherDeg
     Raises:
         SolverError: If none is found.
     """
-    assert end.joints is not None
+    if end.joints is None:
+        raise SolverError("no state to start from")
     given = case.discretization
     with _other_case(case) as other:
         counterparts = Counterparts.of(given, other.discretization)
@@ -71,8 +73,8 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
     with Discretization(replace(given.scene, degree=3 - given.scene.degree)) as whole:
         carried = Counterparts.of(given, whole)
         bonded, none = case.bonded, np.zeros_like(case.bonded.dead_pressure)
-        displacements = (carried.displacement(u) for u in (bonded.dead, bonded.live))
-        pressures = (
+        dead, live = (carried.displacement(u) for u in (bonded.dead, bonded.live))
+        of_dead, of_live = (
             carried.forces(np.stack([r, none]))[0]
             for r in (bonded.dead_pressure, bonded.live_pressure)
         )
@@ -82,7 +84,7 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
             discretization=whole,
             problem=replace(whole.problem, live=case.sign * whole.problem.live),
             blocks=RigidBlocks(whole.joints, bodies, whole.scene.comm),
-            bonded=Bonded(*displacements, *pressures, bonded.seconds),
+            bonded=Bonded(dead, live, of_dead, of_live, bonded.seconds),
             kind=GENERAL,
             stiffness=whole.stiffness(GENERAL),
         )
@@ -160,7 +162,9 @@ class Counterparts:
         """Forces at points of degree 2."""
         joints, facets = self.given.joints, self.given.joints.segments
         pressure, loaded = forces[0] / joints.length, forces[0] > 0.0
-        length = np.linalg.norm(joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1)
+        length = np.linalg.norm(
+            joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1
+        )
         inner = MIDDLE * length * pressure[facets].min(axis=1)
         part = np.zeros_like(pressure)  # of the forces at the ends
         np.add.at(part, facets, np.repeat(0.5 * inner[:, None], 2, axis=1))

@@ -76,8 +76,8 @@ class WarmStart:
 
     products: tuple[float, ...] = (3e-2, 3e-4)
     from_afar: tuple[float, ...] = (1.0,)
-    tolerances: Tolerances = Tolerances()
-    options: InteriorPointOptions = InteriorPointOptions()
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    options: InteriorPointOptions = field(default_factory=InteriorPointOptions)
 
 
 WARM = WarmStart()
