@@ -13,7 +13,7 @@ rule, degree 2: Simpson's).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from petsc4py import PETSc
@@ -50,7 +50,8 @@ class Joints:
         law: Law of every point as an index into `laws`.
         laws: Those of the scene's joints, then of its foundations.
         names: Their groups.
-        segments: Pairs of neighbouring points along a joint, shape (segments, 2).
+        segments: Points at the ends of every facet, or piece of one, shape (segments, 2).
+        middle: With degree 2, the points inside these, shape (segments,); else none.
         stencil: How displacements of nodes give those of both sides at the points.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
     """
@@ -65,7 +66,15 @@ class Joints:
     names: tuple[str, ...]
     segments: Indices
     stencil: Stencil
+    middle: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     offset: float = 0.0
+
+    @property
+    def neighbours(self) -> Indices:
+        """Pairs of points that follow each other along a joint, shape (pairs, 2)."""
+        if not len(self.middle):
+            return self.segments
+        return np.concatenate([np.column_stack([end, self.middle]) for end in self.segments.T])
 
     @property
     def tangent(self) -> Array:
@@ -138,7 +147,8 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         law=pieces.law[piece[rows]],
         laws=(*scene.joints.values(), *scene.foundations.values()),
         names=(*scene.joints, *scene.foundations),
-        segments=point if per_piece == 2 else point[:, [0, 2, 2, 1]].reshape(-1, 2),
+        segments=point[:, :2],
+        middle=point[:, 2] if per_piece == 3 else point[:0, 0],
         stencil=stencil_of(boundary, pieces, point),
         offset=float(np.abs(stretches.offset).max(initial=0.0)),
     )
