@@ -56,10 +56,10 @@ class NearbyOptions:
     farther: float = 1e-1
     rough: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (1e-2, 1e-4),
+            (1e-2,),
             (1.0,),
             Tolerances(1e-7, 1e-6),
-            InteriorPointOptions(40, window=15, acceptable=1e-6),
+            InteriorPointOptions(40, window=10, acceptable=1e-6),
         )
     )
     work: WorkOptions = field(
