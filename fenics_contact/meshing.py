@@ -196,7 +196,7 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
 
 def polygons(
     outlines: Sequence[npt.ArrayLike],
-    size: float | None = None,
+    size: float | Sequence[float] | None = None,
     names: Sequence[str] | None = None,
     groups: Segments | None = None,
     quadrilaterals: bool = False,
@@ -204,12 +204,14 @@ def polygons(
     """Mesh straight-sided blocks given by their corners.
 
     Where a corner of one block lies on the side of another (a T-joint) that side gets a node
-    there, and shared stretches are divided alike, so that facets on both sides coincide. Corners
+    there, and shared stretches are divided alike, so that facets on both sides coincide. With a
+    size for every block they are meshed one by one, and nodes of joints do not match. Corners
     within `COINCIDENT` of each other become one. Sides are also divided at the ends of segments.
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: Of elements; by default a quarter of the side of a square of the blocks' mean area.
+        size: Of elements, one for all or one for every block; by default a quarter of the side of
+            a square of the blocks' mean area.
         names: Two-dimensional group of every block; by default "blocks" for all.
         groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
             default, "base" is what lies at the lowest level of the drawing.
@@ -220,34 +222,37 @@ def polygons(
             has no side.
     """
     blocks = [np.asarray(outline, dtype=float) for outline in outlines]
-    if not blocks or (size is not None and size <= 0.0):
+    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
     for number, problem in enumerate(map(outline_problem, blocks)):
         if problem:
             raise InputError(f"polygons: block {number} {problem}")
+    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
+        if given is not None and len(given) != len(blocks):
+            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
     names = ["blocks"] * len(blocks) if names is None else names
-    if len(names) != len(blocks):
-        raise InputError(f"polygons: {len(names)} names for {len(blocks)} blocks")
-    size = size or default_size(blocks)
     groups = lowest_level(blocks) if groups is None else groups
-    blocks, near = divided_outlines(blocks, groups)
+    sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
+    divided, near = divided_outlines(blocks, groups)
+    if isinstance(size, Sequence):  # every block without the corners of others
+        divided = [divided_outlines([block], {})[0][0] for block in blocks]
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
-    with gmsh_session(MeshSizeMax=size, **halved) as gmsh:
+    with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        _draw(model, blocks, names, groups, size, near)
+        _draw(model, divided, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
 
 
 def _draw(
-    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, size: float, near: float
+    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, sizes: Array, near: float
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
     geo = model.geo
     surfaces: dict[str, list[int]] = {name: [] for name in names}
     on_group: dict[str, list[int]] = {name: [] for name in groups}
-    for block, block_name in zip(blocks, names, strict=True):
+    for block, block_name, size in zip(blocks, names, sizes, strict=True):
         points, ends = [geo.addPoint(x, y, 0.0) for x, y in block], np.roll(block, -1, axis=0)
         lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
         for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):

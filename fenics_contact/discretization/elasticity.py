@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,10 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.loads import nodal_forces
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Load, Material, Scene
+from fenics_contact.scene import Material, Scene
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     """Assemble K, f_D and f_L of a scene on its displacement space.
 
     Raises:
-        InputError: If a traction acts inside a block.
+        InputError: If a load does not fit the mesh.
     """
     nodes = space.dofmap.index_map
     position = space.tabulate_dof_coordinates()[:, :2]
@@ -69,13 +70,6 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
-    density = _material_field(scene, lambda material: material.density)
-    loads, resultants = [], []
-    for load in (scene.dead, scene.live):
-        force = _load(scene, space, boundary, load, density)
-        x, y = force.reshape(-1, 2).T
-        resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
-        loads.append(supports.constrain_vector(force, nodes.local_range[0]))
     nus = 2.0 if scene.plane == "strain" else 1.0
     lame = (
         _material_field(
@@ -86,8 +80,30 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, lame))
     stiffness.assemble()
     stiffness = supports.constrain_matrix(stiffness)
-    dead, live = loads
-    return Elasticity(space, stiffness, dead, live, lame, body, arm, centre, *resultants)
+    none = np.zeros(2 * len(body))
+    made = Elasticity(space, stiffness, none, none, lame, body, arm, centre, none, none)
+    return with_loads(made, scene, boundary, supports)
+
+
+def with_loads(
+    elasticity: Elasticity, scene: Scene, boundary: Boundary, supports: Supports
+) -> Elasticity:
+    """The blocks of an elasticity under the loads of a scene with the same materials.
+
+    Raises:
+        InputError: If a load does not fit the mesh.
+    """
+    space, body, arm = elasticity.space, elasticity.node_body, elasticity.arm
+    density = _material_field(scene, lambda material: material.density)
+    loads, resultants = [], []
+    for kind in ("dead", "live"):
+        force = nodal_forces(scene, space, boundary, kind, density)
+        x, y = force.reshape(-1, 2).T
+        resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
+        first = space.dofmap.index_map.local_range[0]
+        loads.append(supports.constrain_vector(force, first))
+    names = "dead", "live", "dead_resultant", "live_resultant"
+    return replace(elasticity, **dict(zip(names, [*loads, *resultants], strict=True)))
 
 
 def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
@@ -102,19 +118,6 @@ def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Fun
     """A value of the materials, constant by cell."""
     values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
     return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
-
-
-def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:
-    """Nodal forces of a load, this rank's part."""
-    forces = fem.Function(space)
-    fem.assemble_vector(forces.x.array, forms.body_load(space, density, load.body))
-    for name, traction in load.traction.items():
-        if name in boundary.interior:
-            boundary.role([name])  # raises: a traction acts on the outside of a block
-        facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
-        fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
-    compat.add_ghosts(forces)
-    return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 
 
 def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:

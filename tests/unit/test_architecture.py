@@ -28,9 +28,10 @@ FLOORS = (
     {"meshing", "drawing", "builders", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
-    {"output"},
-    {"limit_load"},
-    {"cli", "console", "progress", "report"},
+    {"output", "console", "progress"},
+    {"equilibrium", "limit_load"},
+    {"sweeps"},
+    {"cli", "report"},
     {"__main__"},
 )
 
