@@ -383,6 +383,8 @@ def _snapped(points: Array, near: float) -> Array:
 
 def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
+    low, high = outline.min(axis=0) - near, outline.max(axis=0) + near
+    corners = corners[np.all((corners >= low) & (corners <= high), axis=1)]
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         length = np.linalg.norm(end - start)
