@@ -21,6 +21,15 @@ from matplotlib.figure import Figure as Picture
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.curved_bodies import (
+    CGS1,
+    EQUAL,
+    cattaneo,
+    cattaneo_figures,
+    cattaneo_shear,
+    hertz,
+    hertz_figures,
+)
 from benchmarks.known_answers import Array, Figure, Profile, mesh_of
 from benchmarks.manufactured import THEORY, errors
 from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
@@ -230,6 +239,28 @@ def place_of(panel: Any, title: str, x: str, y: str) -> Any:
     return panel
 
 
+def draw_curved(picture: Picture, cylinder: Profile, pair: Profile) -> None:
+    """Pressure of Hertz, and pressure and shear of Cattaneo and Mindlin."""
+    left, right = picture.subplots(1, 2)
+    dots = {"linestyle": "none", "marker": "o", "markersize": 4}
+    a, x = CGS1.half_width, np.linspace(0.0, 1.3, 500)
+    place_of(left, "Hertz, NAFEMS CGS-1", "x / a", "pressure (MPa)")
+    left.plot(x, 1e-6 * CGS1.pressure(x * a), "k-", label="exact")
+    left.plot(cylinder.x / a, 1e-6 * cylinder.values["pressure"], color="C0", label="found", **dots)
+    a, x = EQUAL.half_width, np.linspace(-1.3, 1.3, 1000)
+    place_of(right, "Cattaneo-Mindlin, Q = 0.5 F P", "x / a", "traction (MPa)")
+    bound = 0.3 * pair.values["pressure"]
+    right.plot(x, 0.3e-6 * EQUAL.pressure(x * a), "k--", label="friction x pressure, exact")
+    right.plot(pair.x / a, 1e-6 * bound, color="C7", label="friction x pressure, found", **dots)
+    right.plot(x, 1e-6 * cattaneo_shear(x * a), "k-", label="shear, exact")
+    right.plot(pair.x / a, 1e-6 * pair.values["shear"], color="C3", label="shear, found", **dots)
+    right.set_ylim(0.0, 520.0)
+    left.set_xlim(0.0, 1.3)
+    right.set_xlim(-1.3, 1.3)
+    for panel in (left, right):
+        panel.legend(fontsize=10)
+
+
 def draw_friction(picture: Picture, bar: Profile, pressed: Profile) -> None:
     """Slip of the rod and of the plate."""
     left, right = picture.subplots(1, 2)
@@ -275,10 +306,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw there")
     folder = parser.parse_args().pictures
-    bar, pressed = rod(), plate()
+    cylinder, pair, bar, pressed = hertz(), cattaneo(), rod(), plate()
     curves, others = error_curves(matching=True), error_curves(matching=False)
     tables = {
         "Contact patch test": patch_figures(),
+        "Hertz": hertz_figures(cylinder, 20),
+        "Cattaneo-Mindlin": cattaneo_figures(pair, 20),
         "Plate on a rigid plane": plate_figures(pressed),
         "Rod on a Coulomb bed": rod_figures(bar),
         "Block pushed up an incline": incline(),
@@ -288,6 +321,7 @@ def main() -> int:
     rows = list(order_rows(curves, others))
     print(f"\n## Orders of convergence\n\n{ORDERS_HEAD}", *rows, sep="\n")
     if folder:
+        save(folder, "curved", draw_curved, cylinder, pair)
         save(folder, "friction", draw_friction, bar, pressed)
         save(folder, "orders", draw_orders, curves, height=5.6)
     missed = [one for figures in tables.values() for one in figures if not one.passed]

@@ -195,7 +195,7 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     nodes = joints.stencil.nodes[points]
     dofs = 2 * nodes[..., None] + np.arange(2)
     dofs[nodes == GROUND] = -1
-    dofs = dofs.reshape(len(points), -1)
+    dofs = dofs.reshape(len(points), int(np.prod(dofs.shape[1:])))
     directions = supports.free_directions(nodes.ravel()).reshape(*nodes.shape, 2, 2)
     factor = joints.stencil.weights[points] * np.array([[-1.0], [1.0]])
     normal_rows, tangential_rows = (

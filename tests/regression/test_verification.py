@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks import verification as known
+from benchmarks.curved_bodies import cattaneo, cattaneo_figures, hertz, hertz_figures
 from benchmarks.known_answers import Figure
 from benchmarks.manufactured import THEORY, errors
 
@@ -16,6 +17,15 @@ def missed(figures: list[Figure]) -> list[str]:
 @pytest.mark.mpi
 def test_uniform_pressure_goes_through_joints():
     assert missed(known.patch_figures()) == []
+
+
+@pytest.mark.mpi
+def test_hertz():
+    assert missed(hertz_figures(hertz(10), 10)) == []
+
+
+def test_cattaneo_and_mindlin():
+    assert missed(cattaneo_figures(cattaneo(15), 15)) == []
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.3, 0.5])
