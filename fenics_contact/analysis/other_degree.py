@@ -22,6 +22,7 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.nearby import Softened, rates, same_mode, state_next_to
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.strategy import along_block_modes
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
@@ -57,7 +58,7 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened) -> OtherDeg
         counterparts = Counterparts.of(given, other.discretization)
         start = counterparts.start(end, other)
         points = replace(soft, points=counterparts.points(soft.points))
-        load_factor, values = state_next_to(other, start, points)
+        load_factor, values = state_next_to(other, start, points, along_block_modes)
         ours, theirs = counterparts.ends
         same = same_mode(rates(end.joints)[:, ours], rates(values)[:, theirs])
         return OtherDegree(load_factor, same)
