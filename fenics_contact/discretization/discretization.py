@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
+from fenics_contact.discretization.imposed import gap_field
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -27,7 +28,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
@@ -64,7 +65,8 @@ class Discretization:
         warnings: What is legal and probably meant otherwise, for people.
         operators: Rows of B_N and B_T.
         bodies: Rigid motions of the blocks.
-        problem: What the solvers see.
+        imposed: u_g of `imposed`, this rank's part in the supports' coordinates, m.
+        problem: What the solvers see; its displacements are u + u_g.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
         compile_seconds: Time to compile the forms, or to look them up, s.
@@ -97,8 +99,11 @@ class Discretization:
         for operator in maps:
             self._owned.callback(operator.close)
         laws = self.joints.friction[rows.points], self.joints.shear_strength[rows.points]
-        loads = made.dead, made.live
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
+        owned = range(*made.stiffness.getOwnershipRange())
+        self.imposed = gap_field(self.joints, self.supports, owned)
+        loads = made.dead + stiffness @ self.imposed, made.live
+        origin = tangential @ self.imposed
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid, origin)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
@@ -141,7 +146,8 @@ class Discretization:
         problem, stiffness = self.problem, self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
-        dead, live = (factor.solve(load) for load in (problem.dead, problem.live))
+        # Initial gaps do not count: typical sizes come from this.
+        dead, live = (factor.solve(load) for load in (self.elasticity.dead, problem.live))
         of_dead, of_live = (np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live))
         seconds = self.seconds + time.perf_counter() - start
         return Bonded(dead, live, of_dead, of_live, seconds)
@@ -173,6 +179,13 @@ class Discretization:
         everything[self.operators.points] = values
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
+
+    def without_imposed(self, state: State) -> State:
+        """A state of the solvers with its displacements u in place of u + u_g, to write."""
+        if not np.any(self.joints.gap):
+            return state
+        u, elastic = state.displacement - self.imposed, state.elastic - self.imposed
+        return replace(state, displacement=u, elastic=elastic)
 
     def cartesian(self, values: Array) -> Array:
         """Displacements in x and y, shape (nodes, 2), of this rank's in supports' coordinates."""
