@@ -109,6 +109,8 @@ class JointLaw:
         bound: Shear strength, Pa, for "tresca".
         cohesion: Shear strength without pressure, Pa, for "coulomb".
         compressive_strength: f_c, Pa, in place of that of the blocks' materials.
+        gap: Facets of two blocks up to this far apart face each other, and their distance is an
+            initial opening, m; 0: only those that touch.
     """
 
     law: str = "coulomb"
@@ -116,6 +118,7 @@ class JointLaw:
     bound: float | None = None
     cohesion: float = 0.0
     compressive_strength: float | None = None
+    gap: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -127,6 +130,7 @@ class JointLaw:
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
         _require_not_negative("cohesion", self.cohesion)
+        _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
         _require(cohesive, f"law '{self.law}' takes no cohesion")
 
@@ -330,6 +334,9 @@ class Scene(_Shared):
         _require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, "supports")
+        for name, law in self.foundations.items():
+            needless = "takes no gap; rigid ground is where the edge is"
+            _require(law.gap == 0.0, f"foundations.{name} {needless}")
         self._check_names()
         self._check_materials()
 

@@ -159,7 +159,7 @@ def state_next_to(
         whole = case.discretization
         length = whole.joints.length
         return state.load_factor, joint_values(
-            softer.problem, whole.all_points, length, state, mode
+            softer.problem, whole.all_points, length, state, mode, whole.imposed
         )
 
 
