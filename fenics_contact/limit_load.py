@@ -228,7 +228,7 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
-    stands_frictionless = blocks.stands(friction=False)
+    stands_frictionless = blocks.frictionless.stands()
     fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
