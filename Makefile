@@ -25,7 +25,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages debootstrap debian13 demo test test-debian13 test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap mkdocs debian13 demo gallery docs test test-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -33,7 +33,8 @@ setup: packages .venv/installed  ## install what is missing: Debian packages, vi
 
 packages: NEEDED := $(PACKAGES)
 debootstrap: NEEDED := debootstrap
-packages debootstrap:
+mkdocs: NEEDED := mkdocs
+packages debootstrap mkdocs:
 	@missing=""; for p in $(NEEDED); do \
 	  dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q "ok installed" || missing="$$missing $$p"; \
 	done; \
@@ -51,7 +52,16 @@ packages debootstrap:
 
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
 	$(PYTHON) demos/03_wall_w3.py
-	@echo "pictures: demos/output/w3/collapse.png thrust.png stress.png capacity.png"
+	@echo "in demos/output/w3: report.html, collapse.png, thrust.png, stress.png, capacity.png"
+	@echo "all demos: make gallery, then docs/gallery.md"
+
+gallery: setup  ## run all demos, and make docs/gallery.md of their pictures
+	$(PYTHON) docs/make_gallery.py
+
+docs: setup mkdocs  ## the site of documentation, in build/site; fails at links that lead nowhere
+	$(PYTHON) docs/make_site.py
+	mkdocs build --strict --quiet
+	@echo "open build/site/index.html"
 
 test: setup  ## run the tests that take less than a few seconds each
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"
