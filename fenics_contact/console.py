@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint, Step
+from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
@@ -71,6 +73,33 @@ class ProgressBar(Progress):
             self._bar = None
 
 
+class SweepProgress:
+    """A line for every point of a sweep, with the time that is left."""
+
+    def __init__(self) -> None:
+        self._start, self._before = time.perf_counter(), 0
+
+    def __call__(self, done: int, total: int, point: Any) -> None:
+        """Show a `sweeps.points.Point`; None tells how many are there before any is solved."""
+        if point is None:
+            self._start, self._before = time.perf_counter(), done
+            text = f"{done} of {counted(total, 'point')} are there already" if done else ""
+        else:
+            values = ", ".join(f"{key} = {value}" for key, value in point.values.items())
+            passed = time.perf_counter() - self._start
+            left = passed * (total - done) / max(done - self._before, 1)
+            both = (point.load_factor, point.load_factor_negative)
+            factors = " and ".join(f"{factor:.8g}" for factor in both if not math.isnan(factor))
+            found = f"load factor {factors}" if point.solved else point.reason
+            text = (
+                f"{done:{len(str(total))}d} of {total}  {values}: {point.status}, {found}"
+                f"   ({left:.0f} s left)"
+            )
+        if text:
+            sys.stdout.write(text + "\n")
+            sys.stdout.flush()
+
+
 def counted(number: int, noun: str) -> str:
     """A number with its noun, in the plural where that is due."""
     return f"{number} {noun}{'s' * (number != 1)}"
@@ -119,22 +148,41 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
 
 
 def _mesh_lines(end: Collapse) -> list[str]:
-    """What a load factor owes to the length of hinges, and other states on the way to none."""
+    """What a load factor owes to the mesh, and other states that a finer one leads to."""
     error = end.mesh_error
     if error is None:
         return []
     if np.isnan(error.load_factor_point_hinges):
-        return ["hinges: what their length does to the load factor is not known"]
-    if error.load_factor_point_hinges == end.load_factor:
-        return ["hinges: the load factor does not depend on their length"]
-    lines = [
-        f"hinges: load factor {end.load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g}"
-        f" mm; {error.load_factor_point_hinges:.4g} for point hinges"
-    ]
-    return lines + [
-        f"hinges: another collapse state as they get shorter, {one.before:.4g} to {one.after:.4g}"
-        for one in error.state_changes
-    ]
+        lines = ["mesh: what the length of hinges does to the load factor is not known"]
+    elif error.estimate == 0.0 and not error.state_changes and error.algebraic_error == 0.0:
+        lines = ["mesh: the load factor does not depend on the mesh"]
+    else:
+        lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
+    for one in error.state_changes:
+        finer = one.halvings[0] != one.halvings[1]
+        lines.append(
+            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
+            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        )
+    return lines + [f"warning: {text}" for text in error.warnings]
+
+
+def _hinge_text(load_factor: float, error: MeshError) -> str:
+    """Load factors for the lengths of hinges."""
+    if error.load_factor_point_hinges == load_factor:
+        return "the load factor does not depend on the length of hinges"
+    parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
+    if not np.isnan(error.load_factor_hinges):
+        length = 1e3 * error.contact_length
+        parts.append(f"{error.load_factor_hinges:.4g} for {length:.3g} mm by compressive strength")
+    return "; ".join([*parts, f"{error.load_factor_point_hinges:.4g} for point hinges"])
+
+
+def _other_errors(error: MeshError) -> str:
+    """The error that hinges have no part in."""
+    if np.isnan(error.algebraic_error):
+        return "other errors not known"
+    return f"other errors {100.0 * error.algebraic_error:.2g} %"
 
 
 def description(discretization: Discretization) -> str:
@@ -167,10 +215,14 @@ def _joint_lines(joints: Joints) -> list[str]:
         mine = joints.law == number
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
-            f"{kind} {name}: {_law_text(law)}, {int(mine.sum())} points,"
+            f"{kind} {name}: {_law_text(law)}{_gap_text(law)}, {int(mine.sum())} points,"
             f" length {joints.length[mine].sum():.6g} m"
         )
     return lines
+
+
+def _gap_text(law: JointLaw) -> str:
+    return f", gaps up to {law.gap:g} m" if law.gap else ""
 
 
 def _law_text(law: JointLaw) -> str:

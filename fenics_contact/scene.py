@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
-from fenics_contact.toml_tables import from_table, read_toml
+from fenics_contact.mesh import BLOCKS, BlockMesh
+from fenics_contact.toml_tables import check_types, from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
     "law": ("coulomb", "tresca", "frictionless"),
+    "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
     "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
@@ -56,6 +59,12 @@ def _require_pair(name: str, value: Sequence[float]) -> None:
         _require_size(name, component)
 
 
+def _require_strength(value: float | None) -> None:
+    name = "compressive_strength"
+    _require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
+    _require_not_negative(name, value or 0.0)
+
+
 def _require_size(name: str, value: float) -> None:
     """Refuse numbers whose squares and products floating point numbers do not hold."""
     low, high = SIZES
@@ -71,18 +80,22 @@ class Material:
         young: Young's modulus, Pa.
         poisson: Poisson's ratio.
         density: kg/m3.
+        compressive_strength: f_c, Pa: hinges have the length N / f_c; None: that of the mesh.
     """
 
     young: float
     poisson: float
     density: float = 0.0
+    compressive_strength: float | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         young = self.young
         _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
         _require_size("young", young)
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
         _require_not_negative("density", self.density)
+        _require_strength(self.compressive_strength)
 
 
 @dataclass(frozen=True)
@@ -95,21 +108,29 @@ class JointLaw:
         friction: Coefficient of friction, for "coulomb".
         bound: Shear strength, Pa, for "tresca".
         cohesion: Shear strength without pressure, Pa, for "coulomb".
+        compressive_strength: f_c, Pa, in place of that of the blocks' materials.
+        gap: Facets of two blocks up to this far apart face each other, and their distance is an
+            initial opening, m; 0: only those that touch.
     """
 
     law: str = "coulomb"
     friction: float | None = None
     bound: float | None = None
     cohesion: float = 0.0
+    compressive_strength: float | None = None
+    gap: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("law", self.law)
+        _require_strength(self.compressive_strength)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             value, given = getattr(self, name), getattr(self, name) is not None
             _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
         _require_not_negative("cohesion", self.cohesion)
+        _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
         _require(cohesive, f"law '{self.law}' takes no cohesion")
 
@@ -131,6 +152,7 @@ class EdgeForce:
     width: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_pair("force", self.force)
         for name, value in (("x", self.x), ("y", self.y or 0.0)):
             _require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
@@ -161,6 +183,7 @@ class EarthPressure:
     wall_friction: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require(math.isfinite(self.level), f"level = {self.level} must be a finite number (m)")
         for name in ("unit_weight", "coefficient", "surcharge"):
             _require_not_negative(name, getattr(self, name))
@@ -187,6 +210,7 @@ class Load:
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_types(self)
         tractions = {f"traction.{name}": value for name, value in self.traction.items()}
         for name, value in {"body": self.body, **tractions}.items():
             _require_pair(name, value)
@@ -214,7 +238,7 @@ class SolveOptions:
         control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
-        error: Estimate how much of the load factor is due to the mesh, with Coulomb friction.
+        error: Estimate how much of the load factor is due to the mesh.
     """
 
     method: str = "auto"
@@ -226,6 +250,7 @@ class SolveOptions:
     error: bool = True
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
@@ -256,6 +281,7 @@ class OutputOptions:
         for name in self.formats:
             _require_choice("formats", name)
         _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
+        check_types(self)
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -301,12 +327,16 @@ class Scene(_Shared):
     degree: int = 1
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("plane.state", self.plane)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
         _require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, "supports")
+        for name, law in self.foundations.items():
+            needless = "takes no gap; rigid ground is where the edge is"
+            _require(law.gap == 0.0, f"foundations.{name} {needless}")
         self._check_names()
         self._check_materials()
 
@@ -330,15 +360,41 @@ class Scene(_Shared):
             InputError: On all ranks, if the file or its mesh is missing or wrong.
         """
         comm = compat.default_comm() if comm is None else comm
-        tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
+        folder = Path(path).parent
+        tables = read_toml(Path(path), comm, overrides)
+        return cls.from_tables(
+            tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
+        )
+
+    @classmethod
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str, str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh of `mesh.file` and `.blocks`.
+
+        Raises:
+            InputError: If a table is wrong.
+        """
+        tables = from_table(_SceneTables, given)
         return cls(
-            mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            mesh=mesh(tables.mesh.file, tables.mesh.blocks),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
             plane=tables.plane.state,
             degree=tables.mesh.degree,
             **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
+        )
+
+    def tables(self) -> dict[str, Any]:
+        """The scene as tables of a file; the mesh has its source in place of a file."""
+        shared = {item.name: getattr(self, item.name) for item in fields(_Shared)}
+        return _as_tables(
+            {
+                "mesh": {"file": self.mesh.source, "degree": self.degree},
+                "plane": {"state": self.plane},
+                "materials": self.materials,
+                "loads": {"live": self.live, "dead": self.dead},
+                **shared,
+            }
         )
 
     def material(self, groups: Iterable[str]) -> Material:
@@ -388,6 +444,17 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in names) or "none"
 
 
+def _as_tables(item: Any) -> Any:
+    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
+    if isinstance(item, (np.generic, np.ndarray)):
+        return item.tolist()
+    if is_dataclass(item):
+        item = {one.name: getattr(item, one.name) for one in fields(item)}
+    if not isinstance(item, Mapping):
+        return item
+    return {name: _as_tables(value) for name, value in item.items() if value is not None}
+
+
 # ---- what a scene file holds, table by table
 
 
@@ -395,8 +462,10 @@ def _listed(names: Iterable[str]) -> str:
 class _MeshTable:
     file: str = ""
     degree: int = 1
+    blocks: str = "connected"
 
     def __post_init__(self) -> None:
+        _require_choice("blocks", self.blocks)
         _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 

@@ -17,6 +17,7 @@ UNITS: Mapping[str, str] = {
     "density": "kg/m3",
     "bound": "Pa",
     "cohesion": "Pa",
+    "gap": "m",
     "body": "m/s2",
     "traction": "Pa",
     "tilt": "degrees",

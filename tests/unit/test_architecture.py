@@ -25,12 +25,13 @@ TREES = {
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
     {"mesh"},
-    {"meshing", "scene", "toml_tables"},
+    {"meshing", "drawing", "builders", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
-    {"output"},
+    {"output", "console", "progress"},
     {"equilibrium", "limit_load"},
-    {"cli", "console", "progress", "report"},
+    {"sweeps"},
+    {"cli", "report"},
     {"__main__"},
 )
 
@@ -43,7 +44,7 @@ ON_FLOORS = set(TREES) - IN_SOLVERS
 CONSOLE = {"cli", "__main__"}
 
 #: Modules that are slow to import or not always needed.
-LATE = {"gmsh", "matplotlib", "scipy", "tqdm"}
+LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "tqdm"}
 
 #: What finds out which dolfinx there is.
 PROBES = ("hasattr(", "inspect.", "dolfinx.__version__", "._mesh", "_cpp_object")
