@@ -36,3 +36,4 @@ for friction in (0.2, 0.35, 0.45, 0.8):
     if abs(found - exact) > 1e-6 * exact:
         raise SystemExit(f"friction {friction}: {found}, should be {exact}")
     print(f"friction {friction:4}: {how} at {math.degrees(math.atan(found)):.4f} degrees")
+print(f"pictures: {FOLDER}/*/collapse.png")

@@ -28,3 +28,4 @@ for scene in scenes:
     if abs(result.load_factor - exact) > 1e-6 * exact:
         raise SystemExit(f"friction {friction}: {result.load_factor}, should be {exact}")
     print(f"friction {friction}: load factor {result.load_factor:.8f} = min(F, b / (n a))")
+print(f"pictures: {FOLDER}/*/collapse.png")

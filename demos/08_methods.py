@@ -39,6 +39,7 @@ for solve in options:
         live=Load(body=(9.81, 0.0)),
         joints={"default": law},
         foundations={"base": law},
+        title="Wall in running bond",
         solve=solve,
     )
     result = limit_load(scene)
@@ -53,3 +54,4 @@ for solve in options:
 
 if max(factors.values()) - min(factors.values()) > AGREEMENT * factors["auto"]:
     raise SystemExit(f"the methods disagree: {factors}")
+print(f"pictures: {FOLDER}/*/collapse.png")
