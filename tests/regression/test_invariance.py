@@ -99,10 +99,19 @@ def test_arches_without_common_nodes(entry, degree):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("entry", known("coulomb"), ids=lambda e: e.name)
-def test_walls_without_common_nodes_verify(entry):
-    result = limit_load(entry.scene(variant=Variant(one_by_one=1), error=False))
+@pytest.mark.parametrize("quadrilaterals", [False, True], ids=["triangles", "quadrilaterals"])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    "entry",
+    [*known("coulomb"), *known("tresca"), *known("arch", without=("least",))],
+    ids=lambda e: e.name,
+)
+def test_walls_and_arches_without_common_nodes_verify(entry, degree, quadrilaterals):
+    variant = Variant(one_by_one=1 + degree, degree=degree, quadrilaterals=quadrilaterals)
+    result = limit_load(entry.scene(variant=variant, error=False))
     assert result.status == "limit"
+    if {"tresca", "arch"} & entry.tags:  # elasticity has no part in these
+        assert entry.right(result.status, result.load_factor), result.load_factor
 
 
 @pytest.mark.slow
