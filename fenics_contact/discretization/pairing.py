@@ -110,7 +110,8 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
     """
     named = [name for name in scene.joints if name != "default"]
     joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
-    found = facing_facets(boundary, scene.mesh.source, Gaps.of(scene, boundary))
+    found, doubtful = _facing(boundary, Gaps.of(scene, boundary))
+    _check_doubtful(scene.mesh.source, boundary, doubtful)
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
     for position, name in enumerate(named):
@@ -150,15 +151,17 @@ def _with_ground(boundary: Boundary, found: Stretches, facets: Indices) -> Stret
     )
 
 
-def facing_facets(boundary: Boundary, source: str, gaps: Gaps | None = None) -> Stretches:
+def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
     """Stretches along which facets of two bodies touch, or face each other within a law's gap.
 
-    `source` is the mesh's, for messages.
-
     Raises:
-        InputError: If three facets coincide, or facets almost touch.
+        InputError: If three facets coincide.
     """
-    gaps = gaps or Gaps(np.full(len(boundary.length), -1.0))
+    return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1.0)))[0]
+
+
+def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
+    """Those of `facing_facets`, and others that almost touch."""
     matching = _coinciding(boundary)
     alone = np.ones(len(boundary.length), dtype=bool)
     alone[matching] = False
@@ -168,10 +171,8 @@ def facing_facets(boundary: Boundary, source: str, gaps: Gaps | None = None) -> 
     # The side with more facets is the slave; stretches are then seen along its normals.
     count = len(found.slave)
     slave = _slaves(boundary, np.hstack([found.facets, pairs]), count)[count:]
-    every = _common_stretches(boundary, pairs, slave)
-    found, doubtful = _touching(gaps, boundary, every)
-    _check_doubtful(source, boundary, every, doubtful)
-    return found.take(np.lexsort((found.span[0].min(axis=1), *found.facets[::-1])))
+    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
+    return found.take(np.lexsort((found.span[0].min(axis=1), *found.facets[::-1]))), doubtful
 
 
 def _coinciding(boundary: Boundary) -> Indices:
@@ -212,26 +213,27 @@ def _candidates(gaps: Gaps, boundary: Boundary, alone: Indices) -> Indices:
     return np.concatenate(pairs).T
 
 
-def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Indices]:
-    """Stretches that touch or are within the gap of their law; and which almost touch."""
-    one, other = all_of.facets
-    arc, shorter = _arc_heights(boundary), np.minimum(boundary.length[one], boundary.length[other])
-    height, far = arc[one] + arc[other], np.abs(all_of.offset).max(axis=1)
-    least = all_of.offset.min(axis=1)
-    gap = gaps.of_pairs(all_of.facets)
+def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Stretches]:
+    """Stretches that touch or are within the gap of their law; and those that almost touch."""
+    facets, far = all_of.facets, np.abs(all_of.offset).max(axis=1)
+    shorter, height = (
+        boundary.length[facets].min(axis=0),
+        _arc_heights(boundary)[facets].sum(axis=0),
+    )
+    least, gap = all_of.offset.min(axis=1), gaps.of_pairs(facets)
     depth = OPTIONS.closed * shorter + height
-    parallel = _against(boundary, one, other) > OPTIONS.parallel
+    parallel = _against(boundary, *facets) > OPTIONS.parallel
     within = (gap > 0.0) & (least >= -depth) & (least <= gap)
     touching = ((far <= depth) & parallel) | within
     doubtful = ~touching & (far <= OPTIONS.apart * shorter + height) & parallel
-    return all_of.take(touching), np.flatnonzero(doubtful)
+    return all_of.take(touching), all_of.take(doubtful)
 
 
-def _check_doubtful(source: str, boundary: Boundary, all_of: Stretches, doubtful: Indices) -> None:
+def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> None:
     """Refuse blocks that almost touch."""
-    if not len(doubtful):
+    if not len(doubtful.slave):
         return
-    first, facets = all_of.offset[doubtful[0]], all_of.facets[:, doubtful[0]]
+    first, facets = doubtful.offset[0], doubtful.facets[:, 0]
     what = "overlap by" if first.min() < 0.0 else "are apart by"
     raise InputError(
         f"{source}: blocks {what} up to {np.abs(first).max():.3g} m at"
