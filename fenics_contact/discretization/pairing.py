@@ -42,28 +42,26 @@ OPTIONS = PairingOptions()
 
 @dataclass(frozen=True)
 class Gaps:
-    """Distances up to which facets face each other by the laws of their joints, m.
+    """Distances up to which facets face each other by the laws of their joints.
 
     Attributes:
-        named: Of every facet in a joint group, -1 in none, shape (facets,).
-        default: Of facets in no group.
+        role: Joint group of every facet as an index into `gap`, -1 for none, shape (facets,).
+        gap: m, by joint group; the last is that of facets in no group.
     """
 
-    named: Array
-    default: float = 0.0
+    role: Indices
+    gap: Array
 
     @classmethod
     def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
         """Those of a scene's laws."""
-        order = [name for name in scene.joints if name != "default"]
-        gap = np.array([scene.joints[name].gap for name in order] + [-1.0])
-        default = scene.joints["default"].gap if "default" in scene.joints else 0.0
-        return cls(gap[boundary.role(order)], default)
+        named = [name for name in scene.joints if name != "default"]
+        laws = [scene.joints.get(name) for name in [*named, "default"]]
+        return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
 
     def of_pairs(self, facets: Indices) -> Array:
         """Of pairs of facets, shape (2, pairs), by the group that either is in."""
-        of_pair = self.named[facets].max(axis=0)
-        return np.where(of_pair < 0.0, self.default, of_pair)
+        return self.gap[self.role[facets].max(axis=0)]
 
 
 @dataclass(frozen=True)
@@ -109,13 +107,13 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
             or if both sides of a joint carry a traction.
     """
     named = [name for name in scene.joints if name != "default"]
-    joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
-    found, doubtful = _facing(boundary, Gaps.of(scene, boundary))
+    gaps, ground_role = Gaps.of(scene, boundary), boundary.role(scene.foundations)
+    found, doubtful = _facing(boundary, gaps)
     _check_doubtful(scene.mesh.source, boundary, doubtful)
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
     for position, name in enumerate(named):
-        mine = joint_role == position
+        mine = gaps.role == position
         alone = np.flatnonzero(mine & ~paired)
         # With a gap, facets further apart are free.
         if len(alone) and (scene.joints[name].gap == 0.0 or not np.any(mine & paired)):
@@ -132,7 +130,7 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
             )
     _check_tractions(scene, boundary, found.facets)
     grounded = np.flatnonzero(ground_role >= 0)
-    law = _laws(scene, boundary, found.facets, joint_role)
+    law = _laws(scene, boundary, found.facets, gaps.role)
     law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
     return _with_ground(boundary, found, grounded), law
 
@@ -157,7 +155,7 @@ def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
     Raises:
         InputError: If three facets coincide.
     """
-    return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1.0)))[0]
+    return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1), np.zeros(1)))[0]
 
 
 def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
@@ -201,8 +199,7 @@ def _coinciding(boundary: Boundary) -> Indices:
 def _candidates(gaps: Gaps, boundary: Boundary, alone: Indices) -> Indices:
     """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
     middle, length = boundary.points[:, :2].mean(axis=1), boundary.length
-    gap = gaps.named.max(initial=gaps.default)
-    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gap
+    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
     pairs = [np.empty((0, 2), dtype=np.int64)]
     for one, other in near_pairs(middle, reach, alone, alone):
         keep = boundary.body[one] < boundary.body[other]

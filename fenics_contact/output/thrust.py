@@ -24,6 +24,7 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Flags, Indices
+from fenics_contact.planar_cells import connected
 
 
 @dataclass(frozen=True)
@@ -242,12 +243,9 @@ def _separates(faces: Resultants, part: Indices, mine: Indices) -> bool:
 
 def _in_line(faces: Resultants) -> Sequence[Indices]:
     """Faces that touch end to end and have one direction, by the line they form."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    count = len(faces.bodies)
-    if count == 0:
+    if not len(faces.bodies):
         return []
     points = faces.ends.reshape(-1, 2)
     near = OPTIONS.touching * float(np.ptp(points, axis=0).max())
@@ -256,7 +254,6 @@ def _in_line(faces: Resultants) -> Sequence[Indices]:
     sine = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     apart = np.any(faces.parts[pairs], axis=1)
     pairs = pairs[(np.abs(sine) <= OPTIONS.parallel) & ~apart]
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    label = connected_components(graph, directed=False)[1]
+    label = connected(pairs, len(faces.bodies))
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
