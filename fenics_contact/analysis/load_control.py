@@ -203,8 +203,9 @@ class _Climb:
         Raises:
             SolverError: If no equilibrium is found there, or none on the way.
         """
-        dead = self.case.discretization.elasticity.dead
-        loaded = self.case.problem.max(np.abs(dead)) > 0.0
+        whole = self.case.discretization
+        loaded = self.case.problem.max(np.abs(whole.elasticity.dead)) > 0.0
+        loaded = loaded or bool(whole.scene.dead.movement)
         if loaded and not self._reached(0.0):
             raise SolverError("no equilibrium was found under the dead load")
         step, least = load_factor / steps, OPTIONS.width * load_factor / steps

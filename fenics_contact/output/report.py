@@ -341,7 +341,10 @@ def _rows(tables: Record, units: Record) -> Iterator[tuple[str, str, str]]:
             unit, label = units.get(key, ""), KEYS.get(key, key.replace("_", " "))
             if isinstance(value, dict):
                 for place, part in value.items():
-                    yield name, f"{label} on {place}", _value(part, unit)
+                    inner = part.items() if isinstance(part, dict) else [("", part)]
+                    for item, one in inner:
+                        text = f"{label} on {place}, {item.replace('_', ' ')}".rstrip(", ")
+                        yield name, text, _value(one, units.get(item, unit))
             elif value is not None and value != [0.0, 0.0]:
                 yield name, label, _value(value, unit)
 

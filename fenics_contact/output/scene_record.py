@@ -19,6 +19,8 @@ UNITS: Mapping[str, str] = {
     "gap": "m",
     "body": "m/s2",
     "traction": "Pa",
+    "displacement": "m",
+    "rotation": "degrees",
     "length": "m",
     "width": "m",
     "height": "m",
