@@ -57,6 +57,9 @@ class LoadCase:
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
         scales = typical_sizes(discretization.sizing, bonded)
+        if discretization.scene.dead.movement:
+            moved = problem.max(np.abs(discretization.imposed))
+            scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
         stiffness = discretization.stiffness(kind)

@@ -62,7 +62,7 @@ def _verified(case: LoadCase, reached: Reached) -> ServiceState:
     """A state held against the problem in which it was found, in the user's sign of the load."""
     problem, state = reached.problem, reached.state
     larger = max(1.0, state.load_factor / case.scales.load_factor)
-    sizes = case.scales.displacement, case.scales.force
+    sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
     residuals = state_residuals(problem, state, scales)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]

@@ -101,10 +101,10 @@ def imposed_field(
         if missed.max() <= PRECISION * largest:
             break
     else:
-        x, y = joints.position[np.argmax(missed)]
+        x, y = np.round(joints.position[np.argmax(missed) % count], 9) + 0.0
         raise InputError(
-            f"joints that meet at ({x:g}, {y:g}) have initial gaps, or movements of supports, that"
-            " contradict each other or a support; give all of them a gap, or move them alike"
+            f"joints that meet at ({x:g}, {y:g}) have initial gaps that contradict each other or a"
+            " support; give all of them a gap. Foundations that move apart must not share a node"
         )
     mine = (used >= owned.start) & (used < owned.stop)
     field[used[mine] - owned.start] = found[mine]
