@@ -7,6 +7,7 @@ import json
 import math
 import textwrap
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,13 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.output.plotting import (
+    draw_marked,
+    draw_stress,
+    draw_thrust,
     rounded_alike,
+    save,
     save_capacity,
     save_collapse,
-    save_marked,
-    save_stress,
-    save_thrust,
 )
 from fenics_contact.output.report import RECORD, write_report
 from fenics_contact.output.scene_record import scene_record
@@ -58,9 +60,10 @@ def write_result(result: Result, folder: Path) -> None:
         if result.fall is not None and options.pictures:
             view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
             title = f"{_opening(result.scene.title)}falls under its dead load"
+            marked = partial(draw_marked, blocks=result.falling)
             with writing(comm):
                 if comm.rank == 0:
-                    save_marked(view, result.falling, title, _pictures(result, hidden, "collapse"))
+                    save(view, title, _pictures(result, hidden, "collapse"), marked)
         for direction, end in result.ends.items():
             _write_collapse(result, direction, end, hidden)
         with writing(comm):
@@ -116,7 +119,7 @@ def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -
     """Pictures of one end; the blocks that wedge alone where nothing limits the load."""
     discretization, end = result.discretization, result.ends[direction]
     comm = result.scene.comm
-    sign, reversal = (-1.0, " (live load reversed)") if direction == "negative" else (1.0, "")
+    sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
 
     def paths(name: str) -> list[Path]:
         return _pictures(result, folder, f"{name}{suffix}")
@@ -124,9 +127,10 @@ def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -
     if end.status == "unbounded":
         view = view_of(discretization, sign=sign)
         title = f"{_opening(result.scene.title)}unbounded, these blocks wedge{reversal}"
+        marked = partial(draw_marked, blocks=result.wedged(end))
         with writing(comm):
             if comm.rank == 0:
-                save_marked(view, result.wedged(end), title, paths("collapse"))
+                save(view, title, paths("collapse"), marked)
         return
     if end.state is None or end.mode is None or end.joints is None:
         return
@@ -136,8 +140,8 @@ def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -
         if comm.rank == 0:
             title = _title(result.scene.title, end, reversal)
             save_collapse(view, title, paths("collapse"))
-            save_thrust(view, title, paths("thrust"))
-            save_stress(view, raster, title, paths("stress"))
+            save(view, title, paths("thrust"), draw_thrust)
+            save(view, title, paths("stress"), partial(draw_stress, raster=raster))
 
 
 def _title(scene: str, end: Collapse, reversal: str) -> str:
@@ -150,7 +154,7 @@ def _title(scene: str, end: Collapse, reversal: str) -> str:
 
 def _opening(title: str) -> str:
     """How a title begins that tells of a scene with a title of its own."""
-    return f"{_drawn(title)}: " if title else ""
+    return f"{_drawn(title)}\n" if title else ""
 
 
 def _drawn(title: str) -> str:
