@@ -48,6 +48,9 @@ LEGIBLE = 60
 PER_CROSS, LARGEST, LEAST = 8, 0.98, 0.1
 FORCE = "#7b2d8b"
 
+#: Draws on axes what a view shows.
+Draw = Callable[[Any, View], Any]
+
 
 def draw_mode(axes: Any, view: View) -> Any:
     """The collapse mode: blocks displaced, joints by what they do, and the live load."""
@@ -216,7 +219,7 @@ def save(
     view: View,
     title: str,
     paths: Sequence[Path | BinaryIO],
-    *draws: Callable[[Any, View], Any],
+    *draws: Draw,
 ) -> None:
     """Pictures of a structure side by side, to one scale."""
     from matplotlib.figure import Figure
