@@ -85,7 +85,7 @@ class SweepProgress:
             self._start, self._before = time.perf_counter(), done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
-            values = ", ".join(f"{key} = {value}" for key, value in point.values.items())
+            values = ", ".join(f"{key} = {_short(value)}" for key, value in point.values.items())
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
@@ -98,6 +98,10 @@ class SweepProgress:
         if text:
             sys.stdout.write(text + "\n")
             sys.stdout.flush()
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def counted(number: int, noun: str) -> str:
