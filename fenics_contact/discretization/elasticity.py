@@ -113,7 +113,7 @@ def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem
             boundary.role([name])  # raises: a traction acts on the outside of a block
         facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
         fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
-    compat.add_ghosts(forces)
+    compat.add_ghosts(forces.x)
     return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 
 

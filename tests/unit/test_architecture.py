@@ -25,7 +25,7 @@ TREES = {
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
     {"mesh"},
-    {"meshing", "scene", "toml_tables"},
+    {"meshing", "refinement", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
     {"output"},
