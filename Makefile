@@ -51,7 +51,7 @@ packages debootstrap:
 
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
 	$(PYTHON) demos/03_wall_w3.py
-	@echo "pictures: demos/output/w3/collapse.png demos/output/w3/capacity.png"
+	@echo "pictures: demos/output/w3/collapse.png thrust.png stress.png capacity.png"
 
 test: setup  ## run the tests that take less than a few seconds each
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"

@@ -1,4 +1,4 @@
-"""The command line: `fenics-contact solve SCENE.toml` and `fenics-contact check SCENE.toml`."""
+"""The command line: `fenics-contact solve SCENE.toml`, `check SCENE.toml` and `report DIR`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from fenics_contact.console import Progress, ProgressBar, counted, description, 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
+from fenics_contact.output.report import write_report
 from fenics_contact.scene import Scene
 from fenics_contact.version import __version__
 
@@ -46,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
-        return _solve(options, comm) if options.command == "solve" else _check(options, comm)
+        return COMMANDS[options.command](options, comm)
     except InputError as error:
         _complain(str(error), comm)
         return BAD_INPUT
@@ -155,12 +156,16 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     solve = commands.add_parser("solve", help="compute the limit load of a scene")
     check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")
+    report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
+    report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
+    report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
     for command in (solve, check):
         command.add_argument("scene", type=Path, help="scene file (TOML)")
         command.add_argument(
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
             help="change a value of the scene file, e.g. joints.default.friction=0.5",
         )  # fmt: skip
+    for command in (solve, check, report):
         loud = command.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
@@ -242,3 +247,16 @@ def _check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     if comm.rank == 0 and not options.quiet:
         print("\n".join(lines))
     return 0
+
+
+def _report(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Write the page on a result that was written before."""
+    with raised_together(comm):
+        if comm.rank == 0:
+            target = write_report(options.folder, options.output)
+            if not options.quiet:
+                print(f"written to {target}")
+    return 0
+
+
+COMMANDS = {"solve": _solve, "check": _check, "report": _report}

@@ -6,8 +6,10 @@ import fcntl
 import inspect
 import logging
 import os
-from collections.abc import Iterator
+import platform
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,6 +24,17 @@ from petsc4py import PETSc
 
 #: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
 CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that results depend on, by name; "" if not known."""
+    packages = {"dolfinx": "fenics-dolfinx", "numpy": "numpy", "scipy": "scipy"}
+    found = {"python": platform.python_version()}
+    for name, package in packages.items():
+        found[name] = ""
+        with suppress(metadata.PackageNotFoundError):
+            found[name] = metadata.version(package)
+    return found | {"petsc": ".".join(map(str, PETSc.Sys.getVersion()))}
 
 
 def default_comm() -> MPI.Comm:
@@ -220,16 +233,19 @@ def interpolation_points(space: Any) -> Any:
     return points() if callable(points) else points
 
 
-def write_vtk(path: Path, functions: list[fem.Function]) -> None:
-    """Write functions of one mesh into one ParaView file (.pvd and its pieces), see `tidy_vtk`.
+def write_vtk(
+    path: Path, comm: MPI.Comm, steps: Iterable[tuple[float, list[fem.Function]]]
+) -> None:
+    """Write functions of one mesh at times into ParaView files, .pvd and pieces; see `tidy_vtk`.
 
     Raises:
         OSError: Perhaps, if a file cannot be made; dolfinx overlooks full disks.
     """
     complete = True
-    file = io.VTKFile(functions[0].function_space.mesh.comm, str(path), "w")
+    file = io.VTKFile(comm, str(path), "w")
     try:
-        file.write_function(functions, 0.0)
+        for time, functions in steps:
+            file.write_function(functions, time)
         file.close()
     except RuntimeError:
         complete = False
@@ -238,22 +254,35 @@ def write_vtk(path: Path, functions: list[fem.Function]) -> None:
         raise OSError(f"'{path.name}' is not complete, is there room?")
 
 
-def tidy_vtk(path: Path) -> None:
-    """Tidy what all ranks wrote by `write_vtk`, on one rank.
+def tidy_vtk(path: Path, numbers: Sequence[Mapping[str, float]]) -> None:
+    """Tidy what all ranks wrote by `write_vtk`, and add numbers of every time, on one rank.
+
+    The numbers become field data.
 
     Raises:
         OSError: If a file is not complete.
     """
     try:
-        for parallel in _files_of(path):
+        for parallel, named in zip(_files_of(path), numbers, strict=True):
             _tidy_pvtu(parallel)
             for piece in _files_of(parallel):
-                with piece.open("rb") as file:
-                    file.seek(-min(piece.stat().st_size, 20), 2)
-                    if not file.read().rstrip().endswith(b"</VTKFile>"):
-                        raise OSError(f"'{piece.name}' is not complete, is there room?")
+                _add_field_data(piece, named)
     except ElementTree.ParseError:
         raise OSError(f"'{path.name}' is not complete, is there room?") from None
+
+
+def _add_field_data(path: Path, numbers: Mapping[str, float]) -> None:
+    """Add numbers at the end of a .vtu file, in which order does not matter."""
+    form = '<DataArray type="Float64" Name="{}" NumberOfTuples="1" format="ascii">{!r}</DataArray>'
+    field = "".join(form.format(name, value) for name, value in numbers.items())
+    with path.open("r+b") as file:
+        file.seek(-min(path.stat().st_size, 80), 2)
+        start, end = file.tell(), file.read()
+        if not end.rstrip().endswith(b"</VTKFile>"):
+            raise OSError(f"'{path.name}' is not complete, is there room?")
+        file.seek(start + end.index(b"</UnstructuredGrid>"))
+        file.write(f"<FieldData>{field}</FieldData></UnstructuredGrid></VTKFile>\n".encode())
+        file.truncate()
 
 
 def _files_of(path: Path) -> list[Path]:

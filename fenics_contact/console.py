@@ -175,7 +175,8 @@ def _joint_lines(joints: Joints) -> list[str]:
 
 def _law_text(law: JointLaw) -> str:
     if law.law == "coulomb":
-        return f"Coulomb friction {law.friction:g}"
+        cohesion = f", cohesion {law.cohesion:g} Pa" if law.cohesion else ""
+        return f"Coulomb friction {law.friction:g}{cohesion}"
     if law.law == "tresca":
         return f"shear strength {law.bound:g} Pa"
     return "frictionless"

@@ -195,7 +195,7 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
 
 def polygons(
     outlines: Sequence[npt.ArrayLike],
-    size: float | None = None,
+    size: float | Sequence[float] | None = None,
     names: Sequence[str] | None = None,
     groups: Segments | None = None,
     quadrilaterals: bool = False,
@@ -203,11 +203,13 @@ def polygons(
     """Mesh straight-sided blocks given by their corners.
 
     Where a corner of one block lies on the side of another (a T-joint) that side gets a node
-    there, and shared stretches are divided alike, so that facets on both sides coincide.
+    there, and shared stretches are divided alike, so that facets on both sides coincide. With a
+    size for every block they are meshed one by one, and nodes of joints do not match.
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
-        size: Of elements; by default a quarter of the side of a square of the blocks' mean area.
+        size: Of elements, one for all or one for every block; by default a quarter of the side of
+            a square of the blocks' mean area.
         names: Two-dimensional group of every block; by default "blocks" for all.
         groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
             default, "base" is what lies at the lowest level of the drawing.
@@ -217,34 +219,39 @@ def polygons(
         InputError: If a block has fewer than three corners or no area, or a group no side.
     """
     blocks = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
-    if not blocks or (size is not None and size <= 0.0):
+    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
+    one_by_one = isinstance(size, Sequence)
+    if isinstance(size, Sequence) and len(size) != len(blocks):
+        raise InputError(f"polygons: {len(size)} sizes for {len(blocks)} blocks")
     names = ["blocks"] * len(blocks) if names is None else names
     if len(names) != len(blocks):
         raise InputError(f"polygons: {len(names)} names for {len(blocks)} blocks")
     size = size or 0.25 * float(np.sqrt(np.mean([_area(block) for block in blocks])))
+    sizes = np.broadcast_to(size, len(blocks))
     corners = np.concatenate(blocks)
     low, high = corners.min(axis=0), corners.max(axis=0)
     near = COINCIDENT * float(max(high - low))
     groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
-    with gmsh_session(MeshSizeMax=size, **halved) as gmsh:
+    with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        blocks = [_with_t_joints(block, corners, near) for block in blocks]
-        _draw(model, blocks, names, groups, size, near)
+        if not one_by_one:
+            blocks = [_with_t_joints(block, corners, near) for block in blocks]
+        _draw(model, blocks, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
 
 
 def _draw(
-    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, size: float, near: float
+    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, sizes: Array, near: float
 ) -> None:
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
     geo = model.geo
     surfaces: dict[str, list[int]] = {name: [] for name in names}
     on_group: dict[str, list[int]] = {name: [] for name in groups}
-    for block, block_name in zip(blocks, names, strict=True):
+    for block, block_name, size in zip(blocks, names, sizes, strict=True):
         points, ends = [geo.addPoint(x, y, 0.0) for x, y in block], np.roll(block, -1, axis=0)
         lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
         for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):

@@ -17,8 +17,10 @@ Indices = npt.NDArray[np.int64]
 SIZES = 1e-9, 1e9
 #: Area of a cell below which it has none, over its longest side squared.
 FLAT = 1e-10
-#: Blocks may reach into each other by this fraction of a cell: nodes of joints match to 1e-4.
-PENETRATION = 5e-4
+#: Blocks may reach into each other by this fraction of a cell: at joints they do by 1e-3.
+PENETRATION = 2e-3
+#: Normals that differ by less than this angle are those of one (curved) boundary.
+SMOOTH_ANGLE = np.radians(15.0)
 #: Cells that are compared with others at a time, which bounds the memory.
 PORTION = 20_000
 
@@ -96,6 +98,7 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
 
     Cells of two bodies overlap if no side of either separates them. Where the outlines of two
     bodies meet, cells at the outlines overlap; else one body lies inside the other, with all cells.
+    Along a curved joint facets of unlike length overlap by the heights of their arcs.
 
     Args:
         points: Coordinates, m, shape (points, 2).
@@ -109,12 +112,12 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
     corners = points[cells]
     size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    outer = _at_outline(cells, len(points))
+    outer, height = _outline(points, cells)
     rim, inside = np.flatnonzero(outer), np.flatnonzero(~outer)
     _, one_of_each = np.unique(body[rim], return_index=True)
     for some, others in ((rim, rim), (rim[one_of_each], inside)):
-        for one, two in _near(corners.mean(axis=1), size, some, others):
-            allowed = PENETRATION * np.minimum(size[one], size[two])
+        for one, two in near_pairs(corners.mean(axis=1), size, some, others):
+            allowed = PENETRATION * np.minimum(size[one], size[two]) + height[one] + height[two]
             common = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])
             keep = (body[one] != body[two]) & np.all(common > allowed[:, None], axis=1)
             one, two, allowed = one[keep], two[keep], allowed[keep]
@@ -125,28 +128,56 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
                 raise InputError(f"{source}: {place}; draw them side by side")
 
 
-def _at_outline(cells: Indices, points: int) -> npt.NDArray[np.bool_]:
-    """Which cells have a node at the outline of their body."""
+def _outline(points: Array, cells: Indices) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Which cells have a node at the outline of their body, and the heights of their arcs, m."""
     ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends = np.sort(ends, axis=1)
+    ordered = np.sort(ends, axis=1)
     _, side, count = np.unique(
-        ends[:, 0] * points + ends[:, 1], return_inverse=True, return_counts=True
+        ordered[:, 0] * len(points) + ordered[:, 1], return_inverse=True, return_counts=True
     )
-    outside = np.zeros(points, dtype=bool)
-    outside[ends[count[side.ravel()] == 1]] = True
-    return outside[cells].any(axis=1)
+    free = np.flatnonzero(count[side.ravel()] == 1)
+    outside = np.zeros(len(points), dtype=bool)
+    outside[ends[free]] = True
+    along = points[ends[free, 1]] - points[ends[free, 0]]
+    length = np.linalg.norm(along, axis=1)
+    height = np.zeros(len(ends))
+    height[free] = sagittas(ends[free], along / length[:, None], length)
+    return outside[cells].any(axis=1), height.reshape(cells.shape).max(axis=1)
 
 
-def _near(
+def sagittas(nodes: Indices, direction: Array, length: Array) -> Array:
+    """Bounds on the heights of the arcs that facets are chords of, m, shape (facets,).
+
+    A chord that turns by the angle a from the next one of like length has the height L a / 8. Twice
+    that is returned, as lengths may differ; zero beside corners and on straight sides.
+
+    Args:
+        nodes: Ends of the facets, shape (facets, 2).
+        direction: Their unit normals or tangents, all to one side, shape (facets, 2).
+        length: m.
+    """
+    _, place = np.unique(nodes, return_inverse=True)
+    place = place.reshape(nodes.shape)
+    total, count = np.zeros((place.max(initial=-1) + 1, 2)), np.bincount(place.ravel())
+    for end in place.T:
+        np.add.at(total, end, direction)
+    turn = np.arccos(np.clip(0.5 * np.sum(total**2, axis=1) - 1.0, -1.0, 1.0))
+    turn[(turn > SMOOTH_ANGLE) | (count != 2)] = 0.0
+    return 0.25 * length * turn[place].max(axis=1, initial=0.0)
+
+
+def near_pairs(
     centre: Array, size: Array, some: Indices, others: Indices
 ) -> Iterator[tuple[Indices, Indices]]:
-    """Pairs of cells whose circles meet, in portions.
+    """Pairs of cells or facets whose circles of a size about a centre meet, in portions.
 
-    Cells are sorted into classes of half the size, so that small ones do not find all small ones
+    They are sorted into classes of half the size, so that small ones do not find all small ones
     within the reach of a large one.
     """
     from scipy.spatial import cKDTree
 
+    if not len(some) or not len(others):
+        return
     level = np.floor(np.log2(size / size.max())).astype(int)
     trees = []
     for k in np.unique(level[others]):

@@ -25,6 +25,7 @@ CHOICES = {
     "control": ("work", "load"),
     "slip": ("stress-free", "load-steps"),
     "states": ("first", "lowest"),
+    "formats": ("png", "svg", "pdf"),
 }
 
 #: Characters that a title can have.
@@ -46,6 +47,13 @@ def _require_choice(name: str, value: str, kind: str = "") -> None:
 def _require_not_negative(name: str, value: float) -> None:
     _require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
     _require_size(name, value)
+
+
+def _require_pair(name: str, value: Sequence[float]) -> None:
+    good = len(value) == 2 and all(map(math.isfinite, value))
+    _require(good, f"{name} = {list(value)} must be two finite numbers")
+    for component in value:
+        _require_size(name, component)
 
 
 def _require_size(name: str, value: float) -> None:
@@ -82,14 +90,17 @@ class JointLaw:
     """What a joint carries besides pressure.
 
     Attributes:
-        law: "coulomb" (shear up to friction x pressure), "tresca" (up to a bound), "frictionless".
+        law: "coulomb" (shear up to cohesion + friction x pressure), "tresca" (up to a bound),
+            "frictionless".
         friction: Coefficient of friction, for "coulomb".
         bound: Shear strength, Pa, for "tresca".
+        cohesion: Shear strength without pressure, Pa, for "coulomb".
     """
 
     law: str = "coulomb"
     friction: float | None = None
     bound: float | None = None
+    cohesion: float = 0.0
 
     def __post_init__(self) -> None:
         _require_choice("law", self.law)
@@ -98,29 +109,95 @@ class JointLaw:
             _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
+        _require_not_negative("cohesion", self.cohesion)
+        cohesive = self.law == "coulomb" or self.cohesion == 0.0
+        _require(cohesive, f"law '{self.law}' takes no cohesion")
+
+
+@dataclass(frozen=True)
+class EdgeForce:
+    """A force at a place of the structure's outside, wherever nodes are.
+
+    Attributes:
+        force: N per metre of thickness.
+        x: Place, m.
+        y: Place, m; where left out, the highest edge above or below `x` that looks up.
+        width: The force is spread evenly over so much of the edge, m; 0 for a point.
+    """
+
+    force: tuple[float, float]
+    x: float
+    y: float | None = None
+    width: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_pair("force", self.force)
+        for name, value in (("x", self.x), ("y", self.y or 0.0)):
+            _require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
+        _require_not_negative("width", self.width)
+
+
+@dataclass(frozen=True)
+class EarthPressure:
+    """Pressure of soil or water that grows with depth, with the shear of a rough wall.
+
+    The pressure at height y is coefficient x (surcharge + unit_weight (level - y)), against the
+    edge; below `level` only.
+
+    Attributes:
+        level: Height of the surface of the soil or water, m.
+        unit_weight: N/m3.
+        coefficient: Of lateral pressure, for example Rankine's tan^2(45 deg - phi / 2); 1 for
+            water.
+        surcharge: Vertical pressure on the surface, Pa.
+        wall_friction: Angle between the force and the normal, degrees; soil that settles pulls
+            the edge down.
+    """
+
+    level: float
+    unit_weight: float
+    coefficient: float = 1.0
+    surcharge: float = 0.0
+    wall_friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(math.isfinite(self.level), f"level = {self.level} must be a finite number (m)")
+        for name in ("unit_weight", "coefficient", "surcharge"):
+            _require_not_negative(name, getattr(self, name))
+        angle = self.wall_friction
+        _require(abs(angle) < 90.0, f"wall_friction = {angle} must lie between -90 and 90 degrees")
 
 
 @dataclass(frozen=True)
 class Load:
-    """A body force and tractions.
+    """A body force, tractions, forces at places and earth pressure.
 
     Attributes:
         body: Acceleration, m/s2, times density.
         traction: Force per area, Pa, by name of a one-dimensional group.
+        tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table.
+        force: Forces at places, by any name.
+        earth: Earth pressure by name of a one-dimensional group.
     """
 
     body: tuple[float, float] = (0.0, 0.0)
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tilt: float = 0.0
+    force: Mapping[str, EdgeForce] = field(default_factory=dict)
+    earth: Mapping[str, EarthPressure] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         tractions = {f"traction.{name}": value for name, value in self.traction.items()}
         for name, value in {"body": self.body, **tractions}.items():
-            _require(
-                len(value) == 2 and all(map(math.isfinite, value)),
-                f"{name} = {list(value)} must be two finite numbers",
-            )
-            for component in value:
-                _require_size(name, component)
+            _require_pair(name, value)
+        _require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
+
+    @property
+    def acceleration(self) -> tuple[float, float]:
+        """The body force per mass, tilted, m/s2."""
+        (x, y), angle = self.body, math.radians(self.tilt)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return (x * cosine - y * sine, x * sine + y * cosine) if self.tilt else self.body
 
 
 @dataclass(frozen=True)
@@ -163,15 +240,22 @@ class OutputOptions:
 
     Attributes:
         paraview: ParaView files of fields and joints.
-        pictures: collapse.png, and capacity.png where there is a curve.
+        pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
+        formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
+        report: report.html, all of the result on one page.
     """
 
     paraview: bool = True
     pictures: bool = True
+    formats: tuple[str, ...] = ("png",)
     capacity: int = 0
+    report: bool = False
 
     def __post_init__(self) -> None:
+        for name in self.formats:
+            _require_choice("formats", name)
+        _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -259,8 +343,11 @@ class Scene(_Shared):
 
     def material(self, groups: Iterable[str]) -> Material:
         """Material of the cells in a set of groups."""
-        named = sorted(set(groups) & set(self.materials))
-        return self.materials[named[0] if named else "default"]
+        return self.materials[self.material_name(groups)]
+
+    def material_name(self, groups: Iterable[str]) -> str:
+        """Name of the material of the cells in a set of groups."""
+        return min(set(groups) & set(self.materials), default="default")
 
     def _check_names(self) -> None:
         source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names
@@ -271,6 +358,8 @@ class Scene(_Shared):
             ("supports", self.supports, facets, "one"),
             ("loads.dead.traction", self.dead.traction, facets, "one"),
             ("loads.live.traction", self.live.traction, facets, "one"),
+            ("loads.dead.earth", self.dead.earth, facets, "one"),
+            ("loads.live.earth", self.live.earth, facets, "one"),
         ):
             for name in sorted(set(names) - set(known)):
                 raise InputError(

@@ -77,8 +77,9 @@ def _check_depth(tables: Any, source: str) -> None:
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
     """A dataclass from a TOML table; `key` is the table's name, empty for a whole file.
 
-    A field is read by its type: a number, string, flag, pair of numbers, another dataclass, or a
-    mapping of names to any of these. A dataclass with a default may be left out like its fields.
+    A field is read by its type: a number, string, flag, pair of numbers, list of strings, another
+    dataclass, or a mapping of names to any of these. A dataclass with a default may be left out
+    like its fields.
 
     Raises:
         InputError: If a key is unknown or missing, or a value is wrong for its type or dataclass.
@@ -115,6 +116,10 @@ def _value(key: str, value: Any, kind: Any) -> Any:
         return {n: _value(f"{key}.{n}", item, inner) for n, item in _as_table(key, value).items()}
     if kind is float:
         return _number(key, value)
+    if get_origin(kind) is tuple and get_args(kind)[0] is str:
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise InputError(f"{key} = {_shown(value)} must be a list of strings")
+        return tuple(value)
     if get_origin(kind) is tuple:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
             raise InputError(f"{key} = {_shown(value)} must be two numbers, [x, y]")

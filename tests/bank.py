@@ -69,6 +69,7 @@ class Variant:
         degree: Of the displacements.
         quadrilaterals: Quadrilateral cells in place of triangles.
         shaken: Move nodes, but no side of a block, at random; None leaves them.
+        one_by_one: Mesh every block by itself, with sizes drawn from this seed; None leaves them.
         plane: "strain" or "stress".
         poisson: Poisson's ratio; None leaves it.
     """
@@ -82,6 +83,7 @@ class Variant:
     degree: int = 1
     quadrilaterals: bool = False
     shaken: int | None = None
+    one_by_one: int | None = None
     plane: str = "strain"
     poisson: float | None = None
 
@@ -93,6 +95,7 @@ class Variant:
     def drawing(self, drawn: Drawing) -> Drawing:
         """Nodes and numbers."""
         drawn = drawn if self.shaken is None else drawn.shaken(self.shaken)
+        drawn = drawn if self.one_by_one is None else drawn.one_by_one(self.one_by_one)
         points = turned(drawn.points, self.angle) / self.length
         if self.mirrored:
             points = points * [-1.0, 1.0]

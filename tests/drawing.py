@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.mesh import GmshMesh
-from fenics_contact.meshing import model_from_arrays
+from fenics_contact.meshing import model_from_arrays, polygons
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -100,6 +100,51 @@ class Drawing:
         """Every second block in the group "odd", the others in "even"."""
         table, odd = np.concatenate(list(self.cells.values())), self.bodies() % 2 == 1
         return replace(self, cells={"odd": table[odd], "even": table[~odd]})
+
+    def one_by_one(self, seed: int) -> Drawing:
+        """Every block drawn by its corners and meshed by itself, with a size of its own."""
+        table = np.concatenate(list(self.cells.values()))
+        names = [name for name, cells in self.cells.items() for _ in cells]
+        groups: dict[tuple[int, int], frozenset[str]] = {}
+        for name, facets in self.facets.items():
+            for a, b in np.sort(facets, axis=1).tolist():
+                groups[a, b] = groups.get((a, b), frozenset()) | {name}
+        random, bodies = np.random.default_rng(seed), self.bodies()
+        outlines, sizes, of_block = [], [], []
+        segments: dict[str, list[tuple[Array, Array]]] = {name: [] for name in self.facets}
+        for body in range(bodies.max() + 1):
+            cells = np.flatnonzero(bodies == body)
+            corners, sets, length = self._outline(table[cells], groups)
+            outlines.append(corners)
+            of_block.append(names[cells[0]])
+            sizes.append(length * random.uniform(0.7, 1.4))
+            for start, end, names_here in zip(corners, np.roll(corners, -1, 0), sets, strict=True):
+                for name in names_here:
+                    segments[name].append((start, end))
+        quads = table.shape[1] == 4
+        return Drawing.of(polygons(outlines, sizes, of_block, segments, quads))
+
+    def _outline(
+        self, cells: Indices, groups: dict[tuple[int, int], frozenset[str]]
+    ) -> tuple[Array, list[frozenset[str]], float]:
+        """Corners of a block, also where groups begin; groups of the sides; mean facet length."""
+        edges = np.concatenate([np.roll(cells, -a, axis=1)[:, :2] for a in range(cells.shape[1])])
+        seen = {tuple(edge) for edge in edges.tolist()}
+        following = dict(edge for edge in seen if edge[::-1] not in seen)
+        loop = [next(iter(following))]
+        while following[loop[-1]] != loop[0]:
+            loop.append(following[loop[-1]])
+        points = self.points[loop]
+        along = np.roll(points, -1, axis=0) - points
+        length = np.linalg.norm(along, axis=1)
+        sets = [
+            groups.get((min(a, b), max(a, b)), frozenset())
+            for a, b in zip(loop, [*loop[1:], loop[0]], strict=True)
+        ]
+        unit = along / length[:, None]
+        turns = np.abs(np.cross(np.roll(unit, 1, axis=0), unit)) > 1e-9
+        kept = [k for k in range(len(loop)) if turns[k] or sets[k] != sets[k - 1]]
+        return points[kept], [sets[k] for k in kept], float(length.mean())
 
     def shaken(self, seed: int) -> Drawing:
         """Nodes moved at random by up to a quarter of the shortest side of a cell.

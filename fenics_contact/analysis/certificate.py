@@ -90,9 +90,15 @@ class Certificate:
     tolerance: float = 0.0
 
     @property
+    def tolerances(self) -> dict[str, float]:
+        """What the residuals may be, by name."""
+        allowed = {**TOLERANCES, "limit": max(TOLERANCES["limit"], self.tolerance)}
+        return {name: allowed[name] for name in self.residuals}
+
+    @property
     def failures(self) -> dict[str, float]:
         """Residuals above their tolerance, or not finite."""
-        allowed = {**TOLERANCES, "limit": max(TOLERANCES["limit"], self.tolerance)}
+        allowed = self.tolerances
         return {name: value for name, value in self.residuals.items() if not value <= allowed[name]}
 
     @property

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from fenics_contact.solvers.problem import Array
 from fenics_contact.solvers.splitting import SplittingHistory
 
 
@@ -61,11 +62,13 @@ class LoadStep:
         load_factor: lambda.
         displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
         work: T = f_L.u, N m per metre of thickness.
+        motion: u, this rank's part in the supports' coordinates, m; None if it was not kept.
     """
 
     load_factor: float
     displacement: float
     work: float
+    motion: Array | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import SolveOptions
-from fenics_contact.solvers.problem import Array, State
+from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -117,11 +117,33 @@ def _against_the_live_load(
     return replace(found, program=climb.case.blocks.bounds)
 
 
+@dataclass(frozen=True)
+class Reached:
+    """A state of equilibrium, and the structure with the origin of slip at which it was found."""
+
+    problem: ContactProblem
+    state: State
+
+
+def raise_load_to(
+    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
+) -> Reached:
+    """State of equilibrium at a load factor >= 0, reached in equal steps from the dead load.
+
+    Raises:
+        SolverError: If none is found there, or none on the way.
+    """
+    climb = _Climb(case, strategy, options, np.inf, None)
+    climb.run_to(load_factor, steps)
+    return Reached(climb.problem, climb.state)
+
+
 class _Climb:
     """States at rising load factors.
 
     Attributes:
         case: The load case, with the origin of slip.
+        problem: The structure as it was when the last state was found.
         state: The last state of equilibrium.
         direction: Displacements of the last step, f_L.v = 1; None with less than two states.
         steps: States of equilibrium.
@@ -141,7 +163,7 @@ class _Climb:
         self._unit = case.problem.sum(np.abs(case.problem.live))
         none = np.zeros_like(case.first_pressure)
         bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
-        self.state = start or bonded
+        self.state, self.problem = start or bonded, case.problem
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
         self.lower, self.failed = 0.0, np.inf
@@ -175,6 +197,28 @@ class _Climb:
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
 
+    def run_to(self, load_factor: float, steps: int) -> None:
+        """Raise the load factor to a given one; steps are halved where no equilibrium is found.
+
+        Raises:
+            SolverError: If no equilibrium is found there, or none on the way.
+        """
+        loaded = self.case.problem.max(np.abs(self.case.problem.dead)) > 0.0
+        if loaded and not self._reached(0.0):
+            raise SolverError("no equilibrium was found under the dead load")
+        step, least = load_factor / steps, OPTIONS.width * load_factor / steps
+        while self.lower < load_factor:
+            target = min(self.lower + step, load_factor)
+            # Equal steps end at the load factor, but for rounding.
+            target = load_factor if load_factor - target < least else target
+            if self._reached(target):
+                self.lower = target
+            elif step > least:
+                step *= 0.5
+            else:
+                where = f"up to a load factor of {self.lower:.6g}, not at {target:.6g}"
+                raise SolverError(f"equilibrium was found {where}")
+
     def _reached(self, target: float) -> bool:
         """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
         case, before = self.case, self.state
@@ -188,16 +232,23 @@ class _Climb:
             return False
         if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
             return False
-        self.steps.append(LoadStep(target, state.work / self._unit, state.work))
+        motion = _kept(case, state)
+        self.steps.append(LoadStep(target, state.work / self._unit, state.work, motion))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
             self.direction = (state.displacement - before.displacement) / moved
-        self.state = state
+        self.state, self.problem = state, case.problem
         if self._options.slip == "load-steps":
             origin = case.problem.tangential @ state.displacement
             self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
         return True
+
+
+def _kept(case: LoadCase, state: State) -> Array | None:
+    """Displacements of a state, where ParaView files of a capacity curve are asked for."""
+    output = case.discretization.scene.output
+    return state.displacement if output.paraview and output.capacity else None
 
 
 def capacity_curve(
@@ -223,6 +274,7 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work))
+        motion = _kept(case, state)
+        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work, motion))
         monitor(number, points, curve[-1])
     return curve

@@ -17,7 +17,9 @@ def skipped(scene: Scene) -> tuple[str, ...]:
     other = "positive" if direction == "negative" else "negative"
     reasons = {
         f"{FIXED_POINT}: no joint has Coulomb friction": not any(law.friction for law in laws),
-        "shear forces: no joint has friction": not any(law.friction or law.bound for law in laws),
+        "shear forces: no joint has friction": not any(
+            law.friction or law.bound or law.cohesion for law in laws
+        ),
         "dead tractions: none given": not scene.dead.traction,
         "dead body force: none given": not any(scene.dead.body),
         "live tractions: none given": not scene.live.traction,

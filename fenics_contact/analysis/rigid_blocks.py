@@ -110,14 +110,16 @@ class LimitBounds:
         """The bounds in the opposite sign of the live load."""
         return LimitBounds(*(None if b is None else -b + 0.0 for b in (self.upper, self.lower)))
 
-    def __str__(self) -> str:
-        if self.lower is None and self.upper is None:
-            return "with unknown bounds"
+    def told(self, number: Callable[[float], str]) -> str:
+        """The bounds in words, with a form for numbers."""
         if self.lower is None:
-            return f"at most {self.upper:.6g}"
+            return "with unknown bounds" if self.upper is None else f"at most {number(self.upper)}"
         if self.upper is None:
-            return f"at least {self.lower:.6g}"
-        return f"between {self.lower:.6g} and {self.upper:.6g}"
+            return f"at least {number(self.lower)}"
+        return f"between {number(self.lower)} and {number(self.upper)}"
+
+    def __str__(self) -> str:
+        return self.told("{:.6g}".format)
 
 
 @dataclass(frozen=True)

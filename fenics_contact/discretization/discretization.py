@@ -82,7 +82,7 @@ class Discretization:
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
-        self.warnings = doubts(scene, self.boundary)
+        self.warnings = doubts(scene, self.boundary, self.joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
         resultants = made.dead_resultant, made.live_resultant

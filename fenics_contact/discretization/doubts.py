@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.pairing import facing_facets
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Material, Scene
@@ -22,14 +23,18 @@ class Usual:
         friction: Largest coefficient of friction; that of brick and stone is 0.3 to 0.9.
         young: Smallest Young's modulus, Pa; that of soft brickwork is 1e8.
         poisson: Largest Poisson's ratio; closer to 0.5, linear cells lock in plane strain.
+        offset: Largest gap of a joint as a fraction of the longest facet: rounding in files.
     """
 
     friction: float = 2.0
     young: float = 1e6
     poisson: float = 0.49
+    offset: float = 1e-6
 
 
-def doubts(scene: Scene, boundary: Boundary, usual: Usual | None = None) -> tuple[str, ...]:
+def doubts(
+    scene: Scene, boundary: Boundary, joints: Joints, usual: Usual | None = None
+) -> tuple[str, ...]:
     """Warnings on a scene, for people; the same on all ranks. Collective."""
     usual = usual or Usual()
     return (
@@ -39,6 +44,7 @@ def doubts(scene: Scene, boundary: Boundary, usual: Usual | None = None) -> tupl
         *_of_laws("foundations", scene.foundations, usual),
         *_of_weights(scene),
         *_of_tractions(scene, boundary),
+        *_of_gaps(boundary, joints, usual),
     )
 
 
@@ -88,7 +94,7 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
     if not scene.dead.traction and not scene.live.traction:
         return
     facing = np.zeros(len(boundary.length), dtype=bool)
-    facing[facing_facets(boundary)] = True
+    facing[facing_facets(boundary, scene.mesh.source).facets] = True
     for kind, load in (("dead", scene.dead), ("live", scene.live)):
         for name in load.traction:
             if inside := np.count_nonzero(boundary.in_group(name) & facing):
@@ -96,3 +102,12 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
                     f"loads.{kind}.traction.{name} also acts on {inside} facets in joints, on one"
                     " of the two blocks"
                 )
+
+
+def _of_gaps(boundary: Boundary, joints: Joints, usual: Usual) -> Iterator[str]:
+    """Gaps and overlaps that are taken for closed joints."""
+    if joints.offset > usual.offset * boundary.length.max():
+        yield (
+            f"joints have gaps or overlaps up to {joints.offset:.3g} m in the drawing; they are"
+            " taken for closed"
+        )

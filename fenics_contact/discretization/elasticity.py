@@ -14,9 +14,10 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.loads import nodal_forces
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Load, Material, Scene
+from fenics_contact.scene import Material, Scene
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     """Assemble K, f_D and f_L of a scene on its displacement space.
 
     Raises:
-        InputError: If a traction acts inside a block.
+        InputError: If a load does not fit the mesh.
     """
     nodes = space.dofmap.index_map
     position = space.tabulate_dof_coordinates()[:, :2]
@@ -71,8 +72,8 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     arm = position - centre[body]
     density = _material_field(scene, lambda material: material.density)
     loads, resultants = [], []
-    for load in (scene.dead, scene.live):
-        force = _load(scene, space, boundary, load, density)
+    for kind in ("dead", "live"):
+        force = nodal_forces(scene, space, boundary, kind, density)
         x, y = force.reshape(-1, 2).T
         resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
         loads.append(supports.constrain_vector(force, nodes.local_range[0]))
@@ -102,19 +103,6 @@ def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Fun
     """A value of the materials, constant by cell."""
     values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
     return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
-
-
-def _load(scene: Scene, space: Any, boundary: Boundary, load: Load, density: fem.Function) -> Array:
-    """Nodal forces of a load, this rank's part."""
-    forces = fem.Function(space)
-    fem.assemble_vector(forces.x.array, forms.body_load(space, density, load.body))
-    for name, traction in load.traction.items():
-        if name in boundary.interior:
-            boundary.role([name])  # raises: a traction acts on the outside of a block
-        facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
-        fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
-    compat.add_ghosts(forces.x)
-    return forces.x.array[: 2 * space.dofmap.index_map.size_local].copy()
 
 
 def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:

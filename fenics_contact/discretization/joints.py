@@ -1,8 +1,8 @@
 """Joint points, at which blocks exchange forces, and their opening and slip B_N u and B_T u.
 
-A joint is where facets of two blocks coincide, a joint point a pair of nodes there, or a node on
-rigid ground. With n the unit normal from the first side to the second and t = n turned by 90
-degrees anticlockwise,
+A joint is where facets of two blocks touch, a joint point a pair of nodes there, or a node on rigid
+ground; where nodes do not match, what `mortar` says. With n the unit normal from the first side to
+the second and t = n turned by 90 degrees anticlockwise,
 
     w_N = n . (u_second - u_first) >= 0   opening,      w_T = t . (u_second - u_first)   slip;
 
@@ -19,13 +19,21 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.pairing import distances_of_ends, joint_facets
-from fenics_contact.discretization.supports import SMOOTH_ANGLE, Supports
+from fenics_contact.discretization.mortar import (
+    NODES,
+    SHARES,
+    Pieces,
+    Stencil,
+    lagrange,
+    pieces_of,
+    stencil_of,
+    with_ground,
+)
+from fenics_contact.discretization.pairing import INSIDE, foundation_facets, joint_stretches
+from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, Indices, Labels
+from fenics_contact.planar_cells import SMOOTH_ANGLE
 from fenics_contact.scene import JointLaw, Scene
-
-#: Weights of a facet's nodes relative to each other, by number of nodes.
-NODAL_WEIGHTS = {2: (1, 1), 3: (1, 1, 4)}
 
 
 @dataclass(frozen=True)
@@ -33,15 +41,18 @@ class Joints:
     """Joint points and the facets between them; the same on all ranks.
 
     Attributes:
-        nodes: Nodes of the first and second side, `GROUND` for rigid ground, shape (points, 2).
-        bodies: Their bodies, likewise.
+        nodes: Nodes of the first and second side at the point, -1 where none is there: on rigid
+            ground, and inside a facet; shape (points, 2).
+        bodies: Bodies of both sides, `GROUND` for rigid ground, shape (points, 2).
         position: m, shape (points, 2).
         normal: Unit normal from first to second side, shape (points, 2).
         length: Length of joint that belongs to the point, m, shape (points,).
         law: Law of every point as an index into `laws`.
         laws: Those of the scene's joints, then of its foundations.
         names: Their groups.
-        segments: Joint points at the ends of every facet of a joint, shape (facets, 2).
+        segments: Pairs of neighbouring points along a joint, shape (segments, 2).
+        stencil: How displacements of nodes give those of both sides at the points.
+        offset: Largest gap or overlap of the blocks that is taken for closed, m.
     """
 
     nodes: Indices
@@ -53,6 +64,8 @@ class Joints:
     laws: tuple[JointLaw, ...]
     names: tuple[str, ...]
     segments: Indices
+    stencil: Stencil
+    offset: float = 0.0
 
     @property
     def tangent(self) -> Array:
@@ -66,8 +79,8 @@ class Joints:
 
     @property
     def shear_strength(self) -> Array:
-        """Given bound on the shear force at every point, N/m; 0 where the law is not Tresca's."""
-        return np.array([law.bound or 0.0 for law in self.laws])[self.law] * self.length
+        """Shear force that every point carries without pressure, N/m: Tresca's bound, cohesion."""
+        return np.array([law.bound or law.cohesion for law in self.laws])[self.law] * self.length
 
 
 @dataclass(frozen=True)
@@ -79,8 +92,9 @@ class JointOperators:
         tangential: B_T.
         points: Joint point of every row.
         sides: Bodies of both sides, `GROUND` for rigid ground, shape (rows, 2).
-        dofs: Global dofs, first side then second, -1 for none, shape (rows, 4).
-        normal_rows: Coefficients of B_N on those dofs, shape (rows, 4).
+        dofs: Global dofs, half of them of either side, first side first, -1 for none, shape
+            (rows, 4 times most nodes of a side).
+        normal_rows: Coefficients of B_N on those dofs, likewise.
         tangential_rows: Those of B_T.
     """
 
@@ -97,52 +111,61 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     """Points of all joints and foundations.
 
     Raises:
-        InputError: As `joint_facets` says.
+        InputError: As `joint_stretches` says.
     """
-    (first, second), law = joint_facets(scene, boundary)
-    ground = first == GROUND
-    base = np.where(ground, second, first)  # gives the order of the nodes
-    per_facet = boundary.nodes.shape[1]
-    # Nodes of the second side in the order of the first's, shape (facets, nodes of a facet, 2).
-    straight, crossed = (d.sum(axis=1) for d in distances_of_ends(boundary, base, second))
-    order = np.where((crossed < straight)[:, None], [1, 0, 2], [0, 1, 2])[:, :per_facet]
-    ours = np.where(ground[:, None], GROUND, boundary.nodes[base])
-    nodes = np.stack([ours, np.take_along_axis(boundary.nodes[second], order, axis=1)], axis=2)
-    normal = np.where(ground, -1.0, 1.0)[:, None] * boundary.normal[base]
-    facet, rows, point = _merge(nodes, law, normal)
-    share = np.array(NODAL_WEIGHTS[per_facet]) / sum(NODAL_WEIGHTS[per_facet])
-    weight = np.outer(boundary.length[base], share).ravel()
-    columns = (weight, *(weight[:, None] * normal[facet]).T)
+    stretches, law = joint_stretches(scene, boundary)
+    facets, ground_law = foundation_facets(scene, boundary)
+    pieces = pieces_of(boundary, stretches, law)
+    pieces = with_ground(boundary, pieces, facets, len(scene.joints) + ground_law)
+    per_piece = pieces.nodes.shape[2]
+    piece, rows, point = _merge(boundary, pieces)
+    extent = pieces.span[:, 1] - pieces.span[:, 0]
+    share = SHARES[per_piece] * (boundary.length[pieces.facet] * extent)[:, None]
+    weight = share.ravel()
+    columns = (weight, *(weight[:, None] * pieces.normal[piece]).T)
     length, *mean = (np.bincount(point, column, len(rows)).astype(float) for column in columns)
-    ours = np.where(ground, GROUND, boundary.body[first])
+    places = pieces.span[:, :1] + extent[:, None] * NODES[per_piece]
+    position = lagrange(places, per_piece) @ boundary.points[pieces.facet]
+    first = np.take_along_axis(pieces.nodes, pieces.side[None, :, None], axis=0)[0]
+    second = np.take_along_axis(pieces.nodes, 1 - pieces.side[None, :, None], axis=0)[0]
+    point = point.reshape(-1, per_piece)
     return Joints(
-        nodes=nodes.reshape(-1, 2)[rows],
-        bodies=np.column_stack([ours, boundary.body[second]])[facet[rows]],
-        position=boundary.points[base].reshape(-1, 2)[rows],
+        nodes=np.column_stack([first.ravel(), second.ravel()])[rows],
+        bodies=pieces.bodies[piece[rows]],
+        position=position.reshape(-1, 2)[rows],
         normal=np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None],
         length=length,
-        law=law[facet[rows]],
+        law=pieces.law[piece[rows]],
         laws=(*scene.joints.values(), *scene.foundations.values()),
         names=(*scene.joints, *scene.foundations),
-        segments=point.reshape(-1, per_facet)[:, :2],
+        segments=point if per_piece == 2 else point[:, [0, 2, 2, 1]].reshape(-1, 2),
+        stencil=stencil_of(boundary, pieces, point),
+        offset=float(np.abs(stretches.offset).max(initial=0.0)),
     )
 
 
-def _merge(nodes: Indices, law: Indices, normal: Array) -> tuple[Indices, Indices, Indices]:
-    """Facet of every node of a facet, first node of every joint point, joint point of every node.
+def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:
+    """Piece of every place, first place of every joint point, joint point of every place.
 
-    There is one point per node pair, law and direction, in order of appearance.
+    Places of a piece are one joint point where they have the slave's node or facet, the node
+    opposite, the body opposite, law and direction in common; points are in order of appearance.
     """
-    facet = np.repeat(np.arange(len(law)), nodes.shape[1])
-    keys = np.column_stack([nodes.reshape(-1, 2), law[facet]])
-    keys = np.column_stack([keys, _direction(keys, normal[facet])])
+    count = pieces.nodes.shape[2]
+    piece = np.repeat(np.arange(len(pieces.law)), count)
+    slave, other = pieces.nodes.reshape(2, -1)
+    most = int(boundary.nodes.max(initial=0)) + 1
+    slave = np.where(slave == INSIDE, most + pieces.facet[piece], slave)
+    mid = np.flatnonzero((slave >= most) & (np.arange(len(slave)) % count == 2))
+    slave[mid] = most + len(boundary.length) + mid
+    keys = np.column_stack([slave, other, pieces.bodies[piece], pieces.law[piece]])
+    keys = np.column_stack([keys, _direction(keys, pieces.normal[piece])])
     _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(rows)
-    return facet, rows[order], np.argsort(order)[point.ravel()]
+    return piece, rows[order], np.argsort(order)[point.ravel()]
 
 
 def _direction(keys: Indices, normal: Array) -> Indices:
-    """0, or 1 where the joint kinks at a node pair and this facet comes second."""
+    """0, or 1 where the joint kinks at a point and this piece comes second."""
     order = np.lexsort(keys.T[::-1])
     one, two = order[:-1], order[1:]
     kink = np.sum(normal[one] * normal[two], axis=1) < np.cos(SMOOTH_ANGLE)
@@ -154,17 +177,19 @@ def _direction(keys: Indices, normal: Array) -> Indices:
 def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) -> JointOperators:
     """Build B_N and B_T in the supports' coordinates, on the layout of the stiffness.
 
-    A point's row lives on the rank that owns its second node.
+    A point's row lives on the rank that owns the first node of its second side.
     """
     start, end = stiffness.getOwnershipRange()
-    points = np.flatnonzero((joints.nodes[:, 1] >= start // 2) & (joints.nodes[:, 1] < end // 2))
-    nodes = joints.nodes[points]
-    dofs = (2 * nodes[:, :, None] + np.arange(2)).reshape(-1, 4)
-    dofs[np.repeat(nodes == GROUND, 2, axis=1)] = -1
-    directions = np.stack([supports.free_directions(nodes[:, side]) for side in (0, 1)], axis=1)
-    sign = np.where(nodes == GROUND, 0.0, np.array([-1.0, 1.0]))
+    owner = joints.stencil.nodes[:, 1, 0]
+    points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
+    nodes = joints.stencil.nodes[points]
+    dofs = 2 * nodes[..., None] + np.arange(2)
+    dofs[nodes == GROUND] = -1
+    dofs = dofs.reshape(len(points), -1)
+    directions = supports.free_directions(nodes.ravel()).reshape(*nodes.shape, 2, 2)
+    factor = joints.stencil.weights[points] * np.array([[-1.0], [1.0]])
     normal_rows, tangential_rows = (
-        (np.einsum("nk,nskl->nsl", axis[points], directions) * sign[:, :, None]).reshape(-1, 4)
+        np.einsum("nk,nsikl,nsi->nsil", axis[points], directions, factor).reshape(dofs.shape)
         for axis in (joints.normal, joints.tangent)
     )
     return JointOperators(

@@ -13,9 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.mesh import Array, Flags, Indices, Labels
-
-#: Normals that differ by less than this angle are those of one (curved) boundary.
-SMOOTH_ANGLE = np.radians(15.0)
+from fenics_contact.planar_cells import SMOOTH_ANGLE
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, indent
@@ -10,15 +10,20 @@ from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, ind
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
+from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
-from fenics_contact.discretization.joints import Joints
-from fenics_contact.mesh import Array
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.folder import writing
+
+#: Largest displacement of a collapse mode in pictures and files, over the structure's size.
+AMPLITUDE = 0.08
 
 
 def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
@@ -29,67 +34,204 @@ def displacement_function(discretization: Discretization, values: Array, name: s
     return function
 
 
-def stress_fields(discretization: Discretization, displacement: fem.Function) -> list[fem.Function]:
-    """Stress components and von Mises stress at the centre of every cell, Pa, and body number.
+def at_nodes(discretization: Discretization, values: Array, nodes: Indices) -> Array:
+    """Displacements at a table of nodes, on all ranks, shape (*nodes.shape, 2); 0 on the ground.
 
-    In plane strain, von Mises has the stress out of the plane, nu (sigma_x + sigma_y).
+    Collective. `values` are this rank's in the supports' coordinates.
+    """
+    displacement = discretization.cartesian(values)
+    first, end = discretization.elasticity.space.dofmap.index_map.local_range
+    mine = (nodes >= first) & (nodes < end)
+    found = np.zeros((*nodes.shape, 2))
+    found[mine] = displacement[nodes[mine] - first]
+    discretization.scene.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    return found
+
+
+def at_joints(discretization: Discretization, values: Array) -> Array:
+    """Mean displacement of both sides at all joint points, on all ranks, shape (points, 2).
+
+    Zero on rigid ground. Collective; `values` as for `at_nodes`.
+    """
+    joints = discretization.joints
+    of_nodes = at_nodes(discretization, values, joints.stencil.nodes)
+    middle = np.einsum("psk,pskd->pd", 0.5 * joints.stencil.weights, of_nodes)
+    middle[joints.bodies[:, 0] == GROUND] = 0.0
+    return middle
+
+
+def mode_scale(discretization: Discretization, mode: Array) -> float:
+    """Factor that makes the largest displacement of a mode `AMPLITUDE` of the structure's size."""
+    boundary = discretization.boundary
+    fastest = np.linalg.norm(at_nodes(discretization, mode, boundary.nodes), axis=2).max()
+    size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+    return AMPLITUDE * size / (float(fastest) or 1.0)
+
+
+def cell_stresses(discretization: Discretization, displacement: Array) -> Array:
+    """sigma_xx, sigma_yy, sigma_xy and von Mises stress in this rank's cells, Pa, shape (cells, 4).
+
+    At the centres of the cells. In plane strain, von Mises has the stress out of the plane,
+    nu (sigma_x + sigma_y).
     """
     scene, lame = discretization.scene, discretization.elasticity.lame
-    expression, space = stress_expression(displacement, lame, scene.plane)
+    function = displacement_function(discretization, displacement, "displacement")
+    expression, space = stress_expression(function, lame, scene.plane)
     together = fem.Function(space)
     together.interpolate(expression)
-    columns = together.x.array.reshape(-1, 4)[compat.cell_dofs(space)[:, 0]].T
-    names = ("stress_xx", "stress_yy", "stress_xy", "von_mises", "body")
-    values = zip(names, [*columns, scene.mesh.body], strict=True)
-    return [cell_field(scene.mesh, name, value) for name, value in values]
+    return together.x.array.reshape(-1, 4)[compat.cell_dofs(space)[:, 0]]
+
+
+def principal_stresses(stress: Array) -> tuple[Array, Array]:
+    """Principal stresses in the plane, the larger first, and the direction of the first.
+
+    From sigma_xx, sigma_yy, sigma_xy, shape (..., 3); both results have the shape (..., 2). The
+    second direction is normal to the first.
+    """
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    mean, radius = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    angle = 0.5 * np.arctan2(xy, 0.5 * (xx - yy))
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.stack([mean + radius, mean - radius], axis=-1), direction
 
 
 def write_blocks(
     path: Path, discretization: Discretization, displacement: Array, elastic: Array, mode: Array
 ) -> None:
-    """Write displacement and collapse mode by node, and stress and body by cell, as a .pvd file.
+    """Write displacement and collapse mode by node, stresses and numbers by cell, as a .pvd file.
 
     Collective. `elastic` is the displacement without a large motion, in which digits of stresses
-    would be lost.
+    would be lost. The mode is scaled by `mode_scale`, which is in the files too.
 
     Raises:
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
-    named = {"displacement": displacement, "collapse_mode": mode, "elastic": elastic}
-    *moving, strained = (displacement_function(discretization, u, n) for n, u in named.items())
-    functions = [*moving, *stress_fields(discretization, strained)]
-    comm = discretization.scene.comm
+    scale, comm = mode_scale(discretization, mode), discretization.scene.comm
+    moving = {"displacement": displacement, "collapse_mode": scale * mode}
+    functions = [displacement_function(discretization, u, name) for name, u in moving.items()]
+    functions += _cell_functions(discretization, elastic)
     with writing(comm):
-        compat.write_vtk(path, functions)
+        compat.write_vtk(path, comm, [(0.0, functions)])
     with writing(comm):
         if comm.rank == 0:
-            compat.tidy_vtk(path)
+            compat.tidy_vtk(path, [{"mode_scale": scale}])
 
 
-def write_joints(path: Path, joints: Joints, values: JointValues) -> None:
-    """Write the joints as lines with values at their points, an XML file of VTK, on this rank.
+def write_series(
+    path: Path, discretization: Discretization, points: Sequence[CapacityPoint]
+) -> None:
+    """Write the displacements along a capacity curve as a .pvd file with a time for every point.
 
-    "pressure" and "shear" are in Pa, "gap" and "slip" in m; "state" is 0 open, 1 slip, 2 stick.
+    Collective. The time is the mean displacement along the live load, mm, or the number of the
+    point where that does not rise; "load_factor" is in the files too.
+
+    Raises:
+        OutputError: On all ranks, with the reason, if a file cannot be written.
     """
-    names = ("pressure", "shear", "gap", "slip", "opening_rate", "slip_rate")
-    columns = {name: getattr(values, name) for name in names}
-    columns |= {"state": values.contact, "normal": joints.normal, "force": values.force(joints)}
-    count = len(joints.segments)
-    cells = {
-        "connectivity": joints.segments.ravel(),
+    comm, times = discretization.scene.comm, [1e3 * point.displacement for point in points]
+    if np.any(np.diff(times) <= 0.0):
+        times = [float(number) for number in range(len(points))]
+    steps = (
+        (time, [displacement_function(discretization, point.motion, "displacement")])
+        for time, point in zip(times, points, strict=True)
+        if point.motion is not None
+    )
+    with writing(comm):
+        compat.write_vtk(path, comm, steps)
+    with writing(comm):
+        if comm.rank == 0:
+            compat.tidy_vtk(path, [{"load_factor": point.load_factor} for point in points])
+
+
+def _cell_functions(discretization: Discretization, elastic: Array) -> list[fem.Function]:
+    """Stresses, principal stresses with the direction of the second, block and material."""
+    mesh = discretization.scene.mesh
+    stress = cell_stresses(discretization, elastic)
+    values, first = principal_stresses(stress[:, :3])
+    names = "stress_xx", "stress_yy", "stress_xy", "von_mises", "principal_1", "principal_2"
+    columns = dict(zip(names, [*stress.T, *values.T], strict=True))
+    # dolfinx 0.5 writes no vectors by cell.
+    columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
+    columns |= {"body": mesh.body, "material": material_numbers(discretization)[mesh.cell_groups]}
+    return [cell_field(mesh, name, value) for name, value in columns.items()]
+
+
+def material_numbers(discretization: Discretization) -> Indices:
+    """Number of the material, in the scene's order, for every set of groups of cells."""
+    scene = discretization.scene
+    names = list(scene.materials)
+    found = [names.index(scene.material_name(groups)) for groups in scene.mesh.cell_sets]
+    return np.array(found, dtype=np.int64)
+
+
+def facet_contact(values: JointValues, segments: Indices) -> npt.NDArray[np.int64]:
+    """`Contact` of joint facets: open if an end is open, else slipping if an end slips."""
+    contact = values.contact[segments]
+    state = np.where(np.any(contact == Contact.SLIP, axis=1), Contact.SLIP, Contact.STICK)
+    return np.where(np.any(contact == Contact.OPEN, axis=1), Contact.OPEN, state)
+
+
+def write_joints(
+    path: Path,
+    discretization: Discretization,
+    values: JointValues,
+    displacement: Array,
+    mode: Array,
+) -> None:
+    """Write the joints as lines, an XML file of VTK, on rank 0. Collective.
+
+    By point: "pressure" and "shear" in Pa, "gap" and "slip" in m, "displacement" (mean of both
+    sides) and "collapse_mode", which moves the lines with the blocks; it and the rates are scaled
+    by "mode_scale". By line: "state" 0 open, 1 slip, 2 stick; "group" and "friction" of its law.
+
+    Raises:
+        OutputError: On all ranks, with the reason, if the file cannot be written.
+    """
+    joints, scale = discretization.joints, mode_scale(discretization, mode)
+    points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
+    points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
+    points |= {"normal": joints.normal, "force": values.force(joints)}
+    points |= {"displacement": at_joints(discretization, displacement)}
+    points |= {"collapse_mode": scale * at_joints(discretization, mode)}
+    law = joints.law[joints.segments[:, 0]]
+    state = facet_contact(values, joints.segments)
+    lines = {"state": state, "group": law, "friction": joints.friction[joints.segments[:, 0]]}
+    with writing(discretization.scene.comm):
+        if discretization.scene.comm.rank == 0:
+            file = Element("VTKFile", type="UnstructuredGrid", version="0.1")
+            file.set("byte_order", "LittleEndian")
+            states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+            groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
+            # XML allows no two hyphens in a comment.
+            file.append(Comment(f" state: {states}; group: {groups.replace('--', '- -')} "))
+            _add_lines(file, joints.position, joints.segments, points, lines, scale)
+            indent(file)
+            ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
+
+
+def _add_lines(
+    file: Element,
+    position: Array,
+    segments: Indices,
+    points: Mapping[str, npt.NDArray[Any]],
+    lines: Mapping[str, npt.NDArray[Any]],
+    scale: float,
+) -> None:
+    """Add lines between points, with values of both, and the scale of the mode."""
+    grid, count = SubElement(file, "UnstructuredGrid"), len(segments)
+    field = {"type": "Float64", "Name": "mode_scale", "NumberOfTuples": "1", "format": "ascii"}
+    SubElement(SubElement(grid, "FieldData"), "DataArray", field).text = repr(scale)
+    sizes = {"NumberOfPoints": str(len(position)), "NumberOfCells": str(count)}
+    piece = SubElement(grid, "Piece", sizes)
+    cells: dict[str, npt.NDArray[Any]] = {
+        "connectivity": segments.ravel(),
         "offsets": 2 * np.arange(1, count + 1),
         "types": np.full(count, 3, dtype=np.uint8),  # lines
     }
-    file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-    file.append(Comment(f" state: {states} "))
-    sizes = {"NumberOfPoints": str(len(joints.length)), "NumberOfCells": str(count)}
-    piece = SubElement(SubElement(file, "UnstructuredGrid"), "Piece", sizes)
-    _add_arrays(SubElement(piece, "Points"), {"points": joints.position})
+    _add_arrays(SubElement(piece, "Points"), {"points": position})
     _add_arrays(SubElement(piece, "Cells"), cells)
-    _add_arrays(SubElement(piece, "PointData"), columns)
-    indent(file)
-    ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
+    _add_arrays(SubElement(piece, "PointData"), points)
+    _add_arrays(SubElement(piece, "CellData"), lines)
 
 
 def _add_arrays(parent: Element, columns: Mapping[str, npt.NDArray[Any]]) -> None:

@@ -10,20 +10,33 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.mechanism import mechanism
 from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.output.fields import write_blocks, write_joints
+from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
-from fenics_contact.output.plotting import draw_blocks, draw_capacity, draw_collapse
+from fenics_contact.output.plotting import (
+    rounded_alike,
+    save_capacity,
+    save_collapse,
+    save_marked,
+    save_stress,
+    save_thrust,
+)
+from fenics_contact.output.report import RECORD, write_report
+from fenics_contact.output.scene_record import scene_record
+from fenics_contact.output.stress_raster import stress_raster
+from fenics_contact.output.view import view_of
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
-#: The file that comes last.
-RECORD = "result.json"
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 
@@ -43,21 +56,26 @@ def write_result(result: Result, folder: Path) -> None:
     comm, options = result.scene.comm, result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
         if result.fall is not None and options.pictures:
-            mode = result.discretization.rigid_motion(result.fall)
+            view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
             title = f"{_opening(result.scene.title)}falls under its dead load"
             with writing(comm):
-                path = hidden / "collapse.png"
-                draw_blocks(result.discretization, result.falling, title, path, mode)
+                if comm.rank == 0:
+                    save_marked(view, result.falling, title, _pictures(result, hidden, "collapse"))
         for direction, end in result.ends.items():
             _write_collapse(result, direction, end, hidden)
         with writing(comm):
             if result.capacity and comm.rank == 0:
                 _write_capacity(result, hidden)
+        if result.capacity and options.paraview:
+            write_series(hidden / "capacity.pvd", result.discretization, result.capacity)
         result.seconds["write"] = time.perf_counter() - start
+        record = strict(result_record(result))
         with writing(comm):
             if comm.rank == 0:
-                text = json.dumps(strict(result_record(result)), indent=2) + "\n"
-                (hidden / RECORD).write_text(text)
+                record["files"] = sorted(path.name for path in hidden.iterdir())
+                (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
+                if options.report:
+                    write_report(hidden)
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -70,40 +88,64 @@ def _write_capacity(result: Result, folder: Path) -> None:
     if result.scene.output.pictures:
         limit = math.nan if result.collapse is None else result.collapse.load_factor
         title = _drawn(result.scene.title)
-        draw_capacity(result.capacity, limit, title, folder / "capacity.png")
+        save_capacity(result.capacity, limit, title, _pictures(result, folder, "capacity"))
+
+
+def _pictures(result: Result, folder: Path, name: str) -> list[Path]:
+    """Files of a picture, in all formats asked for."""
+    return [folder / f"{name}.{suffix}" for suffix in dict.fromkeys(result.scene.output.formats)]
 
 
 def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
     """ParaView files and picture of one end; the picture alone where nothing limits the load."""
     discretization, scene = result.discretization, result.scene
-    first, sign, reversal = scene.comm.rank == 0, 1.0, ""
-    if direction == "negative":
-        sign, reversal = -1.0, " (live load reversed)"
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
-    if end.status == "unbounded" and scene.output.pictures:
-        title = f"{_opening(scene.title)}unbounded, these blocks wedge{reversal}"
-        with writing(scene.comm):
-            path = folder / f"collapse{suffix}.png"
-            draw_blocks(discretization, result.wedged(end), title, path)
+    if scene.output.pictures:
+        _write_pictures(result, direction, suffix, folder)
     if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
         return
     if scene.output.paraview:
-        motions = end.state.displacement, end.state.elastic, end.mode
-        write_blocks(folder / f"blocks{suffix}.pvd", discretization, *motions)
-        with writing(scene.comm):
-            if first:
-                write_joints(folder / f"joints{suffix}.vtu", discretization.joints, end.joints)
-    if scene.output.pictures:
-        live, path = sign * discretization.bodies.live[:, :2], folder / f"collapse{suffix}.png"
-        title = _title(scene.title, end) + f"{reversal}   ({end.bounds})" if first else ""
-        with writing(scene.comm):
-            draw_collapse(discretization, end.mode, end.joints, live, title, path)
+        state, mode = end.state, end.mode
+        path = folder / f"blocks{suffix}.pvd"
+        write_blocks(path, discretization, state.displacement, state.elastic, mode)
+        path = folder / f"joints{suffix}.vtu"
+        write_joints(path, discretization, end.joints, state.displacement, mode)
 
 
-def _title(scene: str, end: Collapse) -> str:
-    """Title of the scene, status and load factor of a collapse."""
+def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -> None:
+    """Pictures of one end; the blocks that wedge alone where nothing limits the load."""
+    discretization, end = result.discretization, result.ends[direction]
+    comm = result.scene.comm
+    sign, reversal = (-1.0, " (live load reversed)") if direction == "negative" else (1.0, "")
+
+    def paths(name: str) -> list[Path]:
+        return _pictures(result, folder, f"{name}{suffix}")
+
+    if end.status == "unbounded":
+        view = view_of(discretization, sign=sign)
+        title = f"{_opening(result.scene.title)}unbounded, these blocks wedge{reversal}"
+        with writing(comm):
+            if comm.rank == 0:
+                save_marked(view, result.wedged(end), title, paths("collapse"))
+        return
+    if end.state is None or end.mode is None or end.joints is None:
+        return
+    view = view_of(discretization, end.mode, end.joints, sign)
+    raster = stress_raster(discretization, end.state.elastic)
+    with writing(comm):
+        if comm.rank == 0:
+            title = _title(result.scene.title, end, reversal)
+            save_collapse(view, title, paths("collapse"))
+            save_thrust(view, title, paths("thrust"))
+            save_stress(view, raster, title, paths("stress"))
+
+
+def _title(scene: str, end: Collapse, reversal: str) -> str:
+    """Title of the scene, status, load factor of a collapse and its bracket, rounded alike."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    return f"{_opening(scene)}{status}load factor {end.load_factor:.6g}"
+    factor = end.load_factor
+    bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
+    return f"{_opening(scene)}{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
 
 
 def _opening(title: str) -> str:
@@ -118,7 +160,7 @@ def _drawn(title: str) -> str:
 
 
 def result_record(result: Result) -> Record:
-    """Content of result.json."""
+    """Content of result.json. Collective."""
     collapse, negative, scene = result.collapse, result.negative, result.scene
     mesh, discretization = scene.mesh, result.discretization
     record: Record = {
@@ -153,6 +195,8 @@ def result_record(result: Result) -> Record:
             "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
             "joint_points": len(discretization.joints.length),
         },
+        "scene": scene_record(discretization),
+        "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
         "warnings": list(discretization.warnings),
         "skipped": list(result.skipped),
         "control": scene.solve.control,
@@ -160,6 +204,24 @@ def result_record(result: Result) -> Record:
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
         "ranks": scene.comm.size,
         "version": __version__,
+        "versions": compat.versions(),
+        "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+
+
+def _end_record(result: Result, end: Collapse) -> Record:
+    """What one end of the range of load factors is, and what the blocks do there. Collective."""
+    moves = None
+    if end.mode is not None and end.joints is not None and end.status != "unbounded":
+        found = mechanism(result.discretization, end.mode, end.joints)
+        moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
+    return {
+        "status": end.status,
+        "load_factor": end.load_factor,
+        "bounds": _record(end.bounds, "lower", "upper"),
+        "reason": result.reason(end) or None,
+        "wedged_blocks": result.wedged(end).tolist(),
+        "mechanism": moves,
     }
 
 
@@ -198,6 +260,7 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
         }
     return _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
         "residuals": dict(certificate.residuals),
+        "tolerances": certificate.tolerances,
         "failures": sorted(certificate.failures),
         "worst_joint": point,
     }

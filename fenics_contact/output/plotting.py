@@ -1,248 +1,267 @@
-"""Pictures of a result: how the blocks move, what the joints carry, the capacity curve."""
+"""Pictures of a result: collapse mode, joint forces, lines of thrust, stresses, capacity curve.
+
+Every `draw_...` draws on given matplotlib axes, on this rank, and returns them; `save_...` makes
+the files of a result.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from fenics_contact.analysis.history import CapacityPoint
-from fenics_contact.analysis.joint_values import Contact, JointValues
-from fenics_contact.analysis.rigid_blocks import straight_faces
-from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Indices
+from fenics_contact.output.drawing import (
+    BLACK,
+    BLUE,
+    VERMILLION,
+    Limits,
+    draw_joints,
+    draw_live_load,
+    draw_moved,
+    draw_outlines,
+    draw_rest,
+    draw_scale,
+    fineness,
+    force_scale,
+    legend,
+    material_handles,
+    moved,
+    outlines,
+    prepare,
+)
+from fenics_contact.output.fields import principal_stresses
+from fenics_contact.output.stress_raster import StressRaster
+from fenics_contact.output.thrust import face_resultants, thrust_lines
+from fenics_contact.output.view import View
 
-#: Largest displacement in the picture, as a fraction of the structure's size.
-AMPLITUDE = 0.08
 #: Width of the axes of a structure, and limits of their height, inches.
-WIDTH, HEIGHTS = 6.0, (2.5, 9.0)
+WIDTH, HEIGHTS = 6.0, (1.2, 9.0)
 #: Blocks that are numbered in a picture.
 LEGIBLE = 60
-RED, ORANGE, BLUE, PURPLE = "#d62728", "#ff7f0e", "#1f77b4", "#7b2d8b"
+#: Squares of the stress raster to a cross; stresses above this quantile have one colour.
+PER_CROSS, LARGEST = 8, 0.98
+FORCE = "#7b2d8b"
 
 
-def draw_collapse(
-    discretization: Discretization,
-    mode: Array,
-    values: JointValues,
-    live: Array,
-    title: str,
-    path: Path,
-) -> None:
-    """Draw the collapse mode, and the joint forces at collapse, into a .png file. Collective.
+def draw_mode(axes: Any, view: View) -> Any:
+    """The collapse mode: blocks displaced, joints by what they do, and the live load."""
+    prepare(axes, Limits.of(view, moved(view)))
+    draw_moved(axes, view)
+    joints = draw_joints(axes, view)
+    legend(axes, [*joints, *draw_live_load(axes, view), *material_handles(view)], 5)
+    return axes
 
-    `mode` is this rank's part in the supports' coordinates, `live` are the resultants of the live
-    load on the bodies, as it acts, shape (bodies, 2).
+
+def draw_forces(axes: Any, view: View) -> Any:
+    """Resultant of the joint forces on every face, through its centre of pressure, to scale.
+
+    Raises:
+        ValueError: If the view has no joint values.
     """
-    boundary, joints = discretization.boundary, discretization.joints
-    velocity = discretization.cartesian(mode)
-    at_facets = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
-    at_joints = _at_nodes(discretization, velocity, joints.nodes)
-    if discretization.scene.comm.rank != 0:
-        return
-    figure, (left, right) = _figure_of(boundary)
-    fastest = float(np.linalg.norm(at_facets, axis=2).max()) or 1.0
-    scale = AMPLITUDE * float(_size(boundary).max()) / fastest
-    _draw_blocks(left, boundary, scale * at_facets)
-    _draw_joints(left, joints, values, scale * at_joints)
-    _draw_live_load(left, live)
-    left.set_title("collapse mode (grey outline: at rest; shaded: moving)", fontsize=10)
-    _draw_forces(right, discretization, values)
-    right.set_title("joint forces at collapse (length by size)", fontsize=10)
-    figure.suptitle(title, fontsize=13)
-    figure.savefig(path, dpi=150)
+    from matplotlib.collections import LineCollection
+
+    prepare(axes, Limits.of(view))
+    draw_rest(axes, view)
+    faces = face_resultants(view.joints, _values(view))
+    total, centre = faces.force[faces.loaded], faces.centre[faces.loaded]
+    if len(total):
+        size = np.linalg.norm(total, axis=1)
+        per_metre = force_scale(size, view)
+        reach, fine = total / per_metre, fineness(axes, view)
+        lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
+        widths = 2.4 * fine * (0.4 + 0.6 * size / size.max())
+        axes.add_collection(LineCollection(lines, colors=FORCE, linewidths=widths))
+        axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
+        limits = Limits.of(view, lines)
+        prepare(axes, limits)
+        draw_scale(axes, view, limits.low, per_metre, float(size.max()), FORCE)
+    legend(axes, material_handles(view))
+    return axes
 
 
-def draw_blocks(
-    discretization: Discretization,
-    blocks: Indices,
-    title: str,
-    path: Path,
-    mode: Array | None = None,
-) -> None:
-    """Draw some blocks with their numbers among all, into a .png file. Collective.
+def draw_thrust(axes: Any, view: View) -> Any:
+    """Lines of thrust, the wider the larger the force, with the joints that they cross.
 
-    With a mode, this rank's part in the supports' coordinates, the blocks move by it.
+    Raises:
+        ValueError: If the view has no joint values.
     """
-    boundary = discretization.boundary
-    motion = np.zeros((len(boundary.nodes), 2, 2))
-    if mode is not None:
-        velocity = discretization.cartesian(mode)
-        motion = _at_nodes(discretization, velocity, boundary.nodes[:, :2])
-        fastest = float(np.linalg.norm(motion, axis=2).max()) or 1.0
-        motion *= AMPLITUDE * float(_size(boundary).max()) / fastest
-    if discretization.scene.comm.rank != 0:
-        return
-    figure, (axes,) = _figure_of(boundary, 1)
-    marked = np.zeros(int(boundary.body.max()) + 1)
-    marked[blocks] = 1.0
-    _draw_blocks(axes, boundary, motion, marked)
-    for block in blocks[:LEGIBLE]:
-        place = boundary.points[boundary.body == block, :2] + motion[boundary.body == block]
-        axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
-    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
-    figure.suptitle(title, fontsize=13)
-    figure.savefig(path, dpi=150)
-
-
-def draw_capacity(points: Sequence[CapacityPoint], limit: float, title: str, path: Path) -> None:
-    """Draw the capacity curve, load factor over displacement, into a .png file, on this rank."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-    axes = figure.subplots()
-    curve = [(1e3 * point.displacement, point.load_factor) for point in points]
-    axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
-    if np.isfinite(limit):
-        axes.axhline(limit, color=RED, linestyle="--", label=f"limit load {limit:.5g}")
-    axes.set(title=title or "Capacity curve", ylabel="load factor")
-    axes.set_xlabel("mean displacement along the live load (mm)")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="best")
-    figure.savefig(path, dpi=150)
-
-
-def _size(boundary: Boundary) -> Array:
-    """Width and height of the structure, m."""
-    return np.ptp(boundary.points.reshape(-1, 2), axis=0)
-
-
-def _figure_of(boundary: Boundary, count: int = 2) -> tuple[Any, Any]:
-    """A figure with axes of the structure's shape side by side."""
-    from matplotlib.figure import Figure
-
-    width, height = _size(boundary)
-    tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
-    figure = Figure(figsize=(count * WIDTH, tall + 1.4), layout="constrained")
-    margin = 1.3 * AMPLITUDE * max(width, height)
-    low, high = boundary.points.min(axis=(0, 1)), boundary.points.max(axis=(0, 1))
-    x, y = np.column_stack([low - margin, high + margin])
-    shape = {"aspect": "equal", "xlim": x, "ylim": y}
-    row = figure.subplots(1, count, squeeze=False, subplot_kw=shape)[0]
-    for axes in row:
-        axes.axis("off")
-    return figure, row
-
-
-def _at_nodes(discretization: Discretization, velocity: Array, nodes: Indices) -> Array:
-    """Velocities of this rank's nodes at a table of nodes, on all ranks; zero on the ground."""
-    first, end = discretization.elasticity.space.dofmap.index_map.local_range
-    mine = (nodes >= first) & (nodes < end)
-    found = np.zeros((*nodes.shape, 2))
-    found[mine] = velocity[nodes[mine] - first]
-    discretization.scene.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
-    return found
-
-
-def _draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> None:
-    """Closed paths around all bodies, for given ends of the facets, shape (facets, 2, 2)."""
-    from matplotlib.collections import PathCollection
-    from matplotlib.path import Path as Outline
-
-    # Run along every facet with the block on the left.
-    along = boundary.points[:, 1] - boundary.points[:, 0]
-    forward = np.linalg.det(np.stack([boundary.normal, along], axis=1)) > 0.0
-    order = np.where(forward[:, None], [0, 1], [1, 0])
-    nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
-    points = np.take_along_axis(ends, order[:, :, None], axis=1)
-    leaving = dict(zip(nodes[:, 0].tolist(), range(len(nodes)), strict=True))
-    loops: list[list[Outline]] = [[] for _ in range(int(boundary.body.max()) + 1)]
-    while leaving:  # a loop of facets; a body with a hole has more than one
-        node, row = next(iter(leaving.items()))
-        corners = [points[row, 0]]
-        while node in leaving:
-            row = leaving.pop(node)
-            node = int(nodes[row, 1])
-            corners.append(points[row, 1])
-        loops[boundary.body[row]].append(Outline(np.array(corners)))
-    outlines = [Outline.make_compound_path(*of_body) for of_body in loops]
-    axes.add_collection(PathCollection(outlines, **style))
-
-
-def _draw_blocks(axes: Any, boundary: Boundary, motion: Array, size: Array | None = None) -> None:
-    """Outlines at rest, and the blocks displaced, shaded by a size: how far they move."""
-    from matplotlib import colormaps
-
-    rest = boundary.points[:, :2]
-    if size is None:
-        size = np.zeros(int(boundary.body.max()) + 1)
-        np.maximum.at(size, boundary.body, np.linalg.norm(motion, axis=2).max(axis=1))
-    relative = size / (size.max() or 1.0)
-    shade = colormaps["YlGnBu"](0.05 + 0.4 * relative)
-    shade[relative < 1e-3] = (0.88, 0.88, 0.88, 1.0)
-    _draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.75", linewidth=0.6)
-    moved = rest + motion
-    _draw_outlines(axes, boundary, moved, facecolor=shade, edgecolor="0.35", linewidth=0.5)
-
-
-def _draw_joints(axes: Any, joints: Joints, values: JointValues, motion: Array) -> None:
-    """Joint facets by what they do, drawn between their displaced sides."""
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
 
-    middle = motion.mean(axis=1)
-    middle[joints.nodes[:, 0] == GROUND] = 0.0
-    position = joints.position + middle
-    contact, opens = values.contact[joints.segments], values.opens[joints.segments]
-    is_open = np.any(contact == Contact.OPEN, axis=1)
-    slips = np.any(contact == Contact.SLIP, axis=1) & ~is_open
-    opens = np.any(opens, axis=1) & is_open
-    handles = []
-    for label, colour, width, chosen in (
-        ("closed", BLUE, 0.8, ~is_open & ~slips),
-        ("open, at rest", RED, 0.8, is_open & ~opens),
-        ("slips", ORANGE, 2.2, slips),
-        ("opens", RED, 2.2, opens),
-    ):
-        segments = position[joints.segments[chosen]]
-        axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
-        handles.append(Line2D([], [], color=colour, lw=width, label=label))
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": 4}
-    axes.legend(handles=handles, **place, fontsize=9, frameon=False)
+    prepare(axes, Limits.of(view))
+    draw_rest(axes, view)
+    lines = thrust_lines(face_resultants(view.joints, _values(view)), view.centre)
+    axes.add_collection(LineCollection(lines.ends, colors="0.3", linewidths=0.9))
+    largest = float(lines.force.max(initial=0.0)) or 1.0
+    widths = 0.6 + 2.4 * lines.force / largest
+    style = {"colors": VERMILLION, "linewidths": widths, "capstyle": "round"}
+    axes.add_collection(LineCollection(lines.segments, **style, zorder=3))
+    axes.plot(*lines.centre.T, "o", color="white", mec=BLACK, mew=0.7, markersize=3.2, zorder=4)
+    entries = [
+        Line2D([], [], color=VERMILLION, lw=2.5, label="line of thrust"),
+        Line2D([], [], color="white", marker="o", mec=BLACK, ls="none", label="centre of pressure"),
+    ]
+    legend(axes, [*entries, *draw_live_load(axes, view), *material_handles(view)])
+    return axes
 
 
-def _draw_live_load(axes: Any, force: Array) -> None:
-    """An arrow along the resultant of forces on the bodies, at the corner it comes from."""
-    resultant = force.sum(axis=0)
-    size = np.linalg.norm(resultant)
-    if size <= 1e-9 * np.abs(force).max():
-        return
-    along = resultant / size
-    start = np.select([along > 0.3, along < -0.3], [0.02, 0.98], 0.06)
-    if abs(along[0]) > 0.3:
-        start[1] = 0.97
-    end = start + 0.12 * along
-    style = {"arrowstyle": "-|>", "color": "0.2", "lw": 1.6}
-    axes.annotate("", end, start, xycoords="axes fraction", arrowprops=style)
-    beside, align = (-0.02, "right") if along[0] < -0.3 else (0.02, "left")
-    place = {"ha": align, "transform": axes.transAxes, "fontsize": 9}
-    axes.text(end[0] + beside, end[1] - 0.01, "live load", **place)
+def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
+    """The larger compressive principal stress in colour, and crosses of both.
 
-
-def _draw_forces(axes: Any, discretization: Discretization, values: JointValues) -> None:
-    """Resultant of every face, drawn through its centre of pressure, length by size."""
+    Crosses are means over squares: black for compression, red for tension.
+    """
     from matplotlib.collections import LineCollection
+    from matplotlib.colors import LinearSegmentedColormap
 
-    boundary, joints = discretization.boundary, discretization.joints
+    prepare(axes, Limits.of(view))
+    pressure = -principal_stresses(raster.stress)[0][..., 1]
+    known = np.maximum(pressure[np.isfinite(pressure)], 0.0)
+    largest = float(np.quantile(known, LARGEST)) or float(known.max()) or 1.0
+    factor, unit = (1e6, "MPa") if largest >= 1e6 else (1e3, "kPa") if largest >= 1e3 else (1, "Pa")
+    colours = LinearSegmentedColormap.from_list("pressure", ["#f7f7f2", "#8fbbdb", "#3d7fb5"])
+    rows, columns = raster.area.shape
+    x, y = np.stack([raster.corner, raster.corner + raster.step * np.array([columns, rows])]).T
+    style = {"cmap": colours, "vmin": 0.0, "vmax": largest / factor, "origin": "lower"}
+    image = axes.imshow(pressure / factor, extent=(*x, *y), interpolation="nearest", **style)
+    rest = view.boundary.points[:, :2]
+    clip = type(outlines(view.boundary, rest)[0]).make_compound_path(*outlines(view.boundary, rest))
+    image.set_clip_path(clip, axes.transData)
+    draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.45", linewidth=0.5)
+    compression, tension = _crosses(raster, largest)
+    axes.add_collection(LineCollection(compression, colors=BLACK, linewidths=0.8))
+    axes.add_collection(LineCollection(tension, colors=VERMILLION, linewidths=1.2))
+    crosses = "; black: compression" + (", red: tension" if len(tension) else "")
+    prepare(axes, Limits.of(view))
+    style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
+    label = f"larger compressive principal stress ({unit}){crosses}"
+    axes.figure.colorbar(image, ax=axes, **style).set_label(label, fontsize=9)
+    return axes
+
+
+def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
+    """Lines along principal stresses in compression and in tension, as long as these are large."""
+    coarse = raster.coarser(PER_CROSS)
+    full = coarse.area > 0.5 * coarse.step**2
+    row, column = np.nonzero(full)
+    centre = coarse.corner + coarse.step * (np.column_stack([column, row]) + 0.5)
+    value, first = principal_stresses(coarse.stress[full])
+    second = np.column_stack([-first[:, 1], first[:, 0]])
+    value, centre = value.T.ravel(), np.tile(centre, (2, 1))
+    reach = np.clip(np.abs(value) / largest, 0.0, 1.0)[:, None] * np.vstack([first, second])
+    lines = np.stack([centre - 0.45 * coarse.step * reach, centre + 0.45 * coarse.step * reach], 1)
+    long = np.abs(value) > 0.05 * largest
+    return lines[long & (value < 0.0)], lines[long & (value > 0.0)]
+
+
+def draw_capacity(axes: Any, points: Sequence[CapacityPoint], limit: float = math.nan) -> Any:
+    """The capacity curve: load factor over displacement."""
+    curve = [(1e3 * point.displacement, point.load_factor) for point in points]
+    axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
+    if np.isfinite(limit):
+        text = f"limit load {rounded_alike([limit])[0]}"
+        axes.axhline(limit, color=VERMILLION, linestyle="--", label=text)
+    axes.set(ylabel="load factor", xlabel="mean displacement along the live load (mm)")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best")
+    return axes
+
+
+def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
+    """Some blocks, shaded and with their numbers, among all, displaced as the view says."""
+    prepare(axes, Limits.of(view, moved(view)))
+    boundary = view.boundary
     rest = boundary.points[:, :2]
-    _draw_outlines(axes, boundary, rest, facecolor="0.95", edgecolor="0.6", linewidth=0.5)
-    face = straight_faces(joints, joints.length).of_point
-    normal = values.normal_force[:, None]
-    faces = np.zeros((int(face.max(initial=-1)) + 1, 5))
-    np.add.at(faces, face, np.hstack([values.force(joints), normal, normal * joints.position]))
-    faces = faces[faces[:, 2] > 1e-6 * faces[:, 2].max(initial=0.0)]
-    if len(faces) == 0:
-        return
-    total, centre = faces[:, :2], faces[:, 3:] / faces[:, 2:3]
-    size = np.linalg.norm(total, axis=1)
-    block = np.sqrt(discretization.bodies_area() / discretization.scene.mesh.body_count)
-    reach = 0.9 * block * total / size.max()
-    lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
-    widths = 2.6 * (0.25 + 0.75 * size / size.max())
-    axes.add_collection(LineCollection(lines, colors=PURPLE, linewidths=widths))
-    axes.plot(*centre.T, ".", color=PURPLE, markersize=3)
+    shade = np.full((len(view.centre), 3), 0.92)
+    shade[blocks] = (0.93, 0.75, 0.45)
+    draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
+    style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
+    draw_outlines(axes, boundary, moved(view), **style)
+    for block in blocks[:LEGIBLE]:
+        place = moved(view)[boundary.body == block]
+        axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
+    return axes
+
+
+def _values(view: View) -> Any:
+    """Joint values of a view that has them."""
+    if view.values is None:
+        raise ValueError("there are no joint forces: no state was found")
+    return view.values
+
+
+def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
+    """Numbers with as many decimals as the first one needs for its leading digits."""
+    first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
+    exponent = math.floor(math.log10(first)) if first > 0.0 else 0
+    if exponent < -4 or exponent > 8:
+        form = f".{digits - 1}e"
+    else:
+        form = f".{max(digits - 1 - exponent, 0)}f"
+    return [format(number, form) if number else "0" for number in numbers]
+
+
+# ---- files
+
+
+def figure_of(limits: Limits, count: int = 1) -> tuple[Any, Any]:
+    """A figure with axes of a structure's shape side by side."""
+    from matplotlib.figure import Figure
+
+    width, height = limits.shape
+    tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
+    wide = min(WIDTH, tall * width / height)
+    figure = Figure(figsize=(count * max(wide, 3.2), tall + 1.1), layout="constrained")
+    return figure, figure.subplots(1, count, squeeze=False)[0]
+
+
+def save_collapse(view: View, title: str, paths: Sequence[Path]) -> None:
+    """Collapse mode and joint forces, side by side."""
+    figure, (left, right) = figure_of(Limits.of(view, moved(view)), 2)
+    draw_mode(left, view).set_title("collapse mode (grey outline: at rest)", fontsize=10)
+    draw_forces(right, view).set_title("joint forces at collapse", fontsize=10)
+    _save(figure, title, paths)
+
+
+def save_thrust(view: View, title: str, paths: Sequence[Path]) -> None:
+    """Lines of thrust."""
+    figure, (axes,) = figure_of(Limits.of(view))
+    draw_thrust(axes, view).set_title("line of thrust at collapse (width: force)", fontsize=10)
+    _save(figure, title, paths)
+
+
+def save_stress(view: View, raster: StressRaster, title: str, paths: Sequence[Path]) -> None:
+    """Principal stresses."""
+    figure, (axes,) = figure_of(Limits.of(view))
+    draw_stress(axes, view, raster).set_title("principal stresses at collapse", fontsize=10)
+    _save(figure, title, paths)
+
+
+def save_marked(view: View, blocks: Indices, title: str, paths: Sequence[Path]) -> None:
+    """Some blocks with their numbers among all."""
+    figure, (axes,) = figure_of(Limits.of(view, moved(view)))
+    draw_marked(axes, view, blocks)
+    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
+    _save(figure, title, paths)
+
+
+def save_capacity(
+    points: Sequence[CapacityPoint], limit: float, title: str, paths: Sequence[Path]
+) -> None:
+    """The capacity curve."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    draw_capacity(figure.subplots(), points, limit)
+    _save(figure, title or "Capacity curve", paths)
+
+
+def _save(figure: Any, title: str, paths: Sequence[Path]) -> None:
+    """Write a figure with its title and tight margins."""
+    figure.suptitle(title, fontsize=12)
+    for path in paths:
+        figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.08)

@@ -42,8 +42,9 @@ class JointPoints:
 
     Attributes:
         sides: Bodies of the first and second side, -1: rigid ground, shape (rows, 2).
-        dofs: Global displacements, those of the first side first, -1: none, shape (rows, 4).
-        normal: Coefficients of B_N on those, shape (rows, 4).
+        dofs: Global displacements, half of them of either side, first side first, -1: none, shape
+            (rows, n).
+        normal: Coefficients of B_N on those, shape (rows, n).
         tangential: Coefficients of B_T, likewise.
     """
 
@@ -236,7 +237,8 @@ def _factored(stiffness: PETSc.Mat, rho: float, owner: Owner) -> PETSc.KSP:
 
 def _one_side(points: JointPoints, side: int, stiffness: PETSc.Mat) -> PETSc.Mat:
     """The part of (B_N, B_T) that belongs to one side of the joints."""
-    columns = slice(2 * side, 2 * side + 2)
+    half = points.dofs.shape[1] // 2
+    columns = slice(half * side, half * (side + 1))
     dofs = np.tile(points.dofs[:, columns], (2, 1))
     rows = np.concatenate([points.normal[:, columns], points.tangential[:, columns]])
     kept = dofs >= 0

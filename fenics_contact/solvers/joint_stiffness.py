@@ -75,6 +75,11 @@ class JointRows:
     @classmethod
     def single(cls, dofs: Integers, normal: Array, tangential: Array) -> JointRows:
         """Rows of points that have dofs of their own; arguments as those of `grouped`."""
+        first = np.argsort(dofs < 0, axis=1, kind="stable")
+        first = first[:, : int(np.sum(dofs >= 0, axis=1).max(initial=1))]  # columns in use
+        dofs = np.take_along_axis(dofs, first, axis=1)
+        normal = np.take_along_axis(normal, first, axis=1)
+        tangential = np.take_along_axis(tangential, first, axis=1)
         return cls(dofs, normal[:, None], tangential[:, None], np.arange(len(normal)))
 
     @classmethod

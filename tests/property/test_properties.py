@@ -98,7 +98,8 @@ class Answer:
         force, normal = (self.files[name][lines] for name in ("force", "normal"))
         parts = np.sum(force * normal, axis=1), np.linalg.norm(np.cross(force, normal), axis=1)
         largest = np.linalg.norm(force, axis=1).max() or 1.0
-        values = np.column_stack([*parts, largest * self.files["state"][lines]]) / largest
+        states = np.repeat(self.files["state"], 2)
+        values = np.column_stack([*parts, largest * states]) / largest
         return np.hstack([middles, points]), values
 
 

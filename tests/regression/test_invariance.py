@@ -34,6 +34,8 @@ ELASTIC = {
     "quadrilaterals": Variant(quadrilaterals=True),
     "quadratic triangles": Variant(degree=2),
     "quadratic quadrilaterals": Variant(degree=2, quadrilaterals=True),
+    "meshed one by one": Variant(one_by_one=1),
+    "meshed one by one, quadratic": Variant(one_by_one=2, degree=2, quadrilaterals=True),
 }
 
 
@@ -77,6 +79,30 @@ def test_elasticity_hardly_changes_those_of_walls(name, variant):
     result = limit_load(BANK[name].scene(variant=ELASTIC[variant]))
     assert result.status == "limit"
     assert result.load_factor == pytest.approx(BANK[name].expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W2 coulomb 0.65", "W3 coulomb 0.65"])
+def test_walls_without_common_nodes_have_the_same_load_factor(name):
+    one_by_one = BANK[name].scene(variant=Variant(one_by_one=1), tolerance=1e-8, error=False)
+    matching = BANK[name].scene(tolerance=1e-8, error=False)
+    found = limit_load(one_by_one)
+    assert found.status == "limit"
+    assert found.load_factor == pytest.approx(limit_load(matching).load_factor, rel=1e-6)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("entry", known("arch", without=("slow",)), ids=lambda e: e.name)
+def test_arches_without_common_nodes(entry, degree):
+    scene = entry.scene(variant=Variant(one_by_one=1, degree=degree), error=False)
+    result = limit_load(scene)
+    assert entry.right(result.status, result.load_factor), result.load_factor
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("entry", known("coulomb"), ids=lambda e: e.name)
+def test_walls_without_common_nodes_verify(entry):
+    result = limit_load(entry.scene(variant=Variant(one_by_one=1), error=False))
+    assert result.status == "limit"
 
 
 @pytest.mark.slow

@@ -41,6 +41,11 @@ SCENES: dict[str, tuple[Recipe, Variant]] = {
 SCENES |= {
     "quadratic": (BANK["W1 coulomb 0.65"].recipe, Variant(degree=2, quadrilaterals=True)),
     "quadratic tresca": (BANK["W1 tresca 2 kPa"].recipe, Variant(degree=2)),
+    "meshed one by one": (BANK["W3 coulomb 0.65"].recipe, Variant(one_by_one=1)),
+    "meshed one by one, quadratic": (
+        BANK["arch 15 0.15"].recipe,
+        Variant(one_by_one=1, degree=2, quadrilaterals=True),
+    ),
     "renumbered": (BANK["W3 coulomb 0.65"].recipe, Variant(seed=3)),
     # One body, which is cut where it has many cells: some ranks own no joint point then.
     "block of many cells": (block_recipe(0.4, 2.0, 0.3), Variant()),

@@ -129,6 +129,9 @@ TYPES = {
     "fraction for whole number": value("output.capacity", 2.5),
     "bool for whole number": value("output.capacity", True),
     "number for flag": value("output.paraview", 1),
+    "picture format": value("output.formats", ["jpg"]),
+    "string for list": value("output.formats", "png"),
+    "no picture format": value("output.formats", []),
     "string for flag": value("output.pictures", "no"),
 }
 
@@ -154,9 +157,9 @@ CONTACT = {
     "on nothing": Wrong(("block.msh", "[supports]", "[foundations]"), {"foundations": {}}),
     "block in the air": Wrong(("apart.msh", "(0.5, 1.25)"), mesh="apart"),
     "no joint law": Wrong(("[joints.default]", "0.5)"), {"joints": {}}, "stack"),
-    "nodes do not match": Wrong(("matching nodes", ", 1)"), mesh="mismatched"),
-    "nodes of a group do not match": Wrong(
-        ("'bed'", "same nodes"), {"joints.bed": ROUGH}, "mismatched"
+    "blocks almost touch": Wrong(("apart by", "0.003", ", 1)", "'bed'"), mesh="almost"),
+    "blocks of a group almost touch": Wrong(
+        ("apart by", "0.003", "'bed'"), {"joints.bed": ROUGH}, "almost"
     ),
     "foundation in a joint": Wrong(("'bed'",), {"foundations.bed": ROUGH}, "stack"),
 }
@@ -233,7 +236,7 @@ CELLS = {
        for name, points in {
            "in one place": at(0, 0), "by half": at(0, 0.25), "beside": at(0.5, 0),
            "by a corner": at(0.9, 0.45), "crosswise": at(0.4, -0.5, 0.2, 2.0), "inside":
-           at(0.4, 0.1, 0.1, 0.1), "by 1 mm": at(0, 0.499)}.items()},
+           at(0.4, 0.1, 0.1, 0.1), "by 2 mm": at(0, 0.498)}.items()},
 }  # fmt: skip
 
 SOUND = msh()

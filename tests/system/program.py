@@ -219,13 +219,13 @@ def _incline(slope: float) -> Any:
     return polygons([outline], 0.125, groups={"base": [(outline[0], outline[1])]})
 
 
-def _mismatched() -> Any:
-    """Two blocks whose common side has one facet below and two above."""
-    points = [(0, 0), (2, 0), (2, 1), (0, 1), (0, 1), (1, 1), (2, 1), (2, 2), (0, 2)]
-    low = [(0, 1, 2), (0, 2, 3)]
-    high = [(4, 5, 8), (5, 7, 8), (5, 6, 7)]
+def _almost() -> Any:
+    """Two blocks 3 mm apart, with one facet below and two of 1 m above."""
+    low, high = [(0, 0), (2, 0), (2, 1), (0, 1)], [(0, 1.003), (1, 1.003), (2, 1.003)]
+    points = [*low, *high, (2, 2), (0, 2)]
+    cells = [(0, 1, 2), (0, 2, 3), (4, 5, 8), (5, 7, 8), (5, 6, 7)]
     facets = {"base": [(0, 1)], "bed": [(2, 3), (4, 5), (5, 6)]}
-    return model_from_arrays(points, {"blocks": low + high}, facets)
+    return model_from_arrays(points, {"blocks": cells}, facets)
 
 
 def _no_surface_group() -> Any:
@@ -248,6 +248,6 @@ MESHES: dict[str, Callable[[], Any]] = {
     "overhang": _overhang,
     "steep": lambda: _incline(0.4),
     "gentle": lambda: _incline(0.2),
-    "mismatched": _mismatched,
+    "almost": _almost,
     "no_surface_group": _no_surface_group,
 }

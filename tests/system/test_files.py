@@ -23,9 +23,14 @@ FRICTION, ROUGH, WEIGHT, BODIES, CELLS = 0.3, 0.6, 0.8 * 0.4 * 1000.0 * 9.81, 5,
 WALL = {"title": "A wall", "joints.default.friction": ROUGH}
 
 POINT_ARRAYS = {"displacement", "collapse_mode"}
-CELL_ARRAYS = {"stress_xx", "stress_yy", "stress_xy", "von_mises", "body"}
-JOINT_ARRAYS = {"pressure", "shear", "gap", "slip", "state"}
+CELL_ARRAYS = {"stress_xx", "stress_yy", "stress_xy", "von_mises", "body", "material"}
+CELL_ARRAYS |= {"principal_1", "principal_2", "direction_2_x", "direction_2_y"}
+JOINT_ARRAYS = {"pressure", "shear", "gap", "slip"}
+JOINT_VECTORS, FACET_ARRAYS = {"displacement", "collapse_mode"}, {"state", "group", "friction"}
+PICTURES = {"collapse.png", "thrust.png", "stress.png"}
 PARAVIEW = {"blocks.pvd", "blocks000000.pvtu", "blocks_p0_000000.vtu", "joints.vtu"}
+
+FORMATS = ("svg", "pdf")
 
 OUTPUT_OFF = ["--set", "output.paraview=false", "--set", "output.pictures=false"]
 
@@ -69,6 +74,10 @@ class Solved:
     @property
     def joints(self) -> dict[str, np.ndarray]:
         return arrays(piece(self.output / "joints.vtu"), "PointData")
+
+    @property
+    def facets(self) -> dict[str, np.ndarray]:
+        return arrays(piece(self.output / "joints.vtu"), "CellData")
 
     @property
     def on_ground(self) -> np.ndarray:
@@ -158,11 +167,12 @@ def test_result_says_how_it_came_about(solved):
 
 
 def test_nothing_else_is_written(solved):
-    assert files(solved.output) == PARAVIEW | {"collapse.png", "result.json"}
+    assert files(solved.output) == PARAVIEW | PICTURES | {"result.json"}
     besides = files(solved.folder) - {f"wall/{name}" for name in files(solved.output)}
     assert besides == {"wall", "wall.toml", "wall.msh"}
     assert f"written to {solved.output.name}" in solved.run.out
-    check_picture(solved.output / "collapse.png")
+    for picture in PICTURES:
+        check_picture(solved.output / picture)
 
 
 def test_result_is_written_last(tmp_path):
@@ -174,7 +184,18 @@ def test_result_is_written_last(tmp_path):
     found = run(["solve", "scene.toml"], tmp_path)
     assert (found.code, found.err.count("\n")) == (4, 1)
     assert "cannot write to 'scene': Is a directory" in found.err
-    assert files(tmp_path / "scene") == {"collapse.png"}
+    assert files(tmp_path / "scene") == PICTURES  # of the first run
+
+
+def test_pictures_in_other_formats(tmp_path, capsys):
+    formats = {"output.formats": ["svg", "pdf"], "output.paraview": False}
+    scene = write_scene(tmp_path, WALL | formats, "wall")
+    assert run_here(["solve", scene], capsys).code == 0
+    names = {f"{name}.{suffix}" for name in ("collapse", "thrust", "stress") for suffix in FORMATS}
+    assert files(tmp_path / "scene") == names | {"result.json"}
+    for name in names:
+        start = (tmp_path / "scene" / name).read_bytes()[:5]
+        assert start == (b"<?xml" if name.endswith("svg") else b"%PDF-")
 
 
 # ---- fields of the blocks
@@ -200,7 +221,8 @@ def test_fields_of_the_blocks(solved):
     for values in (*points.values(), *cells.values()):
         assert np.all(np.isfinite(values))
     assert sorted(np.unique(cells["body"])) == list(range(BODIES))
-    # The wall slides as a whole.
+    # The wall slides as a whole; a warp by 1 moves it by 8 % of its size.
+    assert np.linalg.norm(points["collapse_mode"], axis=1).max() == pytest.approx(0.08 * 0.8)
     x, *rest = points["collapse_mode"].T
     assert x.min() > 0.0
     assert max(np.ptp(x), np.abs(rest).max()) <= 1e-3 * x.max()
@@ -223,7 +245,14 @@ def test_joints_file(solved):
     part, count = piece(solved.output / "joints.vtu"), solved.record["mesh"]["joint_points"]
     assert int(part.attrib["NumberOfPoints"]) == count == len(arrays(part, "Points")["points"])
     assert all(solved.joints[name].shape == (count,) for name in JOINT_ARRAYS)
-    assert set(solved.joints["state"]) <= {0.0, 1.0, 2.0}
+    assert all(solved.joints[name].shape == (count, 3) for name in JOINT_VECTORS)
+    lines = int(part.attrib["NumberOfCells"])
+    assert all(solved.facets[name].shape == (lines,) for name in FACET_ARRAYS)
+    assert set(solved.facets["state"]) <= {0.0, 1.0, 2.0}
+    assert set(zip(solved.facets["group"], solved.facets["friction"], strict=True)) == {
+        (0.0, ROUGH),
+        (1.0, FRICTION),
+    }
     ends = arrays(part, "Cells")
     assert len(ends["connectivity"]) == 2 * int(part.attrib["NumberOfCells"])
     assert set(ends["connectivity"]) == set(range(count))
@@ -239,7 +268,47 @@ def test_joints_obey_their_law_and_carry_weight_and_load(solved):
     assert np.all(pressure[values["gap"] > 1e-7] <= 1e-4 * largest)
     x, y = np.abs(values["force"][ground, :2].sum(axis=0))
     assert (x, y) == pytest.approx((FRICTION * WEIGHT, WEIGHT), rel=1e-5)
-    assert set(values["state"][ground & (pressure > 1e-3 * largest)]) == {1.0}  # slips
+    ends = arrays(piece(solved.output / "joints.vtu"), "Cells")["connectivity"].astype(int)
+    loaded = np.all((ground & (pressure > 1e-3 * largest))[ends.reshape(-1, 2)], axis=1)
+    assert set(solved.facets["state"][loaded]) == {1.0}  # slips
+
+
+def test_joints_move_with_the_blocks(solved):
+    (part,) = solved.pieces
+    (scale,) = (
+        float(array.text or "")
+        for array in ET.parse(solved.output / "joints.vtu").getroot().iterfind(".//FieldData/*")
+    )
+    (other,) = (
+        float(array.text or "")
+        for array in ET.parse(solved.output / "blocks_p0_000000.vtu").iterfind(".//FieldData/*")
+    )
+    assert scale == pytest.approx(other, rel=1e-9)
+    # Joints between blocks move as the wall does; on the ground they stay.
+    mode, ground = solved.joints["collapse_mode"], solved.on_ground
+    x = arrays(part, "PointData")["collapse_mode"][:, 0]
+    assert mode[~ground, 0] == pytest.approx(x.mean(), rel=1e-3)
+    assert not np.any(mode[ground])
+    # The rates are those of the mode in the file.
+    assert np.abs(solved.joints["slip_rate"][ground]) == pytest.approx(x.mean(), rel=1e-3)
+
+
+def test_principal_stresses(solved):
+    cells = arrays(solved.pieces[0], "CellData")
+    tensor = np.array(
+        [
+            [cells["stress_xx"], cells["stress_xy"]],
+            [cells["stress_xy"], cells["stress_yy"]],
+        ]
+    ).T
+    exact = np.linalg.eigvalsh(tensor)
+    tolerance = 1e-9 * np.abs(exact).max()
+    np.testing.assert_allclose(cells["principal_2"], exact[:, 0], atol=tolerance)
+    np.testing.assert_allclose(cells["principal_1"], exact[:, 1], atol=tolerance)
+    direction = np.column_stack([cells["direction_2_x"], cells["direction_2_y"]])
+    turned = np.einsum("cij,cj->ci", tensor, direction)
+    scaled = cells["principal_2"][:, None] * direction
+    np.testing.assert_allclose(turned, scaled, atol=10.0 * tolerance)
 
 
 # ---- two ranks
@@ -252,9 +321,9 @@ def test_two_ranks_give_the_same_answer(solved, on_two_ranks):
     assert two["bounds"] == pytest.approx(one["bounds"], rel=1e-8, abs=1e-12)
     assert two["mesh"] == one["mesh"]
     for name in ("pressure", "state"):  # points may come in another order
-        values = [sorted(each.joints[name]) for each in (solved, on_two_ranks)]
-        assert sum(values[1]) == pytest.approx(sum(values[0]), rel=1e-3)
-        assert len(values[0]) == len(values[1])
+        found = [each.joints | each.facets for each in (solved, on_two_ranks)]
+        assert sum(found[1][name]) == pytest.approx(sum(found[0][name]), rel=1e-3)
+        assert len(found[0][name]) == len(found[1][name])
 
 
 def test_two_ranks_write_all_pieces(solved, on_two_ranks):
@@ -264,13 +333,14 @@ def test_two_ranks_write_all_pieces(solved, on_two_ranks):
     assert all(len(part) for part in own)
     alone = arrays(solved.pieces[0], "CellData")["body"]
     assert sorted(np.concatenate(own)) == sorted(alone)
-    check_picture(on_two_ranks.output / "collapse.png")
+    for picture in PICTURES:
+        check_picture(on_two_ranks.output / picture)
 
 
 # ---- what is written, and where
 
 
-OUTPUT = {"paraview": PARAVIEW, "pictures": {"collapse.png"}}
+OUTPUT = {"paraview": PARAVIEW, "pictures": PICTURES}
 
 
 @pytest.mark.parametrize("off", [{"paraview"}, {"pictures"}, {"paraview", "pictures"}])
@@ -431,7 +501,7 @@ def test_capacity_curve(ranks, tmp_path):
     write_scene(tmp_path, rough | {"output.capacity": 5, "output.paraview": False}, "tower")
     found, output = run(["solve", "scene.toml", "-o", "out"], tmp_path, ranks), tmp_path / "out"
     assert (found.code, found.err) == (0, "")
-    assert files(output) == {"capacity.csv", "capacity.png", "collapse.png", "result.json"}
+    assert files(output) == PICTURES | {"capacity.csv", "capacity.png", "result.json"}
     curve = capacity_of(output)
     factor, displacement = curve["load_factor"], curve["displacement_m"]
     assert len(factor) == 5
@@ -459,3 +529,23 @@ def test_capacity_curve_of_load_control_is_its_path(tmp_path):
         records.append((record["load_factor"], record["continuation"]["equilibrium_up_to"]))
     assert records[0][0] == pytest.approx(FRICTION, rel=1e-6)
     assert records[1] == pytest.approx(records[0], rel=1e-8)
+
+
+def test_capacity_curve_as_a_time_series(tmp_path):
+    rough = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
+    write_scene(tmp_path, rough | {"output.capacity": 3, "output.pictures": False}, "tower")
+    assert run(["solve", "scene.toml", "-o", "out"], tmp_path, 2).code == 0
+    output = tmp_path / "out"
+    with (output / "capacity.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    steps = list(ET.parse(output / "capacity.pvd").getroot().iter("DataSet"))
+    times = [float(step.attrib["timestep"]) for step in steps]
+    assert times == pytest.approx([1e3 * float(row["displacement_m"]) for row in rows], rel=1e-9)
+    for step, row in zip(steps, rows, strict=True):
+        listed = list(ET.parse(output / step.attrib["file"]).getroot().iter("Piece"))
+        assert len(listed) == 2
+        for part in listed:
+            path = output / part.attrib["Source"]
+            assert np.all(np.isfinite(arrays(piece(path), "PointData")["displacement"]))
+            (factor,) = ET.parse(path).iterfind(".//FieldData/DataArray")
+            assert float(factor.text or "") == pytest.approx(float(row["load_factor"]), rel=1e-9)

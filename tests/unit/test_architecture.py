@@ -29,7 +29,7 @@ FLOORS = (
     {"discretization"},
     {"analysis"},
     {"output"},
-    {"limit_load"},
+    {"equilibrium", "limit_load"},
     {"cli", "console", "progress", "report"},
     {"__main__"},
 )

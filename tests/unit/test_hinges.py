@@ -13,6 +13,7 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.hinge_nodes import HingeNodes, wedge_compliance
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.mortar import Stencil
 from fenics_contact.solvers.problem import Owner
 from tests.helpers import dense
 from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
@@ -49,8 +50,9 @@ def test_sharper_wedges_give_way_more_and_most_across():
 def joints_in_a_row(count: int) -> Joints:
     """Points along one joint with a facet between neighbours."""
     places = np.arange(count)
+    nodes = np.column_stack([places, places + count])
     return Joints(
-        nodes=np.column_stack([places, places + count]),
+        nodes=nodes,
         bodies=np.tile([0, 1], (count, 1)),
         position=np.column_stack([places, np.zeros(count)]).astype(float),
         normal=np.tile([0.0, 1.0], (count, 1)),
@@ -59,6 +61,7 @@ def joints_in_a_row(count: int) -> Joints:
         laws=(JointLaw("coulomb", friction=0.5),),
         names=("default",),
         segments=np.column_stack([places[:-1], places[1:]]),
+        stencil=Stencil(nodes[:, :, None], np.ones((count, 2, 1))),
     )
 
 

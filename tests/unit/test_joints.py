@@ -303,16 +303,6 @@ def test_blocks_apart_have_no_joint(others):
     assert joints.segments.shape == (0, 2)
 
 
-@pytest.mark.parametrize(("divisions", "shift"), [(3, 0.0), (2, 0.25), (2, 0.05), (7, 0.3)])
-def test_facets_that_touch_without_matching_nodes(divisions, shift):
-    drawing = grid_blocks(((0, 0), (1, 1), (2, 2)), ((shift, 1), (1, 1), (divisions, 2)))
-    with pytest.raises(InputError, match="touch another block without matching nodes"):
-        joints_of(free_scene(drawing.model()))
-    if shift == 0.0:
-        with pytest.raises(InputError, match="'top0': 2 facets have no facet opposite"):
-            joints_of(free_scene(drawing.model(), {"top0": coulomb(0.5)}))
-
-
 ROUGH, SMOOTH = coulomb(0.5), coulomb(0.1)
 IN_ONE_PLACE = (*TWO, TWO[1])  # two blocks in one place on a third
 

@@ -38,7 +38,9 @@ def test_path_brackets_the_limit_load(name, slip):
     assert found.load_factor == pytest.approx(item.expected, rel=1e-6)
     assert path.lower <= item.expected * (1 + 1e-6) <= path.upper * (1 + 1e-5)
     assert upper - path.lower <= 1.01e-4 * path.lower
-    factor, moved, work = np.transpose([tuple(vars(step).values()) for step in path.steps])
+    factor, moved, work = np.transpose(
+        [(step.load_factor, step.displacement, step.work) for step in path.steps]
+    )
     assert factor[0] == 0.0 and factor[-1] == path.lower
     assert np.all(np.diff(factor) > 0.0) and np.all(np.diff(moved) > 0.0)
     assert work == pytest.approx(unit * moved, rel=1e-12)

@@ -1,0 +1,248 @@
+"""Problems with known answers: what docs/verification.md shows.
+
+    python3 benchmarks/verification.py                      # tables, as on the page: minutes
+    python3 benchmarks/verification.py --pictures docs      # and its pictures
+
+Units are SI. The problems are planar; forces are per metre of thickness.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Picture
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.known_answers import Array, Figure, Profile, mesh_of
+from benchmarks.manufactured import THEORY, errors
+from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
+from fenics_contact.meshing import polygons, wall
+
+# ---- contact patch test
+
+
+PRESSED = {"top": (0.0, -1e6), "right": (-5e5, 0.0)}
+
+
+def patch(degree: int = 1) -> list[Figure]:
+    """Smooth blocks in running bond pressed from above and from the side, half as much."""
+    scene = Scene(
+        mesh_of(wall([[1.0, 1.0], [0.5, 1.0, 0.5]], (0.4, 0.2), 2)),
+        {"default": Material(1e9, 0.2)},
+        live=Load(traction=PRESSED),
+        joints={"default": JointLaw("frictionless")},
+        supports={"base": "roller", "left": "roller"},
+        degree=degree,
+    )
+    found = equilibrium(scene)
+    normal = found.discretization.joints.normal
+    exact = np.abs(normal) @ [-PRESSED["right"][0], -PRESSED["top"][1]]
+    missed = np.abs(found.joints.pressure / exact - 1.0).max()
+    return [Figure("joint pressure over the exact one, worst point", 1.0, 1.0 + missed, 1e-10)]
+
+
+# ---- block pushed up an incline (NAFEMS CGS-4)
+
+
+def incline(friction: float = 0.3, slope: float = 0.1) -> list[Figure]:
+    """Horizontal force that pushes a block up, over its weight; axes along the incline."""
+    angle = math.atan(slope)
+    along, across = 9.81 * np.cos(angle), 9.81 * np.sin(angle)
+    mesh = mesh_of(polygons([[(0, 0), (1, 0), (1, 0.2), (0, 0.2)]], 0.1))
+    scene = Scene(
+        mesh,
+        {"default": Material(206e9, 0.3, 7800.0)},
+        dead=Load((-across, -along)),
+        live=Load((along, -across)),
+        foundations={"base": JointLaw(friction=friction)},
+    )
+    exact = (slope + friction) / (1.0 - friction * slope)
+    return [Figure("force / weight", exact, limit_load(scene).load_factor, 1e-6)]
+
+
+# ---- elastic rod on a Coulomb bed
+
+ROD = {"length": 1.0, "height": 0.002, "young": 5e9, "friction": 0.5, "bed": 1e5, "pull": 2.5e4}
+
+
+def rod(elements: int = 400) -> Profile:
+    """A rod pressed on its bed by `bed` N/m per metre and pulled at its right end."""
+    length, height, pressure = ROD["length"], ROD["height"], ROD["bed"]
+    mesh = mesh_of(wall([[1.0]], (length, height), elements // 2))
+    scene = Scene(
+        mesh,
+        {"default": Material(ROD["young"], 0.0)},
+        dead=Load(traction={"top": (0.0, -pressure)}),
+        live=Load(traction={"right": (ROD["pull"] / height, 0.0)}),
+        foundations={"base": JointLaw(friction=ROD["friction"])},
+        plane="stress",
+        degree=2,
+    )
+    return Profile.of(equilibrium(scene))
+
+
+def rod_slip(x: Array) -> Array:
+    """Slip of a rod without height, m."""
+    drag, stiffness = ROD["bed"] * ROD["friction"], ROD["young"] * ROD["height"]
+    start = ROD["length"] - ROD["pull"] / drag
+    return drag / (2.0 * stiffness) * np.maximum(x - start, 0.0) ** 2
+
+
+def rod_figures(profile: Profile) -> list[Figure]:
+    """Slip length and displacement of the rod's end."""
+    drag, stiffness = ROD["bed"] * ROD["friction"], ROD["young"] * ROD["height"]
+    length = ROD["length"] - profile.x[profile.sticks].max()
+    end = ROD["pull"] ** 2 / (2.0 * stiffness * drag)
+    return [
+        Figure("slip length, m", ROD["pull"] / drag, length, 0.01),
+        Figure("displacement of the end, m", end, profile.values["slip"][-1], 0.01),
+    ]
+
+
+# ---- plate on a rigid plane (GRECO, Code_Aster SSNV128)
+
+#: x, m, and displacements u_x there, m: Code_Aster with QUAD8, and the mean of several codes.
+PLATE_X = np.array([0.0, 1.25, 5.0, 7.5, 11.25]) * 1e-3
+PLATE_QUAD8 = np.array([2.8739, 2.7348, 2.2961, 1.9932, 1.5565]) * 1e-5
+PLATE_MEAN = np.array([2.86, 2.72, 2.28, 1.98, 1.50]) * 1e-5
+
+
+def plate(elements: int = 32, degree: int = 2, quadrilaterals: bool = True) -> Profile:
+    """Half of a plate pressed on a rigid plane and from the side."""
+    side = 0.04
+    scene = Scene(
+        mesh_of(wall([[1.0]], (side, side), elements // 2, quadrilaterals)),
+        {"default": Material(130e9, 0.2)},
+        live=Load(traction={"top": (0.0, -50e6), "left": (150e6, 0.0)}),
+        foundations={"base": JointLaw(friction=1.0)},
+        supports={"right": "roller"},
+        degree=degree,
+    )
+    return Profile.of(equilibrium(scene))
+
+
+def plate_figures(profile: Profile) -> list[Figure]:
+    """Displacements at the five points."""
+    found = np.interp(PLATE_X, profile.x, profile.values["slip"])
+    names = [f"u_x at x = {1e3 * x:g} mm, m" for x in PLATE_X]
+    return [Figure(*row, 0.01) for row in zip(names, PLATE_QUAD8, found, strict=True)]
+
+
+# ---- orders of convergence
+
+#: Elements along a block, by degree.
+MESHES = {1: (8, 16, 32, 64), 2: (4, 8, 16, 32)}
+
+Curves = Mapping[int, Mapping[str, Sequence[float]]]
+
+
+def error_curves() -> Curves:
+    """Errors by degree and quantity, on the meshes."""
+    found = {degree: [errors(n, degree) for n in MESHES[degree]] for degree in MESHES}
+    return {d: {name: [row[name] for row in rows] for name in THEORY} for d, rows in found.items()}
+
+
+def order(curve: Sequence[float]) -> float:
+    """Order of convergence between the last two meshes, of which one has half the elements."""
+    return math.log2(curve[-2] / curve[-1])
+
+
+def order_rows(curves: Curves) -> Iterator[str]:
+    """Rows of the table of orders."""
+    for degree, quantities in curves.items():
+        for name, curve in quantities.items():
+            theory, found = THEORY[name](degree), order(curve)
+            verdict = "" if found >= 0.9 * theory else " **missed**"
+            numbers = f"{theory} | {found:.2f}{verdict} | {curve[0]:.1e} | {curve[-1]:.1e}"
+            yield f"| {degree} | {name} | {numbers} |"
+
+
+# ---- tables and pictures
+
+FIGURES_HEAD = "| | known | found | difference | asked |\n|---|---|---|---|---|"
+ORDERS_HEAD = (
+    "| degree | error of | theory | measured | coarsest | finest |\n|---|---|---|---|---|---|"
+)
+
+
+def place_of(panel: Any, title: str, x: str, y: str) -> Any:
+    panel.set_title(title, fontsize=12)
+    panel.set_xlabel(x, fontsize=11)
+    panel.set_ylabel(y, fontsize=11)
+    panel.grid(alpha=0.3)
+    return panel
+
+
+def draw_friction(picture: Picture, bar: Profile, pressed: Profile) -> None:
+    """Slip of the rod and of the plate."""
+    left, right = picture.subplots(1, 2)
+    place_of(left, "Rod on a Coulomb bed", "x (m)", "slip (mm)")
+    left.plot(bar.x, 1e3 * rod_slip(bar.x), "k-", label="exact, rod without height")
+    some = slice(None, None, 20)
+    left.plot(bar.x[some], 1e3 * bar.values["slip"][some], "C0o", markersize=4, label="found")
+    place_of(right, "Plate on a rigid plane, SSNV128", "x (mm)", "displacement $u_x$ (0.01 mm)")
+    x, slip = 1e3 * pressed.x, 1e5 * pressed.values["slip"]
+    right.plot(x, slip, "C0-", label="found, degree 2")
+    right.plot(1e3 * PLATE_X, 1e5 * PLATE_QUAD8, "k+", markersize=11, label="Code_Aster, QUAD8")
+    right.plot(1e3 * PLATE_X, 1e5 * PLATE_MEAN, "kx", markersize=8, label="mean of several codes")
+    for panel in (left, right):
+        panel.legend(fontsize=10)
+
+
+def draw_orders(picture: Picture, curves: Curves) -> None:
+    """Errors against the size of the elements, a panel per degree."""
+    for panel, (degree, quantities) in zip(picture.subplots(1, 2), curves.items(), strict=True):
+        place_of(panel, f"degree {degree}", "elements along a block", "relative error")
+        meshes = np.array(MESHES[degree], dtype=float)
+        for colour, (name, curve) in enumerate(quantities.items()):
+            label = f"{name}: order {order(curve):.2f}, theory {THEORY[name](degree)}"
+            panel.loglog(meshes, curve, f"C{colour}o-", markersize=5, label=label)
+            slope = curve[-1] * (meshes / meshes[-1]) ** -THEORY[name](degree)
+            panel.loglog(meshes, slope, f"C{colour}:")
+        panel.loglog([], [], "k:", label="slope of theory")
+        panel.set_xticks(meshes, [f"{n:.0f}" for n in meshes], minor=False)
+        panel.minorticks_off()
+        panel.legend(fontsize=9.5, loc="upper center", bbox_to_anchor=(0.5, -0.16))
+
+
+def save(folder: Path, name: str, draw: Any, *what: Any, height: float = 4.4) -> None:
+    picture = Picture(figsize=(10.0, height))
+    draw(picture, *what)
+    picture.tight_layout()
+    folder.mkdir(parents=True, exist_ok=True)
+    picture.savefig(folder / f"verification_{name}.png", dpi=130)
+
+
+def main() -> int:
+    """Print the tables and draw the pictures; exit code 1 if a figure asked for is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw there")
+    folder = parser.parse_args().pictures
+    bar, pressed = rod(), plate()
+    curves = error_curves()
+    tables = {
+        "Contact patch test": [*patch(1), *patch(2)],
+        "Plate on a rigid plane": plate_figures(pressed),
+        "Rod on a Coulomb bed": rod_figures(bar),
+        "Block pushed up an incline": incline(),
+    }
+    for title, figures in tables.items():
+        print(f"\n## {title}\n\n{FIGURES_HEAD}", *(one.row() for one in figures), sep="\n")
+    rows = list(order_rows(curves))
+    print(f"\n## Orders of convergence\n\n{ORDERS_HEAD}", *rows, sep="\n")
+    if folder:
+        save(folder, "friction", draw_friction, bar, pressed)
+        save(folder, "orders", draw_orders, curves, height=5.6)
+    missed = [one for figures in tables.values() for one in figures if not one.passed]
+    return int(bool(missed) or any("missed" in row for row in rows))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

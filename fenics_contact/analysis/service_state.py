@@ -1,0 +1,77 @@
+"""The state under a given multiple of the live load, verified from the problem itself.
+
+K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   lambda given,   the joints' laws as ever.
+
+The load factor rises from the dead load to the one given, in as few steps as find equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
+from fenics_contact.analysis.joint_values import JointValues, joint_values
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.load_control import Reached, raise_load_to
+from fenics_contact.analysis.strategy import Strategy
+from fenics_contact.errors import SolverError
+from fenics_contact.scene import SolveOptions
+from fenics_contact.solvers.problem import State
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """State at a given load factor.
+
+    Attributes:
+        status: "equilibrium" if it is verified; "no_equilibrium" if rigid blocks with associative
+            friction prove that there is none; else "not_converged".
+        load_factor: As asked for.
+        state: State found, in the supports' coordinates; None if there is none.
+        joints: Forces, openings and slips of the joints; its rates are those of a motion along
+            the displacements.
+        residuals: What the state misses of equilibrium and joint laws, by name, relative.
+        reason: Why there is no verified state, for people.
+    """
+
+    status: str
+    load_factor: float
+    state: State | None = None
+    joints: JointValues | None = None
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    reason: str = ""
+
+
+def service_state(
+    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
+) -> ServiceState:
+    """State of a load case at a load factor >= 0, reached in steps from the dead load."""
+    try:
+        reached = raise_load_to(case, strategy, options, load_factor, steps)
+    except SolverError as error:
+        upper = case.problem.comm.bcast(case.blocks.bounds()).upper
+        if upper is not None and upper < load_factor:
+            reason = f"with associative friction rigid blocks carry {upper:.6g} at most"
+            return ServiceState("no_equilibrium", case.sign * load_factor, reason=reason)
+        return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
+    return _verified(case, reached)
+
+
+def _verified(case: LoadCase, reached: Reached) -> ServiceState:
+    """A state held against the problem in which it was found, in the user's sign of the load."""
+    problem, state, whole = reached.problem, reached.state, case.discretization
+    larger = max(1.0, state.load_factor / case.scales.load_factor)
+    sizes = case.scales.displacement, case.scales.force
+    scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
+    residuals = state_residuals(problem, state, scales)
+    missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
+    u, length, sign = state.displacement, whole.joints.length, case.sign
+    return ServiceState(
+        "not_converged" if missed else "equilibrium",
+        sign * state.load_factor,
+        replace(state, load_factor=sign * state.load_factor, work=sign * state.work),
+        joint_values(problem, whole.all_points, length, state, u),
+        residuals,
+        f"not verified: {', '.join(missed)}" if missed else "",
+    )

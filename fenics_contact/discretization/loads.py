@@ -1,0 +1,192 @@
+"""Nodal forces of a load: body force, tractions on edges, forces at places, earth pressure.
+
+Body forces and tractions are assembled from UFL forms. Forces at places and earth pressure act on
+parts of facets: with the Lagrange functions N_k of a facet of length L,
+
+    f_k = L int_a^b N_k(s) t(x(s)) ds,   0 <= a < b <= 1,
+
+by Gauss' rule with three points, exact for tractions t that are linear in x.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from fenics_contact import compat
+from fenics_contact.discretization import forms
+from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.mortar import lagrange
+from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.errors import InputError
+from fenics_contact.mesh import Array, Flags, Indices
+from fenics_contact.scene import EarthPressure, EdgeForce, Load, Scene
+
+#: Facets look the same way if their normals differ by less than 60 degrees.
+ALIKE = 0.5
+
+
+@dataclass(frozen=True)
+class _Strips:
+    """Parts of facets.
+
+    Attributes:
+        facets: Rows of the boundary, shape (strips,).
+        start: Where the part begins on the facet, 0 to 1, shape (strips,).
+        end: Where it ends.
+    """
+
+    facets: Indices
+    start: Array
+    end: Array
+
+    def forces(self, boundary: Boundary, traction: Any) -> Array:
+        """Forces on the nodes of the facets, N/m, shape (strips, nodes of a facet, 2).
+
+        `traction` gives forces per area, shape (..., 2), at positions of shape (..., 2).
+        """
+        abscissa, weight = np.polynomial.legendre.leggauss(3)
+        s = self.start[:, None] + np.outer(self.end - self.start, 0.5 * (1.0 + abscissa))
+        first, second = boundary.points[self.facets, :2].swapaxes(0, 1)
+        position = first[:, None] + s[:, :, None] * (second - first)[:, None]
+        length = 0.5 * boundary.length[self.facets] * (self.end - self.start)
+        values = lagrange(s, boundary.nodes.shape[1])
+        return np.einsum("f,g,fgk,fgd->fkd", length, weight, values, traction(position))
+
+
+def nodal_forces(
+    scene: Scene, space: Any, boundary: Boundary, kind: str, density: fem.Function
+) -> Array:
+    """Nodal forces, this rank's part, of the "dead" or the "live" load.
+
+    Raises:
+        InputError: If a traction acts inside a block, or a force where there is no edge.
+    """
+    load: Load = getattr(scene, kind)
+    forces = fem.Function(space)
+    fem.assemble_vector(forces.x.array, forms.body_load(space, density, load.acceleration))
+    for name in (*load.traction, *load.earth):
+        if name in boundary.interior:
+            boundary.role([name])  # raises: a traction acts on the outside of a block
+    for name, traction in load.traction.items():
+        facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
+        fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
+    compat.add_ghosts(forces.x)
+    index_map = space.dofmap.index_map
+    mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
+    first, last = index_map.local_range
+    for facets, force in forces_on_facets(boundary, load, f"loads.{kind}"):
+        nodes = boundary.nodes[facets]
+        here = (nodes >= first) & (nodes < last)
+        np.add.at(mine, nodes[here] - first, force[here])
+    return mine.ravel()
+
+
+def forces_on_facets(
+    boundary: Boundary, load: Load, key: str = "loads.live"
+) -> list[tuple[Indices, Array]]:
+    """Facets and the forces on their nodes, of each earth pressure and then each force at a place.
+
+    Forces have the shape (facets, nodes of a facet, 2), N per metre of thickness.
+
+    Raises:
+        InputError: If a force is where there is no edge; `key` names the load.
+    """
+    found = []
+    for name, earth in load.earth.items():
+        strips = _below(boundary, np.flatnonzero(boundary.in_group(name)), earth.level)
+        found.append((strips, strips.forces(boundary, _earth_traction(boundary, strips, earth))))
+    if load.force:
+        free = np.ones(len(boundary.length), dtype=bool)
+        free[facing_facets(boundary, key).facets] = False
+        for name, force in load.force.items():
+            found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
+    return [(strips.facets, force) for strips, force in found]
+
+
+def _earth_traction(boundary: Boundary, strips: _Strips, earth: EarthPressure) -> Any:
+    """Traction of earth pressure as a function of the position."""
+    normal = boundary.normal[strips.facets]
+    along = np.column_stack([-normal[:, 1], normal[:, 0]])
+    down = np.where(along[:, 1:] > 0.0, -along, along)
+    direction = down * math.tan(math.radians(earth.wall_friction)) - normal
+
+    def traction(position: Array) -> Array:
+        depth = earth.level - position[..., 1]
+        pressure = earth.coefficient * (earth.surcharge + earth.unit_weight * depth)
+        return pressure[..., None] * direction[:, None]
+
+    return traction
+
+
+def _below(boundary: Boundary, facets: Indices, level: float) -> _Strips:
+    """The parts of facets that lie below a level."""
+    first, second = boundary.points[facets, :2, 1].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.clip((level - first) / (second - first), 0.0, 1.0)
+    crossing = np.where(first == second, np.where(first <= level, 1.0, 0.0), crossing)
+    rising = second >= first
+    start, end = np.where(rising, 0.0, crossing), np.where(rising, crossing, 1.0)
+    wet = end > start
+    return _Strips(facets[wet], start[wet], end[wet])
+
+
+def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[_Strips, Array]:
+    """Where a force acts, and its forces on the nodes; along the line of the facet it meets."""
+    facet, place = _place(boundary, free, load, key)
+    ends = boundary.points[facet, :2]
+    along = (ends[1] - ends[0]) / boundary.length[facet]
+    if load.width == 0.0:
+        s = np.array([(place - ends[0]) @ along / boundary.length[facet]])
+        strips = _Strips(np.array([facet]), s, s)
+        return strips, lagrange(s, boundary.nodes.shape[1])[:, :, None] * load.force
+    # The force is spread evenly over the projection on that line of what looks the same way.
+    alike = free & (boundary.normal @ boundary.normal[facet] > ALIKE)
+    off = np.abs((boundary.points[:, :2].mean(axis=1) - place) @ boundary.normal[facet])
+    near = np.flatnonzero(alike & (off <= 0.5 * load.width))
+    from_place = (boundary.points[near, :2] - place) @ along
+    span = from_place[:, 1] - from_place[:, 0]
+    at = (0.5 * load.width * np.array([[-1.0, 1.0]]) - from_place[:, :1]) / span[:, None]
+    start, end = np.clip(np.sort(at, axis=1), 0.0, 1.0).T
+    covered = float(np.sum((end - start) * np.abs(span)))
+    if abs(covered - load.width) > 1e-6 * load.width:
+        raise InputError(
+            f"{key}: {covered:g} m of its width of {load.width:g} m lie on an edge at"
+            f" ({place[0]:g}, {place[1]:g}); move it or make it narrower"
+        )
+    strips = _Strips(near[end > start], start[end > start], end[end > start])
+    per_length = np.array(load.force) / load.width
+    share = (np.abs(span) / boundary.length[near])[end > start]
+    return strips, strips.forces(boundary, lambda x: np.broadcast_to(per_length, x.shape)) * (
+        share[:, None, None]
+    )
+
+
+def _place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[int, Array]:
+    """Facet that a force meets, and where."""
+    first, second = boundary.points[:, :2].swapaxes(0, 1)
+    along = second - first
+    if load.y is None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = (load.x - first[:, 0]) / along[:, 0]
+        above = free & (boundary.normal[:, 1] > ALIKE) & (s >= -1e-9) & (s <= 1.0 + 1e-9)
+        if not np.any(above):
+            raise InputError(f"{key}: no edge looks up at x = {load.x:g}; give y as well")
+        at = first[above] + s[above, None] * along[above]
+        highest = int(np.argmax(at[:, 1]))
+        return int(np.flatnonzero(above)[highest]), at[highest]
+    place = np.array([load.x, load.y])
+    s = np.clip(np.sum((place - first) * along, axis=1) / boundary.length**2, 0.0, 1.0)
+    at = first + s[:, None] * along
+    distance = np.where(free, np.linalg.norm(at - place, axis=1), np.inf)
+    facet = int(np.argmin(distance))
+    if distance[facet] > boundary.length[facet]:
+        raise InputError(
+            f"{key}: no free edge at ({load.x:g}, {load.y:g}); the next is at"
+            f" ({at[facet, 0]:g}, {at[facet, 1]:g})"
+        )
+    return facet, at[facet]

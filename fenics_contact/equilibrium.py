@@ -1,0 +1,66 @@
+"""The state of a scene at a given load factor: service loads, and contact without a limit load."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dolfinx import fem
+
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.service_state import ServiceState, service_state
+from fenics_contact.analysis.strategy import strategy_of
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.errors import InputError
+from fenics_contact.output.fields import displacement_function
+from fenics_contact.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equilibrium(ServiceState):
+    """Result of `equilibrium`, with its fields.
+
+    Attributes:
+        discretization: Joints and elements of the scene.
+    """
+
+    discretization: Discretization
+
+    @property
+    def displacement(self) -> fem.Function | None:
+        """Displacements, m, a dolfinx function; None if there is no state."""
+        if self.state is None:
+            return None
+        values = self.state.displacement
+        return displacement_function(self.discretization, values, "displacement")
+
+
+def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equilibrium:
+    """Find the state of a scene under its dead load and a multiple of its live load.
+
+    With `slip = "stress-free"` friction resists the slip from the stress-free state, and the number
+    of steps does not matter. With `slip = "load-steps"` it resists the slip of each step, the dead
+    load being the first.
+
+    Args:
+        scene: What to solve.
+        load_factor: Multiple of the live load.
+        steps: Equal steps of the live load; they are halved where no state is found.
+
+    Returns:
+        The state; look at its status.
+
+    Raises:
+        InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
+            is not finite, or there is no step.
+    """
+    if not math.isfinite(load_factor):
+        raise InputError(f"load_factor = {load_factor} must be finite")
+    if steps < 1:
+        raise InputError(f"steps = {steps} must be 1 or more")
+    strategy, sign = strategy_of(scene), math.copysign(1.0, load_factor)
+    with Discretization(scene) as made:
+        bonded = made.bonded(strategy.kind)
+        case = LoadCase.of(made, bonded, sign, strategy.kind, lambda step: None)
+        found = service_state(case, strategy, scene.solve, abs(load_factor), steps)
+    return Equilibrium(**vars(found), discretization=made)

@@ -1,0 +1,282 @@
+"""Parts of pictures: outlines, blocks by material, joints by what they do, loads, scales.
+
+Colours are those of M. Okabe and K. Ito, which the colour-blind tell apart; line widths and double
+lines tell the same in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.analysis.joint_values import Contact
+from fenics_contact.analysis.rigid_blocks import straight_faces
+from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.mesh import Array, Indices
+from fenics_contact.output.fields import facet_contact
+from fenics_contact.output.view import View
+
+BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
+PALE_ORANGE = "#F2C766"
+#: Tints of the materials, repeated if there are more.
+TINTS = ("#c3d5e3", "#e8d7a8", "#aab9a0", "#d9bfcb", "#9fa3ab", "#f3efe0")
+#: Sum of the angles along an outline, radians, that is not drawn as a corner.
+STRAIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a picture of a structure covers, m.
+
+    Attributes:
+        low: Lower left corner.
+        high: Upper right corner.
+    """
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, view: View, *more: Array) -> Limits:
+        """The blocks at rest, with the arrows of loads, more points and a margin."""
+        points = [table.reshape(-1, 2) for table in (view.boundary.points[:, :2], *more)]
+        points += [np.concatenate(ends) for ends in _arrow_ends(view) if len(ends[0])]
+        both, margin = np.concatenate(points), 0.02 * view.size
+        return cls(both.min(axis=0) - margin, both.max(axis=0) + margin)
+
+    @property
+    def shape(self) -> Array:
+        """Width and height."""
+        return self.high - self.low
+
+
+def moved(view: View) -> Array:
+    """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
+    return view.boundary.points[:, :2] + view.motion
+
+
+def prepare(axes: Any, limits: Limits) -> None:
+    """Set the limits of axes, with one scale in x and y and without a frame."""
+    x, y = np.column_stack([limits.low, limits.high])
+    axes.set(aspect="equal", xlim=x, ylim=y, anchor="N")
+    axes.axis("off")
+
+
+def draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> Any:
+    """Closed paths around all bodies, for given ends of the facets, shape (facets, 2, 2)."""
+    from matplotlib.collections import PathCollection
+
+    made = PathCollection(outlines(boundary, ends), **style)
+    return axes.add_collection(made)
+
+
+def outlines(boundary: Boundary, ends: Array) -> list[Any]:
+    """A matplotlib path around every body."""
+    from matplotlib.path import Path as Outline
+
+    # Run along every facet with the block on the left.
+    along = boundary.points[:, 1] - boundary.points[:, 0]
+    forward = np.linalg.det(np.stack([boundary.normal, along], axis=1)) > 0.0
+    order = np.where(forward[:, None], [0, 1], [1, 0])
+    nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1)
+    points = np.take_along_axis(ends, order[:, :, None], axis=1)
+    leaving = dict(zip(nodes[:, 0].tolist(), range(len(nodes)), strict=True))
+    loops: list[list[Outline]] = [[] for _ in range(int(boundary.body.max()) + 1)]
+    while leaving:  # a loop of facets; a body with a hole has more than one
+        node, row = next(iter(leaving.items()))
+        corners = []
+        while node in leaving:
+            row = leaving.pop(node)
+            node = int(nodes[row, 1])
+            corners.append(points[row, 1])
+        loop = _corners(np.array(corners))
+        loops[boundary.body[row]].append(Outline(np.vstack([loop, loop[:1]]), closed=True))
+    return [Outline.make_compound_path(*of_body) for of_body in loops]
+
+
+def _corners(points: Array) -> Array:
+    """A closed line without the points at which it is straight, for small files."""
+    after = np.roll(points, -1, axis=0) - points
+    before = np.roll(after, 1, axis=0)
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn = np.abs(np.arctan2(cross, np.sum(before * after, axis=1)))
+    step = np.floor(np.cumsum(turn) / STRAIGHT)
+    kept = np.diff(step, prepend=0.0) > 0.0
+    return points[kept] if kept.sum() > 2 else points
+
+
+def draw_rest(axes: Any, view: View) -> None:
+    """Outlines of the blocks at rest, by material."""
+    shade = _tints(view)
+    rest = view.boundary.points[:, :2]
+    draw_outlines(axes, view.boundary, rest, facecolor=shade, edgecolor="0.45", linewidth=0.5)
+
+
+def draw_moved(axes: Any, view: View) -> None:
+    """Outlines at rest, and the blocks displaced, by material, the paler the less they move."""
+    size = np.zeros(len(view.centre))
+    np.maximum.at(size, view.boundary.body, np.linalg.norm(view.motion, axis=2).max(axis=1))
+    share = (size / (size.max() or 1.0))[:, None]
+    shade = _tints(view)
+    shade[:, :3] = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25) * (1.0 - shade[:, :3])
+    rest = view.boundary.points[:, :2]
+    draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
+    style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
+    draw_outlines(axes, view.boundary, moved(view), **style)
+
+
+def _tints(view: View) -> Array:
+    """Colour of every block, RGBA."""
+    from matplotlib.colors import to_rgba_array
+
+    return to_rgba_array(TINTS)[view.material % len(TINTS)]
+
+
+def material_handles(view: View) -> list[Any]:
+    """Entries of a legend for the materials that occur, if there is more than one."""
+    from matplotlib.patches import Patch
+
+    found = np.unique(view.material)
+    if len(found) == 1:
+        return []
+    tints = [TINTS[number % len(TINTS)] for number in found]
+    names = [view.materials[number] for number in found]
+    return [
+        Patch(facecolor=tint, edgecolor="0.45", label=name)
+        for tint, name in zip(tints, names, strict=True)
+    ]
+
+
+def draw_joints(axes: Any, view: View) -> list[Any]:
+    """Joint facets by what they do, between their displaced sides; entries of a legend."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+
+    if view.values is None:
+        return []
+    joints = view.joints
+    position = joints.position + view.joint_motion
+    state = facet_contact(view.values, joints.segments)
+    opens = np.any(view.values.opens[joints.segments], axis=1) & (state == Contact.OPEN)
+    fine = fineness(axes, view)
+    thin, wide = 0.8 * max(fine, 0.5), max(2.6 * fine, 1.4)
+    handles = []
+    for label, chosen, strokes in (
+        ("closed", state == Contact.STICK, [(BLACK, thin)]),
+        ("open, at rest", (state == Contact.OPEN) & ~opens, [(PALE_ORANGE, thin)]),
+        ("opens", opens, [(ORANGE, wide)]),
+        ("slides", state == Contact.SLIP, [(BLUE, wide), ("white", 0.3 * wide)]),
+    ):
+        if not np.any(chosen):
+            continue
+        segments = position[_runs(joints, joints.segments[chosen])]
+        for colour, width in strokes:
+            axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
+        lines = [Line2D([], [], color=colour, lw=width) for colour, width in strokes]
+        handles.append((label, tuple(lines)))
+    return handles
+
+
+def _runs(joints: Joints, segments: Indices) -> Indices:
+    """Joint points at the ends of rows of facets that follow each other on a straight face."""
+    face = straight_faces(joints, joints.length).of_point
+    along = np.sum(joints.tangent * joints.position, axis=1)
+    order = np.argsort(along[segments], axis=1)
+    rising = np.take_along_axis(segments, order, axis=1)
+    rising = rising[np.lexsort((along[rising[:, 0]], face[rising[:, 0]]))]
+    starts = np.append(True, rising[1:, 0] != rising[:-1, 1])
+    return np.column_stack([rising[starts, 0], rising[np.roll(starts, -1), 1]])
+
+
+def legend(axes: Any, entries: Sequence[Any], columns: int = 4) -> None:
+    """A legend below axes, of artists with labels or pairs (label, artists)."""
+    if not entries:
+        return
+    pairs = [one if isinstance(one, tuple) else (one.get_label(), one) for one in entries]
+    labels, handles = zip(*pairs, strict=True)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": min(columns, len(pairs))}
+    axes.legend(handles, labels, **place, fontsize=9, frameon=False, borderaxespad=0.2)
+
+
+def fineness(axes: Any, view: View) -> float:
+    """Factor on the width of lines: 1 where blocks are large in the picture, less for many."""
+    inches = axes.get_window_extent().width / axes.figure.dpi
+    block = 72.0 * inches * view.block_size / float(Limits.of(view).shape[0])
+    return float(np.clip(block / 30.0, 0.35, 1.0))
+
+
+#: Length of arrows over the structure's size: tractions, forces at places, body force.
+LENGTHS = 0.07, 0.11, 0.16
+
+
+def _arrow_ends(view: View) -> list[tuple[Array, Array]]:
+    """Tails and tips of the arrows of tractions, forces and the body force."""
+    ends = []
+    for arrows, length in zip((view.tractions, view.forces, view.body), LENGTHS, strict=True):
+        largest = np.linalg.norm(arrows.vector, axis=1).max(initial=0.0) or 1.0
+        reach = length * view.size * arrows.vector / largest
+        if arrows is view.body:  # inside the structure: its middle is where it acts
+            ends.append((arrows.place - 0.5 * reach, arrows.place + 0.5 * reach))
+        else:
+            tail = arrows.place - np.where(arrows.pushes[:, None], reach, 0.0)
+            ends.append((tail, tail + reach))
+    return ends
+
+
+def draw_live_load(axes: Any, view: View) -> list[Any]:
+    """Arrows where the live load acts; entry of a legend."""
+    from matplotlib import patheffects
+    from matplotlib.lines import Line2D
+
+    ends = _arrow_ends(view)
+    halo = [patheffects.withStroke(linewidth=4.0, foreground="white")]
+    for (tails, tips), width in zip(ends, (1.0, 1.6, 2.2), strict=True):
+        arrow = {"arrowstyle": "-|>", "mutation_scale": 6.0 + 4.0 * width, "color": BLACK}
+        arrow |= {"lw": width, "shrinkA": 0.0, "shrinkB": 0.0, "path_effects": halo, "zorder": 5}
+        for tail, tip in zip(tails, tips, strict=True):
+            axes.annotate("", tip, tail, arrowprops=arrow)
+    if not sum(len(tails) for tails, _ in ends):
+        return []
+    style = {"marker": r"$\rightarrow$", "markersize": 15, "linestyle": "none", "color": BLACK}
+    return [Line2D([], [], label="live load", **style)]
+
+
+def nice(value: float) -> float:
+    """The largest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not above a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    steps = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0])
+    return float(steps[steps <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
+
+
+def force_scale(size: Array, view: View) -> float:
+    """Force per metre of drawing, N/m per m, a nice number, for forces of given sizes.
+
+    Nine in ten are shorter than 1.2 times a block, and all than 0.35 times the structure.
+    """
+    typical = float(np.quantile(size, 0.9)) / (1.2 * view.block_size)
+    return nice(1.5 * max(typical, float(size.max()) / (0.35 * view.size)))
+
+
+def force_text(force: float) -> str:
+    """A force in kN per metre of thickness, or in N or MN where that has fewer digits."""
+    factor, unit = next(
+        (pair for pair in ((1e6, "MN/m"), (1e3, "kN/m")) if force >= pair[0]), (1.0, "N/m")
+    )
+    return f"{force / factor:.4g} {unit}"
+
+
+def draw_scale(
+    axes: Any, view: View, corner: Array, per_metre: float, largest: float, colour: str
+) -> None:
+    """A bar below the lower left corner of a picture that says how long forces are drawn."""
+    force = nice(min(largest, 0.3 * view.size * per_metre))
+    length = force / per_metre
+    x, y = corner + view.size * np.array([0.02, -0.02])
+    axes.plot([x, x + length], [y, y], "|-", color=colour, lw=1.8, markersize=7, zorder=4)
+    text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
+    axes.text(x + length + 0.015 * view.size, y, text, va="center", fontsize=9)
+    axes.set_ylim(y - 0.03 * view.size, None)

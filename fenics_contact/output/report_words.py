@@ -1,0 +1,117 @@
+"""Words of the report: what states, residuals, keys and pictures mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+STATUS: Mapping[str, str] = {
+    "limit": "a collapse state was found and verified.",
+    "unbounded": "nothing limits the live load.",
+    "unstable": "the dead load alone has no equilibrium. The motion of the blocks that fall proves"
+    " this.",
+    "no_equilibrium": "no equilibrium was found under the dead load alone. This is no proof that"
+    " there is none.",
+    "not_converged": "no verified state was found. The numbers below are not a limit load.",
+}
+
+#: Name and meaning of every residual of the verification.
+RESIDUALS: Mapping[str, tuple[str, str]] = {
+    "equilibrium": ("equilibrium", "The forces on every node of the mesh balance."),
+    "tension": ("no tension", "No joint pulls."),
+    "penetration": ("no penetration", "No block enters another one, or the ground."),
+    "complementarity": ("contact", "Where a joint is open, it carries no force."),
+    "friction": ("friction", "No shear force is larger than the joint allows."),
+    "slip_direction": (
+        "direction of slip",
+        "Where a joint has slipped, the full friction acts, and it acts against the slip.",
+    ),
+    "work": ("work", "The live load does the work that was prescribed."),
+    "mode_work": ("work of the mode", "The live load does work 1 on the collapse mode."),
+    "mode_penetration": ("mode without penetration", "The blocks can move by the collapse mode."),
+    "mode_elastic": ("mode of rigid blocks", "The collapse mode does not deform the blocks."),
+    "mode_power": ("power", "Friction takes up all the work that the loads do on the mode."),
+    "limit": (
+        "limit load",
+        "Rigid blocks with the friction forces of this state have the same limit load.",
+    ),
+    "bracket": ("bracket", "The load factor lies in its bracket."),
+}
+
+KEYS: Mapping[str, str] = {
+    "materials": "Materials",
+    "joints": "Laws of the joints between blocks",
+    "foundations": "Laws on rigid ground",
+    "supports": "Supports",
+    "young": "Young's modulus",
+    "poisson": "Poisson's ratio",
+    "friction": "coefficient of friction",
+    "bound": "shear strength",
+    "body": "body force",
+    "method": "method asked for",
+    "tolerance": "tolerance on the load factor, relative",
+    "control": "what is prescribed (work of the live load, or load factor)",
+    "slip": "slip is measured from",
+    "states": "collapse states looked for",
+    "error": "error by the mesh estimated",
+}
+
+MEANING: Mapping[str, str] = {
+    "cells": "cells of the mesh",
+    "dofs": "displacements (unknowns)",
+    "joint_points": "joint points",
+    "fixed_point": "passes of the fixed point",
+    "factorizations": "factorisations",
+}
+
+PHASES: Mapping[str, str] = {
+    "read": "reading the scene",
+    "compile": "compiling the forms",
+    "assemble": "assembling",
+    "bonded": "one elastic solve with closed joints",
+    "bounds": "bracket",
+    "solve": "finding the collapse",
+    "error": "error by the mesh",
+    "capacity": "capacity curve",
+    "write": "writing files",
+    "total": "all, without writing",
+}
+
+_SHOWN = {
+    "collapse": "How the blocks move, and the joint forces where there is equilibrium",
+    "thrust": "Line of thrust",
+    "forces": "Joint forces",
+    "stress": "Principal stresses",
+}
+
+#: What pictures show, by name of the file without its ending, in the order of the page.
+PICTURES: Mapping[str, str] = {
+    **{name: f"{words}." for name, words in _SHOWN.items()},
+    **{f"{name}_negative": f"{words}, live load reversed." for name, words in _SHOWN.items()},
+    "capacity": "Capacity curve: load factor against displacement.",
+}
+
+NOTES = (
+    "With Coulomb friction several collapse states may exist. The load factor is that of one"
+    " verified state. It is not a lower bound. All states lie in the bracket.",
+    "Loads up to the lower end of the bracket are carried without friction, and so with it. Loads"
+    " beyond the upper end are not carried even by rigid blocks with associative friction.",
+    "The blocks are elastic. They do not crush or crack.",
+    "Displacements are small. The problem is planar.",
+)
+
+STYLE = """
+body { font: 11pt/1.45 Georgia, serif; max-width: 50em; margin: 2em auto; padding: 0 1em; }
+h1, h2, h3 { font-family: sans-serif; line-height: 1.2; page-break-after: avoid; }
+h2 { border-bottom: 1px solid #999; margin-top: 1.6em; }
+table { border-collapse: collapse; margin: 0.6em 0; }
+th, td { border: 1px solid #bbb; padding: 0.2em 0.6em; text-align: left; vertical-align: top; }
+th { font-weight: normal; background: #f3f3f3; }
+tr { page-break-inside: avoid; }
+.status { padding: 0.5em 0.8em; border: 2px solid #555; font-weight: bold; }
+.limit { border-color: #27632a; }
+figure { margin: 1em 0; page-break-inside: avoid; }
+img { max-width: 100%; max-height: 22cm; }
+figcaption { font-size: 90%; }
+p, td, li { overflow-wrap: break-word; }
+@media print { body { margin: 0; max-width: none; } }
+"""

@@ -1,0 +1,68 @@
+"""The scene of a result as plain tables, with the units of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import GROUND, Joints
+
+#: Units by key; keys without one have numbers without unit, or words.
+UNITS: Mapping[str, str] = {
+    "young": "Pa",
+    "density": "kg/m3",
+    "bound": "Pa",
+    "body": "m/s2",
+    "traction": "Pa",
+    "length": "m",
+    "width": "m",
+    "height": "m",
+    "area": "m2",
+    "resultants": "N per metre of thickness",
+}
+
+
+def scene_record(discretization: Discretization) -> dict[str, Any]:
+    """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
+    scene, bodies = discretization.scene, discretization.bodies
+    width, height = np.ptp(discretization.boundary.points.reshape(-1, 2), axis=0).tolist()
+    tables = {
+        name: {key: asdict(value) for key, value in getattr(scene, name).items()}
+        for name in ("materials", "joints", "foundations")
+    }
+    loads = {"dead": (scene.dead, bodies.dead), "live": (scene.live, bodies.live)}
+    return {
+        "plane": scene.plane,
+        "degree": scene.degree,
+        "size": {"width": width, "height": height, "area": discretization.bodies_area()},
+        **tables,
+        "supports": dict(scene.supports),
+        "loads": {name: asdict(load) for name, (load, _) in loads.items()},
+        "resultants": {
+            n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
+        },
+        "contacts": _contacts(discretization.joints),
+        "solve": asdict(scene.solve),
+        "units": dict(UNITS),
+    }
+
+
+def _contacts(joints: Joints) -> list[dict[str, Any]]:
+    """Where the joint laws act: joint points and length, by group."""
+    rows = []
+    for number, name in enumerate(joints.names):
+        mine = joints.law == number
+        ground = bool(np.any(joints.bodies[mine, 0] == GROUND))
+        rows.append(
+            {
+                "group": name,
+                "kind": "foundation" if ground else "joint",
+                "points": int(mine.sum()),
+                "length": float(joints.length[mine].sum()),
+            }
+        )
+    return rows

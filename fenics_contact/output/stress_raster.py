@@ -1,0 +1,108 @@
+"""Mean stresses on a raster of fixed size: what a picture of any mesh needs, and no more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.mesh import Array, Indices
+from fenics_contact.output.fields import cell_stresses
+
+#: Squares of the raster along the longer side of the structure.
+SQUARES = 240
+
+
+@dataclass(frozen=True)
+class StressRaster:
+    """Mean stresses in squares, alike on all ranks.
+
+    Attributes:
+        corner: Lower left corner of the raster, m, shape (2,).
+        step: Side of a square, m.
+        area: Area of blocks in every square, m2, about, shape (rows, columns), from below.
+        stress: sigma_xx, sigma_yy, sigma_xy, Pa; nan where there is no block, shape (rows,
+            columns, 3).
+    """
+
+    corner: Array
+    step: float
+    area: Array
+    stress: Array
+
+    def coarser(self, factor: int) -> StressRaster:
+        """Means over squares of `factor` times the size."""
+        rows, columns = (-(-size // factor) for size in self.area.shape)
+        height, width = self.area.shape
+        padding = [(0, rows * factor - height), (0, columns * factor - width)]
+        area = np.pad(self.area, padding)
+        total = np.pad(self.area[:, :, None] * np.nan_to_num(self.stress), [*padding, (0, 0)])
+        shape = rows, factor, columns, factor
+        area, total = area.reshape(shape).sum((1, 3)), total.reshape(*shape, 3).sum((1, 3))
+        return StressRaster(self.corner, factor * self.step, area, _mean(total, area))
+
+
+def stress_raster(discretization: Discretization, elastic: Array) -> StressRaster:
+    """Mean stresses of a displacement field, this rank's part in the supports' coordinates.
+
+    Collective. What the ranks send does not grow with the mesh.
+    """
+    points = discretization.boundary.points[:, :2].reshape(-1, 2)
+    corner, extent = points.min(axis=0), np.ptp(points, axis=0)
+    step = float(extent.max()) / SQUARES
+    columns, rows = (int(n) for n in np.maximum(np.ceil(extent / step - 1e-9), 1))
+    stress = cell_stresses(discretization, elastic)[:, :3]
+    domain = discretization.scene.mesh.domain
+    corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
+    sums = np.zeros((4, rows * columns))
+    for cells, shapes in _samples(corners, step):
+        places = np.einsum("sk,ckd->csd", shapes, corners[cells])
+        column, row = np.moveaxis(((places - corner) / step).astype(np.int64), -1, 0)
+        square = np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
+        share = np.repeat(_areas(corners[cells]) / len(shapes), len(shapes))
+        values = np.repeat(stress[cells], len(shapes), axis=0)
+        for total, weight in zip(sums, [share, *(share * values.T)], strict=True):
+            total += np.bincount(square.ravel(), weight, rows * columns)
+    discretization.scene.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    area, total = sums[0].reshape(rows, columns), sums[1:].T.reshape(rows, columns, 3)
+    return StressRaster(corner, step, area, _mean(total, area))
+
+
+def _mean(total: Array, area: Array) -> Array:
+    """Mean stresses; nan where there is no area."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return total / area[:, :, None]
+
+
+def _samples(corners: Array, step: float) -> list[tuple[Indices, Array]]:
+    """Cells, and shape functions at points that divide them finer than the squares, by number."""
+    size = np.ptp(corners, axis=1).max(axis=1)
+    divisions = np.maximum(np.ceil(2.0 * size / step), 1).astype(np.int64)
+    # Powers of two, so that there are few kinds of cells.
+    divisions = 2 ** np.ceil(np.log2(divisions)).astype(np.int64)
+    kinds = np.unique(divisions)
+    shapes = {n: _shapes(int(n), corners.shape[1]) for n in kinds}
+    return [(np.flatnonzero(divisions == n), shapes[n]) for n in kinds]
+
+
+def _shapes(n: int, count: int) -> Array:
+    """Shape functions of a cell with 3 or 4 corners at the centres of n^2 equal parts of it."""
+    i, j = (index.ravel() for index in np.indices((n, n)))
+    if count == 3:
+        lower, upper = i + j < n, i + j < n - 1
+        x = np.concatenate([i[lower] + 1.0 / 3.0, i[upper] + 2.0 / 3.0]) / n
+        y = np.concatenate([j[lower] + 1.0 / 3.0, j[upper] + 2.0 / 3.0]) / n
+        return np.column_stack([1.0 - x - y, x, y])
+    x, y = (i + 0.5) / n, (j + 0.5) / n
+    return np.column_stack([(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y])
+
+
+def _areas(corners: Array) -> Array:
+    """Areas of cells; the corners of quadrilaterals are in the order of a product."""
+    one, other = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    if corners.shape[1] == 3:
+        other = corners[:, 1] - corners[:, 0]
+    return 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])

@@ -1,0 +1,209 @@
+"""What pictures show, as arrays that all ranks have: blocks, joints, motion, where loads act."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.loads import forces_on_facets
+from fenics_contact.mesh import Array, Indices
+from fenics_contact.output.fields import at_joints, at_nodes, material_numbers, mode_scale
+from fenics_contact.scene import Load
+
+#: Arrows along an edge have at least this distance, over the structure's size.
+APART = 1.0 / 15.0
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Where a load acts.
+
+    Attributes:
+        place: m, shape (arrows, 2).
+        vector: Traction, Pa, or force, N per metre of thickness, shape (arrows, 2).
+        pushes: Whether an arrow points into the block that it acts on.
+    """
+
+    place: Array
+    vector: Array
+    pushes: Array
+
+
+@dataclass(frozen=True)
+class View:
+    """What pictures of a structure show, alike on all ranks.
+
+    Attributes:
+        boundary: Facets of the blocks.
+        joints: Joint points.
+        values: Forces, openings and slips of a collapse; None where there is none.
+        motion: Displacements of the facets' ends in the mode, scaled, m, shape (facets, 2, 2).
+        joint_motion: Those of the joint points, mean of both sides, shape (points, 2).
+        centre: A point inside every block, m, shape (blocks, 2).
+        area: Of all blocks, m2.
+        material: Number of the material of every block, as an index into `materials`.
+        materials: Names.
+        tractions: Live tractions and earth pressure, as they act.
+        forces: Live forces at places.
+        body: Resultant of the live body force on its line of action; no arrow if there is none.
+    """
+
+    boundary: Boundary
+    joints: Joints
+    values: JointValues | None
+    motion: Array
+    joint_motion: Array
+    centre: Array
+    area: float
+    material: Indices
+    materials: tuple[str, ...]
+    tractions: Arrows
+    forces: Arrows
+    body: Arrows
+
+    @property
+    def size(self) -> float:
+        """Width or height of the structure, whichever is larger, m."""
+        return float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
+
+    @property
+    def block_size(self) -> float:
+        """Side of a square with the mean area of the blocks, m."""
+        return float(np.sqrt(self.area / len(self.centre)))
+
+
+def view_of(
+    discretization: Discretization,
+    mode: Array | None = None,
+    values: JointValues | None = None,
+    sign: float = 1.0,
+) -> View:
+    """What pictures show of a structure, of a mode of it and of its joint values. Collective.
+
+    `mode` is this rank's part in the supports' coordinates; `sign` is -1 where the live load is
+    reversed.
+    """
+    boundary, joints = discretization.boundary, discretization.joints
+    motion, at_points = np.zeros((len(boundary.nodes), 2, 2)), np.zeros((len(joints.nodes), 2))
+    if mode is not None:
+        scale = mode_scale(discretization, mode)
+        motion = scale * at_nodes(discretization, mode, boundary.nodes[:, :2])
+        at_points = scale * at_joints(discretization, mode)
+    tractions, forces, body = _live_load(discretization, sign)
+    return View(
+        boundary=boundary,
+        joints=joints,
+        values=values,
+        motion=motion,
+        joint_motion=at_points,
+        centre=discretization.bodies.centre,
+        area=discretization.bodies_area(),
+        material=_materials(discretization),
+        materials=tuple(discretization.scene.materials),
+        tractions=tractions,
+        forces=forces,
+        body=body,
+    )
+
+
+def _materials(discretization: Discretization) -> Indices:
+    """Material of every block: the first in the scene's order, if it has several."""
+    mesh = discretization.scene.mesh
+    number = np.full(mesh.body_count, len(discretization.scene.materials), dtype=np.int64)
+    np.minimum.at(number, mesh.body, material_numbers(discretization)[mesh.cell_groups])
+    mesh.comm.Allreduce(MPI.IN_PLACE, number, MPI.MIN)
+    return number
+
+
+def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arrows, Arrows]:
+    """Tractions, forces at places, and the body force, of the live load as it acts."""
+    boundary, load, bodies = (
+        discretization.boundary,
+        discretization.scene.live,
+        discretization.bodies,
+    )
+    on_facets = forces_on_facets(boundary, load)
+    tractions = [*_traction_forces(boundary, load), *on_facets[: len(load.earth)]]
+    forces = on_facets[len(load.earth) :]
+    apart = APART * float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+    arrows = [_along_edges(boundary, facets, force.sum(1), apart) for facets, force in tractions]
+    points = [_resultant(boundary, facets, force) for facets, force in forces]
+    rest = bodies.live * [1.0, 1.0, bodies.size]
+    for facets, force in [*tractions, *forces]:
+        body = boundary.body[facets]
+        arm = boundary.points[facets, : force.shape[1]] - bodies.centre[body][:, None]
+        moment = arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0]
+        np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
+    if load.acceleration == (0.0, 0.0):
+        rest[:] = 0.0
+    body = _body_force(rest, bodies.centre)
+    return _turned(_joined(arrows), sign), _turned(_joined(points), sign), _turned(body, sign)
+
+
+def _turned(arrows: Arrows, sign: float) -> Arrows:
+    """Arrows of a load, or of the reversed one."""
+    return Arrows(arrows.place, sign * arrows.vector, arrows.pushes == (sign > 0.0))
+
+
+def _traction_forces(boundary: Boundary, load: Load) -> list[tuple[Indices, Array]]:
+    """Facets and the forces at their two ends, N per metre of thickness, of all tractions."""
+    found = []
+    for name, traction in load.traction.items():
+        facets = np.flatnonzero(boundary.in_group(name))
+        half = np.outer(0.5 * boundary.length[facets], traction)
+        found.append((facets, np.stack([half, half], axis=1)))
+    return found
+
+
+def _along_edges(boundary: Boundary, facets: Indices, force: Array, apart: float) -> Arrows:
+    """Mean tractions on stretches of edges."""
+    middle, length = boundary.points[facets, :2].mean(axis=1), boundary.length[facets]
+    turned = np.round(2.0 * boundary.normal[facets]).astype(np.int64)  # sides look different ways
+    key = np.column_stack([np.floor(middle / apart).astype(np.int64), turned])
+    group = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    total = np.bincount(group, length)[:, None]
+    columns = (length[:, None] * middle, force, force * boundary.normal[facets])
+    place, traction, pressing = (
+        np.column_stack([np.bincount(group, column) for column in table.T]) / total
+        for table in columns
+    )
+    return Arrows(place, traction, pressing.sum(axis=1) <= 0.0)
+
+
+def _resultant(boundary: Boundary, facets: Indices, force: Array) -> Arrows:
+    """The resultant of a force at a place, from the forces on the nodes of facets."""
+    size = np.linalg.norm(force, axis=2).ravel()
+    place = size @ boundary.points[facets].reshape(-1, 2) / (size.sum() or 1.0)
+    total = force.sum(axis=1)
+    pressing = np.sum(total * boundary.normal[facets]) <= 0.0
+    return Arrows(place[None], total.sum(axis=0)[None], np.array([pressing]))
+
+
+def _body_force(force: Array, centre: Array) -> Arrows:
+    """Resultant of forces and moments about their centres on all blocks, (blocks, 3)."""
+    total, size = force[:, :2].sum(axis=0), np.linalg.norm(force[:, :2], axis=1)
+    square = float(total @ total)
+    if square <= 1e-18 * float(size.sum()) ** 2 or square == 0.0:
+        return _joined([])
+    place = size @ centre / size.sum()
+    arm = centre - place
+    moment = np.sum(force[:, 2] + arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])
+    place = place + np.array([total[1], -total[0]]) * moment / square
+    return Arrows(place[None], total[None], np.ones(1, dtype=bool))
+
+
+def _joined(parts: list[Arrows]) -> Arrows:
+    """All arrows of several loads, without those of no size."""
+    none = np.empty((0, 2))
+    place = np.concatenate([none, *(part.place for part in parts)])
+    vector = np.concatenate([none, *(part.vector for part in parts)])
+    pushes = np.concatenate([np.empty(0, dtype=bool), *(part.pushes for part in parts)])
+    size = np.linalg.norm(vector, axis=1)
+    acts = size > 1e-9 * size.max(initial=0.0)
+    return Arrows(place[acts], vector[acts], pushes[acts])

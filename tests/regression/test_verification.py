@@ -1,0 +1,43 @@
+"""Problems with known answers, as docs/verification.md shows them: the quick ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks import verification as known
+from benchmarks.known_answers import Figure
+from benchmarks.manufactured import THEORY, errors
+
+
+def missed(figures: list[Figure]) -> list[str]:
+    return [figure.row() for figure in figures if not figure.passed]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+def test_uniform_pressure_goes_through_joints(degree):
+    assert missed(known.patch(degree)) == []
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.3, 0.5])
+def test_block_is_pushed_up_an_incline(friction):
+    assert missed(known.incline(friction)) == []
+
+
+@pytest.mark.mpi
+def test_rod_slips_over_the_length_that_friction_allows():
+    assert missed(known.rod_figures(known.rod(200))) == []
+
+
+@pytest.mark.parametrize("quadrilaterals", [True, False])
+def test_plate_moves_as_by_code_aster(quadrilaterals):
+    assert missed(known.plate_figures(known.plate(quadrilaterals=quadrilaterals))) == []
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("degree", "elements"), [(1, 16), (2, 8)])
+def test_orders_of_convergence(degree, elements):
+    """Of displacement, energy, traction and load factor: at least 0.9 of theory."""
+    rows = [errors(count, degree) for count in (elements, 2 * elements)]
+    orders = {name: known.order([row[name] for row in rows]) for name in THEORY}
+    assert {n: found for n, found in orders.items() if found < 0.9 * THEORY[n](degree)} == {}

@@ -1,0 +1,224 @@
+"""The report: one page for every status and direction, true to result.json, safe for any text."""
+
+from __future__ import annotations
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fenics_contact.output.report import report_page
+from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
+
+SMALL = {"output.paraview": False, "output.report": True}
+STEEP = {"foundations.base.friction": 0.3, "joints": {}}
+JAMMED = {
+    "foundations": {"left": {"friction": 0.5}, "right": {"friction": 0.5}},
+    "joints": LEFT_OUT,
+    "loads.live.body": [0.0, 9.81],
+}
+
+#: Changes of the scene, mesh, words that the page must have.
+SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
+    "limit": ({}, "block", ["0.300000", "1 of 1 block move", "1 slide while closed"]),
+    "unbounded": (
+        {"loads.live.body": [0.0, -9.81]},
+        "block",
+        ["no limit", "1 of 1 block wedge: 0."],
+    ),
+    "unstable": ({}, "overhang", ["2 of 3 blocks fall: 1, 2."]),
+    "no_equilibrium": (JAMMED, "block", ["no equilibrium was found under the dead load alone"]),
+    "not_converged": ({"materials.default.poisson": 0.4999999999999999}, "block", ["not verified"]),
+}
+#: The mark-up of the page.
+TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
+TAGS.add("figcaption")
+
+
+class Page(HTMLParser):
+    """A page read strictly: every element is known, closed in order, and needs no other file."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.pictures: list[str] = []
+        self.cells: list[list[str]] = []
+        self.text = ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        assert tag in TAGS and set(given) <= {"src", "alt", "class", "scope", "lang", "charset"}
+        if tag == "img":
+            assert (given["src"] or "").startswith("data:image/")
+            self.pictures.append(given["alt"] or "")
+        if tag == "tr":
+            self.cells.append([])
+        if tag in ("td", "th"):
+            self.cells[-1].append("")
+        if tag not in ("img", "meta"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" in self.open:
+            assert "url" not in data and "@import" not in data
+            return
+        self.text += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells[-1][-1] += data
+
+    def row(self, name: str) -> list[str]:
+        """The cells beside the first one with a name."""
+        return next(cells[1:] for cells in self.cells if cells[:1] == [name])
+
+
+def page_of(folder: Path) -> Page:
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def solved(folder: Path, capsys: Any, changes: dict[str, Any], mesh: str) -> tuple[Page, Any]:
+    """Page and result.json of a scene."""
+    write_scene(folder, SMALL | changes, mesh)
+    run_here(["solve", "scene.toml"], capsys)
+    return page_of(folder / "scene"), result(folder / "scene")
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("direction", ["positive", "negative", "both"])
+@pytest.mark.parametrize("status", SCENES)
+def test_every_status_has_its_page(status, direction, folder, capsys):
+    changes, mesh, words = SCENES[status]
+    page, record = solved(folder, capsys, changes | {"solve.direction": direction}, mesh)
+    if direction == "positive":
+        assert record["status"] == status
+        assert [word for word in words if word not in page.text] == []
+    assert page.text.count("Load factor, live load") == len(record["ends"])
+    assert (len(record["ends"]) == 2) == (direction == "both" and status != "unstable")
+    drawn = {name for name in record["files"] if name.endswith(".png")}
+    assert len(page.pictures) == len(drawn)
+
+
+def test_numbers_are_those_of_the_result(folder, capsys):
+    page, record = solved(folder, capsys, {"solve.direction": "both"}, "wall")
+    factors = [cells[1] for cells in page.cells if cells[:1] == ["load factor"]]
+    assert [float(text) for text in factors] == pytest.approx([0.3, -0.3], rel=1e-6)
+    assert page.row("surely carried, from 0 to") == ["0"]
+    assert float(page.row("surely not carried beyond")[0]) == pytest.approx(0.3)
+    assert page.row("default")[1:] in (["Young's modulus", "1e+09 Pa"], ["1e+09 Pa"])
+    rows = [cells for cells in page.cells if cells[-1:] == ["yes"] and len(cells) == 5]
+    assert len(rows) == len(record["residuals"]) + len(record["negative"]["residuals"])
+    assert set(record["tolerances"]) == set(record["residuals"])
+    assert page.row("petsc")[0].count(".") == 2
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_residual_that_fails_is_seen(folder, capsys):
+    _, record = solved(folder, capsys, {}, "block")
+    for value in (1.0, None):
+        record["residuals"]["friction"] = value
+        page = Page(report_page(record, {}))
+        assert page.row("friction")[-1] == "NO"
+        assert page.row("no tension")[-1] == "yes"
+
+
+def test_blocks_and_joints_of_a_mechanism_are_counted(folder, capsys):
+    rough = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
+    _, record = solved(folder, capsys, rough, "tower")
+    moves = record["ends"]["positive"]["mechanism"]
+    assert moves["moving"] == moves["turning"] == [0, 1] and moves["fastest"] == 1
+    counts = [moves[key] for key in ("joints", "parting", "rocking", "sliding")]
+    assert counts == [2, 0, 1, 0]
+    assert moves["centre"] == pytest.approx([0.25, 0.75])
+    _, record = solved(folder, capsys, {}, "tower")
+    moves = record["ends"]["positive"]["mechanism"]
+    assert moves["moving"] == [0, 1] and moves["turning"] == []
+    counts = [moves[key] for key in ("joints", "parting", "rocking")]
+    assert counts == [2, 0, 0] and moves["sliding"] >= 1
+    assert moves["direction"] == pytest.approx([1.0, 0.0], abs=1e-3)
+
+
+HOSTILE = '<script>alert("1")</script> & "quotes\' <b> \u202e \\ $x$'
+
+
+def test_any_text_is_text(folder, capsys):
+    _, record = solved(folder, capsys, {"title": HOSTILE}, "block")
+    scene = record["scene"]
+    scene["materials"][HOSTILE] = scene["materials"].pop("default")
+    scene["loads"]["live"]["traction"] = {HOSTILE: [1.0, 2.0]}
+    scene["supports"] = {HOSTILE: HOSTILE}
+    record["warnings"] = [HOSTILE, "\ud800\x00"]
+    page = Page(report_page(record, {"collapse": 'data:image/png;base64,"><script>'}))
+    shown = HOSTILE.replace("\u202e", "\\u202e")
+    assert page.text.count(shown) >= 6
+    assert page.row(shown)[-1] == "1e+09 Pa"
+    report_page(record, {}).encode("utf-8")
+
+
+def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
+    page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
+    assert len(page.pictures) == 4
+    page, record = solved(folder, capsys, {"output.pictures": False}, "block")
+    assert (folder / "scene" / "capacity.png").exists()
+    assert page.pictures == [] and record["files"] == []
+
+
+def test_report_of_a_folder(folder, capsys):
+    solved(folder, capsys, {}, "block")
+    text = (folder / "scene" / "report.html").read_text()
+    found = run_here(["report", "scene", "-o", "page.html"], capsys)
+    assert (found.code, found.out, found.err) == (0, "written to page.html\n", "")
+    assert (folder / "page.html").read_text() == text
+    assert run_here(["report", "scene", "-q"], capsys).out == ""
+
+
+NO_RESULT = {
+    "no folder": None,
+    "no JSON": "{",
+    "no text": b"\xff",
+    "no result": '{"status": "limit"}',
+    "a list": "[]",
+    "damaged": json.dumps({"status": "limit", "ends": {}, "scene": {}, "title": ""}),
+}
+
+
+@pytest.mark.parametrize("name", NO_RESULT)
+def test_2_without_a_result(name, folder, capsys):
+    content = NO_RESULT[name]
+    if content is not None:
+        (folder / "out").mkdir()
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / "out" / "result.json").write_bytes(data)
+    found = run_here(["report", "out"], capsys)
+    assert (found.code, found.out) == (2, "")
+    assert found.err.count("\n") == 1 and "out/result.json" in found.err and "solve" in found.err
+    assert not (folder / "out" / "report.html").exists()
+
+
+def test_4_where_the_page_cannot_be_written(folder, capsys):
+    solved(folder, capsys, {}, "block")
+    found = run_here(["report", "scene", "-o", "no/page.html"], capsys)
+    assert found.code == 4 and found.err.startswith("fenics-contact: cannot write 'no/page.html'")
+
+
+def test_ranks_write_the_same_page(tmp_path):
+    write_scene(tmp_path, SMALL | {"output.pictures": False}, "wall")
+    records = []
+    for ranks in (1, 3):
+        found = run(["solve", "scene.toml", "-o", f"out{ranks}"], tmp_path, ranks)
+        assert found.code == 0, found.err
+        record = result(tmp_path / f"out{ranks}")
+        records.append((record["scene"], record["ends"]["positive"]["mechanism"]))
+        found = run(["report", f"out{ranks}", "-o", f"{ranks}.html"], tmp_path, ranks)
+        assert found.out == f"written to {ranks}.html\n"
+    (one_scene, one), (scene, moves) = records
+    assert scene["contacts"] == one_scene["contacts"]
+    assert scene["resultants"]["dead"] == pytest.approx(one_scene["resultants"]["dead"])
+    for key in ("moving", "turning", "joints", "parting", "rocking", "sliding"):
+        assert moves[key] == one[key]

@@ -1,0 +1,71 @@
+"""States at a given load factor: found, mirrored, in steps, and refused where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import InputError, Load, SolveOptions, equilibrium
+from tests.bank import BANK, block_recipe
+
+BLOCK = block_recipe(0.4, 1.0, 0.3)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("method", "name"), [("auto", "W3 coulomb 0.65"), ("fixed-point", "block 0.7")]
+)
+def test_wall_below_its_limit_load_is_in_equilibrium(method, name):
+    found = equilibrium(BANK[name].scene(elements=2, method=method), 0.3)
+    assert (found.status, found.reason, found.load_factor) == ("equilibrium", "", 0.3)
+    assert max(found.residuals.values()) < 1e-6
+    base = found.discretization.joints.bodies[:, 0] < 0
+    forces = found.joints.force(found.discretization.joints)[base].sum(axis=0)
+    weight = found.discretization.bodies.dead.sum(axis=0)[1]
+    assert forces == pytest.approx([0.3 * weight, -weight], rel=1e-8)
+    assert MPI.COMM_WORLD.allreduce(float(np.abs(found.displacement.x.array).max())) > 0.0
+
+
+def test_reversed_load_mirrors_the_state():
+    there, back = (equilibrium(BLOCK.scene(2), factor) for factor in (0.2, -0.2))
+    assert back.load_factor == back.state.load_factor == -0.2
+    assert there.state.work == pytest.approx(-back.state.work, rel=1e-2)  # so is not the mesh
+    assert back.joints.shear_force.sum() == pytest.approx(-there.joints.shear_force.sum(), rel=1e-9)
+
+
+def test_load_beyond_the_limit_has_no_equilibrium():
+    found = equilibrium(BLOCK.scene(2), 0.31)
+    assert (found.status, found.state, found.displacement) == ("no_equilibrium", None, None)
+    assert found.reason == "with associative friction rigid blocks carry 0.3 at most"
+
+
+def test_where_associative_friction_proves_nothing_the_state_is_only_not_found():
+    found = equilibrium(BANK["W3 coulomb 0.65"].scene(elements=1), 0.38)  # 0.356, associative 0.404
+    assert (found.status, found.state) == ("not_converged", None)
+    assert found.reason.startswith("equilibrium was found up to a load factor of 0.3")
+
+
+def test_steps_matter_where_slip_is_counted_by_step():
+    scene = BANK["W3 coulomb 0.65"].scene(elements=2)
+    by_step = replace(scene, solve=SolveOptions(control="load", slip="load-steps"))
+    once, again = (equilibrium(scene, 0.3, steps) for steps in (1, 4))
+    assert again.state.work == pytest.approx(once.state.work, rel=1e-6)
+    works = [equilibrium(by_step, 0.3, steps).state.work for steps in (1, 4)]
+    assert abs(works[1] / works[0] - 1.0) > 1e-6
+
+
+def test_dead_load_alone_and_live_load_alone():
+    scene = BLOCK.scene(2)
+    alone = equilibrium(scene, 0.0)
+    as_live = equilibrium(replace(scene, dead=Load(), live=scene.dead))
+    assert alone.status == as_live.status == "equilibrium"
+    assert as_live.joints.pressure == pytest.approx(alone.joints.pressure, rel=1e-8)
+
+
+@pytest.mark.parametrize(("factor", "steps"), [(float("nan"), 1), (float("inf"), 1), (0.1, 0)])
+def test_numbers_that_cannot_be_meant(factor, steps):
+    with pytest.raises(InputError):
+        equilibrium(BLOCK.scene(1), factor, steps)

@@ -1,0 +1,220 @@
+"""Joints whose nodes do not match: rows of B_N and B_T, their lengths, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import InputError
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.elasticity import displacement_space
+from fenics_contact.discretization.facets import collect_boundary
+from fenics_contact.discretization.joints import Joints, find_joints
+from fenics_contact.meshing import polygons
+from tests.helpers import (
+    Drawing,
+    coulomb,
+    dense,
+    grid_blocks,
+    mesh_of,
+    node_positions,
+    on_ground,
+    rotation,
+)
+
+ANGLE = 0.3
+#: Elements of unlike sizes; the third block begins inside a facet of the first.
+SIZES = (0.31, 0.17, 0.23)
+
+
+def three_blocks(slope: float, quadrilaterals: bool, sizes=SIZES) -> Drawing:
+    """A block with two on its sloping top, meshed one by one, all turned."""
+    low, mid, high = 1.0, 1.0 + 0.83 * slope, 1.0 + 2.0 * slope
+    outlines = [
+        [(0, 0), (2, 0), (2, high), (0, low)],
+        [(0, low), (0.83, mid), (0.83, 3), (0, 3)],
+        [(0.83, mid), (2, high), (2, 3), (0.83, 3)],
+    ]
+    return Drawing.of(polygons(outlines, sizes, quadrilaterals=quadrilaterals)).turned(ANGLE)
+
+
+CASES = [(d, q, s) for d in (1, 2) for q in (False, True) for s in (0.0, 0.4)]
+
+
+@pytest.fixture(params=CASES, ids=lambda case: f"degree{case[0]}-quads{case[1]}-slope{case[2]}")
+def jointed(request):
+    degree, quadrilaterals, slope = request.param
+    drawing = three_blocks(slope, quadrilaterals)
+    with Discretization(on_ground(drawing.model(), coulomb(0.5), degree=degree)) as whole:
+        yield whole
+
+
+def test_contact_patch(jointed):
+    # A uniform stress, with shear and pressure on every joint, is in equilibrium at all nodes.
+    gradient = np.array([[1.0, 0.3], [0.2, -2.0]]) * 1e-3
+    strain = 0.5 * (gradient + gradient.T)
+    first, mu = (field.x.array[0] for field in jointed.elasticity.lame)
+    stress = first * np.trace(strain) * np.eye(2) + 2.0 * mu * strain
+    joints, boundary = jointed.joints, jointed.boundary
+    comm = jointed.scene.comm
+    own = jointed.elasticity.space.dofmap.index_map.local_range
+    x = node_positions(jointed.elasticity.space)
+    u = (x @ gradient.T)[slice(*own)].ravel()
+    on_facets = np.zeros_like(x)  # forces of the stress on whole facets
+    weight = np.array({2: [1, 1], 3: [1, 1, 4]}[boundary.nodes.shape[1]])
+    for nodes, share in zip(boundary.nodes.T, weight / weight.sum(), strict=True):
+        np.add.at(on_facets, nodes, share * boundary.length[:, None] * (boundary.normal @ stress))
+    force = -joints.length[:, None] * (joints.normal @ stress)
+    mine = jointed.operators.points
+    pressure, shear = (
+        np.sum(force * axis, axis=1)[mine] for axis in (joints.normal, joints.tangent)
+    )
+    left = (jointed.problem.stiffness @ u).reshape(-1, 2)
+    left -= jointed.problem.joint_forces(pressure, shear).reshape(-1, 2)
+    assert np.abs(force).max() > 0.0
+    # What is left acts on the free outline: nothing inside the joints.
+    middle = boundary.points[:, :2].mean(axis=1) @ rotation(ANGLE)
+    free = np.any((np.abs(middle - [2, 3]) < 1e-9) | (np.abs(middle) < 1e-9), axis=1)
+    outline = np.zeros(len(x), dtype=bool)
+    outline[boundary.nodes[free]] = True
+    inner = ~outline[slice(*own)]
+    largest = np.abs(on_facets).max()
+    assert comm.allreduce(int(inner.sum())) > 20
+    assert np.abs(left[inner]).max(initial=0.0) < 1e-10 * largest
+    between = joints.bodies[mine, 0] >= 0
+    for operator in (jointed.problem.normal, jointed.problem.tangential):
+        assert np.abs((operator @ u)[between]).max(initial=0.0) < 1e-12
+
+
+def test_rigid_motions_open_and_slip_as_the_points_move(jointed):
+    joints = jointed.joints
+    x = node_positions(jointed.elasticity.space)
+    own = jointed.elasticity.node_body
+    body = np.concatenate(jointed.scene.comm.allgather(own))
+    motion = np.array([[2e-3, -1e-3, 5e-3], [-1e-3, 3e-3, -2e-3], [1e-3, 1e-3, 1e-3]])
+
+    def moved(points, bodies):
+        a, b, c = motion[bodies].T
+        return np.column_stack([a - c * points[:, 1], b + c * points[:, 0]])
+
+    sides = [moved(joints.position, joints.bodies[:, side]) for side in (0, 1)]
+    sides[0][joints.bodies[:, 0] < 0] = 0.0
+    order = np.argsort(np.concatenate(jointed.scene.comm.allgather(jointed.operators.points)))
+    for matrix, axis in (
+        (jointed.operators.normal, joints.normal),
+        (jointed.operators.tangential, joints.tangent),
+    ):
+        jump = (dense(matrix) @ moved(x, body).ravel())[order]
+        assert jump == pytest.approx(np.sum(axis * (sides[1] - sides[0]), axis=1), abs=1e-14)
+
+
+def test_lengths_and_points_of_corners(jointed):
+    joints = jointed.joints
+    pairs = {(0, 1): 0.83, (0, 2): 1.17}
+    corner = np.array([0.83, 1.0 + 0.83 * slope_of(jointed)])
+    at = np.linalg.norm(joints.position @ rotation(ANGLE) - corner, axis=1) < 1e-9
+    for pair, width in pairs.items():
+        mine = np.all(joints.bodies == pair, axis=1)
+        assert joints.length[mine].sum() == pytest.approx(
+            width * np.hypot(1.0, slope_of(jointed)), rel=1e-12
+        )
+        assert np.count_nonzero(mine & at) == 1
+    assert np.count_nonzero(at) == 3  # three bodies meet
+    ends = joints.position[joints.segments]
+    size = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    assert size.sum() == pytest.approx(joints.length.sum(), rel=1e-12)
+
+
+def slope_of(whole: Discretization) -> float:
+    """Slope of the joint on the first block."""
+    normal = (whole.joints.normal @ rotation(ANGLE))[np.all(whole.joints.bodies == (0, 1), axis=1)]
+    return float(-normal[0, 0] / normal[0, 1])
+
+
+def test_matching_nodes_are_coupled_node_to_node():
+    drawing = three_blocks(0.4, False, None)
+    joints = joints_of(drawing)
+    weights = joints.stencil.weights
+    assert weights.shape[2] == 1
+    between = joints.bodies[:, 0] >= 0
+    assert np.all(weights[between] == 1.0)
+    assert np.array_equal(joints.stencil.nodes[:, :, 0], joints.nodes)
+
+
+def joints_of(drawing: Drawing, laws=None, degree: int = 1) -> Joints:
+    scene = on_ground(drawing.model(), coulomb(0.5), foundations={}, degree=degree)
+    scene = replace(scene, joints=laws or scene.joints)
+    return find_joints(scene, collect_boundary(scene.mesh, displacement_space(scene)))
+
+
+def stacked(gap: float, shift: float = 0.0, divisions: int = 3) -> Drawing:
+    """A block of two elements along its top, and one of others above it."""
+    lower, upper = ((0, 0), (1, 1), (2, 2)), ((shift, 1 + gap), (1, 1), (divisions, 2))
+    return grid_blocks(lower, upper)
+
+
+@pytest.mark.parametrize(("divisions", "shift"), [(3, 0.0), (2, 0.25), (2, 0.05), (7, 0.3)])
+def test_partly_overlapping_facets(divisions, shift):
+    for degree in (1, 2):
+        joints = joints_of(stacked(0.0, shift, divisions), degree=degree)
+        assert joints.length.sum() == pytest.approx(1.0 - shift, rel=1e-12)
+        assert np.all(joints.length > 0.0)
+        total = joints.stencil.weights.sum(axis=2)
+        assert total == pytest.approx(np.ones_like(total), rel=1e-12)
+
+
+@pytest.mark.parametrize("gap", [1e-4, -1e-4, 3e-4])
+def test_small_gaps_are_closed(gap):
+    joints = joints_of(stacked(gap))
+    assert joints.length.sum() == pytest.approx(1.0, rel=1e-12)
+    assert joints.offset == pytest.approx(abs(gap), rel=1e-9)
+
+
+@pytest.mark.parametrize(("gap", "word"), [(1e-3, "apart"), (-5e-4, "overlap")])
+def test_almost_touching_is_refused(gap, word):
+    drawing = stacked(gap)
+    with pytest.raises(InputError, match=rf"{word}.*\(0\.\d+, 1.*'bottom1', 'top0'.*together"):
+        joints_of(drawing)
+
+
+def test_blocks_apart_do_not_touch():
+    assert len(joints_of(stacked(2e-2)).length) == 0
+    with pytest.raises(InputError, match=r"'top0': 2 facets have no facet opposite.*\(0\.25, 1\)"):
+        joints_of(stacked(2e-2), {"top0": coulomb(0.5)})
+
+
+def test_warning_of_a_gap():
+    for gap, count in ((0.0, 0), (1e-4, 1)):
+        drawing = stacked(gap)
+        drawing.facets = {"base": drawing.facets["bottom0"]}
+        with Discretization(on_ground(drawing.model(), coulomb(0.5))) as whole:
+            found = [text for text in whole.warnings if "gaps or overlaps up to 0.0001 m" in text]
+            assert len(found) == count
+
+
+def test_arcs_of_unlike_facets_touch():
+    # Two rings about one centre, with facets of 7.5 and 4.5 degrees; they overlap and gap.
+    def ring(inner, outer, count):
+        angle = np.linspace(0.0, np.pi / 2, count + 1)
+        ray = np.column_stack([np.cos(angle), np.sin(angle)])
+        return np.concatenate([inner * ray, outer * ray[::-1]])
+
+    outlines = [ring(0.6, 1.0, 12), ring(1.0, 1.5, 20)]
+    for degree in (1, 2):
+        drawing = Drawing.of(polygons(outlines, [0.2, 0.12]))
+        joints = joints_of(drawing, degree=degree)
+        assert joints.length.sum() == pytest.approx(np.pi / 2, rel=2e-3)
+        radial = joints.position / np.linalg.norm(joints.position, axis=1)[:, None]
+        assert np.min(np.sum(radial * joints.normal, axis=1)) > np.cos(np.radians(5.0))
+
+
+def test_sizes_of_blocks_meshed_one_by_one():
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    with pytest.raises(InputError, match="2 sizes for 1 blocks"):
+        polygons([square], [0.1, 0.2])
+    with pytest.raises(InputError, match="positive size"):
+        polygons([square], [0.0])
+    mesh = mesh_of(polygons([square], [0.5]))
+    assert mesh.body_count == 1

@@ -1,0 +1,206 @@
+"""Geometry of pictures: lines of thrust, scales, loads, stresses on a raster, titles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from fenics_contact import JointLaw, Load, limit_load
+from fenics_contact.analysis.rigid_blocks import LimitBounds
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.meshing import arch, polygons, running_bond, wall
+from fenics_contact.output.drawing import force_scale, force_text, nice
+from fenics_contact.output.fields import principal_stresses
+from fenics_contact.output.plotting import draw_forces, draw_mode, draw_thrust, rounded_alike
+from fenics_contact.output.stress_raster import stress_raster
+from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
+from fenics_contact.output.view import View, view_of
+from fenics_contact.scene import EdgeForce
+from tests.helpers import PUSH, WEIGHT, on_ground, rectangle
+
+ROUGH = JointLaw(friction=0.8)
+STONE_WEIGHT = 2000.0 * 9.81
+
+
+def solved(scene) -> tuple[View, object]:
+    """What pictures show of the collapse of a scene, and its result."""
+    result = limit_load(scene)
+    assert result.status == "limit"
+    return view_of(result.discretization, result.collapse.mode, result.collapse.joints), result
+
+
+def thrust(view: View) -> ThrustLines:
+    return thrust_lines(face_resultants(view.joints, view.values), view.centre)
+
+
+def tower(count: int, width: float = 0.5, height: float = 0.5):
+    """Square blocks one on the other."""
+    levels = height * np.arange(count + 1)
+    blocks = [rectangle(0.0, low, width, low + height) for low in levels[:-1]]
+    return polygons(blocks, 0.25)
+
+
+@pytest.mark.mpi
+def test_thrust_of_one_block_runs_from_its_centre_to_its_toe():
+    view, _ = solved(on_ground(polygons([rectangle(0.0, 0.0, 0.5, 1.0)], 0.25), ROUGH))
+    lines = thrust(view)
+    assert lines.segments.shape == (1, 2, 2)
+    # Weight, and as much of it times 0.5 to the right, at (0.25, 0.5).
+    np.testing.assert_allclose(lines.segments[0], [[0.5, 0.0], [0.25, 0.5]], atol=1e-5)
+    weight = STONE_WEIGHT * 0.5
+    assert lines.force[0] == pytest.approx(weight * math.hypot(1.0, 0.5), rel=1e-5)
+
+
+@pytest.mark.mpi
+def test_thrust_of_a_tower_passes_where_statics_says():
+    count = 4
+    view, result = solved(on_ground(tower(count), ROUGH))
+    lines, factor = thrust(view), result.load_factor
+    assert factor == pytest.approx(1.0 / count, rel=1e-5)
+    # Above the joint at height y, blocks of height h = 2 - y: their middle is at y + h / 2.
+    level = np.sort(lines.centre[:, 1])
+    np.testing.assert_allclose(level, 0.5 * np.arange(count), atol=1e-9)
+    place = lines.centre[np.argsort(lines.centre[:, 1]), 0]
+    np.testing.assert_allclose(place, 0.25 + factor * 0.5 * (2.0 - level), atol=1e-5)
+
+
+def test_thrust_under_an_eccentric_load():
+    place, force = 0.4, 30.0e3
+    push = Load(force={"column": EdgeForce((0.0, -force), place)})
+    scene = on_ground(tower(2), ROUGH, dead=Load(WEIGHT.body, force=push.force))
+    view, result = solved(scene)
+    lines, weight = thrust(view), STONE_WEIGHT * 0.25
+    upper = lines.centre[lines.centre[:, 1] > 0.25]
+    lever = result.load_factor * weight * 0.25  # the push of the upper block about the joint
+    exact = (weight * 0.25 + force * place + lever) / (weight + force)
+    assert upper[0, 0] == pytest.approx(exact, abs=1e-5)
+
+
+def test_a_wall_has_one_line_and_its_sections_are_courses():
+    view, _ = solved(on_ground(running_bond(4, 5), JointLaw(friction=0.4)))
+    lines = thrust(view)
+    assert len(lines.centre) == 5  # all slides on the base: the joints above do not open
+    assert len(lines.segments) == 5
+    np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), 4 * 0.4, atol=1e-9)
+
+
+@pytest.mark.mpi
+def test_two_piers_have_a_line_each():
+    rows = [[1, -1, 1], [1, -1, 1], [3]]
+    view, _ = solved(on_ground(wall(rows, (0.4, 0.4)), JointLaw(friction=0.3)))
+    lines = thrust(view)
+    assert len(lines.centre) == 6
+    # No line crosses the opening from one pier to the other.
+    assert np.ptp(lines.segments[:, :, 0], axis=1).max() < 0.3
+
+
+def test_line_of_thrust_of_an_arch_lies_in_the_ring():
+    scene = on_ground(arch(9, 0.2), ROUGH, foundations={"springings": ROUGH})
+    view, _ = solved(scene)
+    lines = thrust(view)
+    assert len(lines.centre) == 10 and len(lines.segments) == 9
+    radius = np.linalg.norm(lines.centre, axis=1)
+    assert 0.9 - 1e-6 <= radius.min() and radius.max() <= 1.1 + 1e-6
+    assert radius.min() == pytest.approx(0.9, abs=1e-4)  # hinges
+    assert radius.max() == pytest.approx(1.1, abs=1e-4)
+
+
+def test_resultants_balance_the_loads():
+    view, result = solved(on_ground(running_bond(3, 3), ROUGH))
+    faces = face_resultants(view.joints, view.values)
+    ground = faces.bodies[:, 0] < 0
+    weight = 3 * 3 * 0.4 * 0.2 * STONE_WEIGHT
+    total = faces.force[ground].sum(axis=0)
+    np.testing.assert_allclose(total, [-result.load_factor * weight, weight], rtol=1e-5)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+def test_raster_carries_the_weight(degree, quadrilaterals):
+    model = polygons([rectangle(0.0, 0.0, 1.0, 0.5)], 0.25, quadrilaterals=quadrilaterals)
+    result = limit_load(on_ground(model, JointLaw(friction=0.3), degree=degree))
+    raster = stress_raster(result.discretization, result.collapse.state.elastic)
+    assert raster.area.sum() == pytest.approx(0.5, rel=1e-9)
+    inside = raster.area > 0.0
+    assert inside.mean() > 0.98
+    mean = raster.stress[inside].T @ raster.area[inside] / raster.area.sum()
+    # The stress at the centre of a cell is its mean, but for quadrilaterals of degree 2.
+    assert mean[1] == pytest.approx(-0.5 * STONE_WEIGHT * 0.5, rel=1e-4)
+    coarse = raster.coarser(7)
+    assert coarse.area.sum() == pytest.approx(0.5, rel=1e-9)
+    full = coarse.area > 0.0
+    again = coarse.stress[full].T @ coarse.area[full] / coarse.area.sum()
+    np.testing.assert_allclose(again, mean, rtol=1e-9)
+
+
+def test_principal_stresses_of_a_tensor():
+    values, first = principal_stresses(np.array([[0.0, 0.0, 2.0], [-3.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(values, [[2.0, -2.0], [1.0, -3.0]])
+    np.testing.assert_allclose(np.abs(first), [[np.sqrt(0.5)] * 2, [0.0, 1.0]], atol=1e-12)
+
+
+@pytest.mark.mpi
+def test_loads_are_shown_where_they_act():
+    model = wall([[1, 1]], (0.5, 0.5))
+    force = EdgeForce((0.0, -2.0e3), 0.25)
+    live = Load(PUSH.body, traction={"left": (1e3, 0.0)}, force={"wheel": force})
+    with Discretization(on_ground(model, ROUGH, live=live)) as discretization:
+        as_given, turned = view_of(discretization), view_of(discretization, sign=-1.0)
+    assert as_given.tractions.place[:, 0] == pytest.approx(0.0, abs=1e-9)
+    assert np.all(as_given.tractions.pushes) and not np.any(turned.tractions.pushes)
+    np.testing.assert_allclose(as_given.tractions.vector, [[1e3, 0.0]] * 4, atol=1e-9)
+    np.testing.assert_allclose(as_given.forces.place, [[0.25, 0.5]], atol=1e-9)
+    np.testing.assert_allclose(turned.forces.vector, [[0.0, 2e3]], atol=1e-9)
+    weight = 0.5 * STONE_WEIGHT
+    np.testing.assert_allclose(as_given.body.vector, [[weight, 0.0]], rtol=1e-9)
+    np.testing.assert_allclose(as_given.body.place, [[0.5, 0.25]], atol=1e-9)
+
+
+def test_titles_have_one_number_of_decimals():
+    assert rounded_alike([0.150465309, 0.150465309]) == ["0.15047", "0.15047"]
+    assert rounded_alike([31.07346, 33.4]) == ["31.073", "33.400"]
+    assert rounded_alike([0.5, 0.0, math.inf]) == ["0.50000", "0", "inf"]
+    assert rounded_alike([1.23456e-7, 2e-7]) == ["1.2346e-07", "2.0000e-07"]
+    bounds = LimitBounds(None, 0.150465309)
+    assert bounds.told(lambda value: rounded_alike([0.15047, value])[1]) == "at most 0.15047"
+
+
+def test_forces_are_drawn_to_a_round_scale():
+    assert [nice(value) for value in (1.0, 1.49, 7.9, 123.0)] == [1.0, 1.0, 6.0, 100.0]
+    assert [force_text(force) for force in (5e4, 2.5e6, 3.0)] == ["50 kN/m", "2.5 MN/m", "3 N/m"]
+    with Discretization(on_ground(running_bond(4, 4), ROUGH)) as discretization:
+        view = view_of(discretization)
+    size = np.array([1.0, 2.0, 3.0, 100.0]) * 1e3
+    per_metre = force_scale(size, view)
+    assert nice(per_metre) == per_metre
+    assert size.max() / per_metre <= 0.35 * view.size * (1.0 + 1e-9)
+
+
+@pytest.mark.mpi
+def test_materials_and_states_are_in_the_legend_where_they_are():
+    model = polygons(
+        [rectangle(0.0, 0.0, 1.0, 0.5), rectangle(0.0, 0.5, 1.0, 1.0)], 0.5, ["stone", "brick"]
+    )
+    scene = on_ground(model, JointLaw(friction=0.8), foundations={"base": JointLaw(friction=0.3)})
+    stone = scene.materials["default"]
+    scene = replace(scene, materials={"stone": stone, "brick": stone})
+    view, _ = solved(scene)
+    assert view.material.tolist() == [0, 1]
+    axes = draw_mode(Figure().subplots(), view)
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert texts == ["closed", "slides", "live load", "stone", "brick"]
+    for draw in (draw_forces, draw_thrust):
+        axes = Figure().subplots()
+        assert draw(axes, view) is axes
+
+
+def test_no_forces_without_a_state():
+    with Discretization(on_ground(tower(1), ROUGH)) as discretization:
+        view = view_of(discretization)
+    with pytest.raises(ValueError, match="no joint forces"):
+        draw_forces(Figure().subplots(), view)
