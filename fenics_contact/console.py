@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint, Step
+from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
@@ -119,22 +120,41 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
 
 
 def _mesh_lines(end: Collapse) -> list[str]:
-    """What a load factor owes to the length of hinges, and other states on the way to none."""
+    """What a load factor owes to the mesh, and other states that a finer one leads to."""
     error = end.mesh_error
     if error is None:
         return []
     if np.isnan(error.load_factor_point_hinges):
-        return ["hinges: what their length does to the load factor is not known"]
-    if error.load_factor_point_hinges == end.load_factor:
-        return ["hinges: the load factor does not depend on their length"]
-    lines = [
-        f"hinges: load factor {end.load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g}"
-        f" mm; {error.load_factor_point_hinges:.4g} for point hinges"
-    ]
-    return lines + [
-        f"hinges: another collapse state as they get shorter, {one.before:.4g} to {one.after:.4g}"
-        for one in error.state_changes
-    ]
+        lines = ["mesh: what the length of hinges does to the load factor is not known"]
+    elif error.estimate == 0.0 and not error.state_changes and error.algebraic_error == 0.0:
+        lines = ["mesh: the load factor does not depend on the mesh"]
+    else:
+        lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
+    for one in error.state_changes:
+        finer = one.halvings[0] != one.halvings[1]
+        lines.append(
+            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
+            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        )
+    return lines + [f"warning: {text}" for text in error.warnings]
+
+
+def _hinge_text(load_factor: float, error: MeshError) -> str:
+    """Load factors for the lengths of hinges."""
+    if error.load_factor_point_hinges == load_factor:
+        return "the load factor does not depend on the length of hinges"
+    parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
+    if not np.isnan(error.load_factor_hinges):
+        length = 1e3 * error.contact_length
+        parts.append(f"{error.load_factor_hinges:.4g} for {length:.3g} mm by compressive strength")
+    return "; ".join([*parts, f"{error.load_factor_point_hinges:.4g} for point hinges"])
+
+
+def _other_errors(error: MeshError) -> str:
+    """The error that hinges have no part in."""
+    if np.isnan(error.algebraic_error):
+        return "other errors not known"
+    return f"other errors {100.0 * error.algebraic_error:.2g} %"
 
 
 def description(discretization: Discretization) -> str:

@@ -159,9 +159,20 @@ def _collapse(case: LoadCase) -> Collapse:
 
 def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:
     """A collapse with the estimate of its discretisation error, if its load case led to it."""
-    if end.status != "limit" or end.path is not None:
+    scene = case.discretization.scene
+    if end.status != "limit" or end.mode is None:
         return end
-    tolerance = case.discretization.scene.solve.tolerance
+    if end.path is not None and scene.solve.slip == "load-steps":
+        _log.info("no error estimate: slip is measured from the step before")
+        return end
+    tolerance = scene.solve.tolerance
+    if case.problem.dot(case.problem.live, end.mode) < 0.0:  # the dead load does the work
+        found = _with_error(case.reversed(), end.reversed(), tolerance).reversed()
+        return replace(end, mesh_error=found.mesh_error)
+    return _with_error(case, end, tolerance)
+
+
+def _with_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
     return replace(end, mesh_error=estimate_mesh_error(case, end, tolerance))
 
 

@@ -56,6 +56,12 @@ def _require_pair(name: str, value: Sequence[float]) -> None:
         _require_size(name, component)
 
 
+def _require_strength(value: float | None) -> None:
+    name = "compressive_strength"
+    _require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
+    _require_not_negative(name, value or 0.0)
+
+
 def _require_size(name: str, value: float) -> None:
     """Refuse numbers whose squares and products floating point numbers do not hold."""
     low, high = SIZES
@@ -71,11 +77,13 @@ class Material:
         young: Young's modulus, Pa.
         poisson: Poisson's ratio.
         density: kg/m3.
+        compressive_strength: f_c, Pa: hinges have the length N / f_c; None: that of the mesh.
     """
 
     young: float
     poisson: float
     density: float = 0.0
+    compressive_strength: float | None = None
 
     def __post_init__(self) -> None:
         young = self.young
@@ -83,6 +91,7 @@ class Material:
         _require_size("young", young)
         _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
         _require_not_negative("density", self.density)
+        _require_strength(self.compressive_strength)
 
 
 @dataclass(frozen=True)
@@ -95,15 +104,18 @@ class JointLaw:
         friction: Coefficient of friction, for "coulomb".
         bound: Shear strength, Pa, for "tresca".
         cohesion: Shear strength without pressure, Pa, for "coulomb".
+        compressive_strength: f_c, Pa, in place of that of the blocks' materials.
     """
 
     law: str = "coulomb"
     friction: float | None = None
     bound: float | None = None
     cohesion: float = 0.0
+    compressive_strength: float | None = None
 
     def __post_init__(self) -> None:
         _require_choice("law", self.law)
+        _require_strength(self.compressive_strength)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             value, given = getattr(self, name), getattr(self, name) is not None
             _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
@@ -214,7 +226,7 @@ class SolveOptions:
         control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
-        error: Estimate how much of the load factor is due to the mesh, with Coulomb friction.
+        error: Estimate how much of the load factor is due to the mesh.
     """
 
     method: str = "auto"

@@ -115,7 +115,9 @@ class Variant:
 
     def law(self, law: JointLaw) -> JointLaw:
         """A joint law."""
-        return law if law.bound is None else replace(law, bound=law.bound * self.stress)
+        names = "bound", "compressive_strength"
+        given = {name: getattr(law, name) for name in names if getattr(law, name) is not None}
+        return replace(law, **{name: value * self.stress for name, value in given.items()})
 
     def material(self, material: Material) -> Material:
         """A material; accelerations keep their numbers, so that densities change like weights."""
@@ -123,6 +125,7 @@ class Variant:
             material.young * self.young * self.stress,
             material.poisson if self.poisson is None else self.poisson,
             material.density * self.length * self.stress,
+            material.compressive_strength and material.compressive_strength * self.stress,
         )
 
 

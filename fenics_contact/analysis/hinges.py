@@ -1,4 +1,4 @@
-"""How much of a load factor is due to the length of hinges, which is that of the mesh.
+"""The discretisation error of a load factor: what it owes to the length of hinges, and the rest.
 
 At collapse blocks turn about single nodes. The force there presses a node in by an amount that
 grows like log(1/h). Where the load factor depends on how joint forces share the load, it changes
@@ -7,106 +7,93 @@ of m further halvings of the elements there (`hinge_nodes`). The state found on 
 followed to larger m; each state may have new hinges. In the limit of point hinges
 
     lambda(m) = lambda_0 + c / m,    m large.
+
+Joints that slide while they are closed over a length have an error that is algebraic in h: that is
+the change of the load factor to the other degree of the displacements (`other_degree`).
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fenics_contact.analysis.contact_lengths import ContactLengths
+from fenics_contact.analysis.determinate import is_determinate
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.mesh_error import MeshError, StateChange
+from fenics_contact.analysis.nearby import Softened, collapse_next_to, rates, same_mode
+from fenics_contact.analysis.other_degree import with_other_degree
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import COULOMB, WorkOptions, next_to
-from fenics_contact.analysis.work_control import find_collapse
-from fenics_contact.discretization.hinge_nodes import HingeNodes
-from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.mesh import Array, Indices
-from fenics_contact.solvers.joint_stiffness import GENERAL
-from fenics_contact.solvers.problem import Owner
+from fenics_contact.analysis.strategy import COULOMB
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.errors import SolverError
+from fenics_contact.mesh import Indices
 
 _log = logging.getLogger("fenics_contact")
 
 
 @dataclass(frozen=True)
-class HingeOptions:
+class ErrorOptions:
     """Numbers of the estimate.
 
     Attributes:
         halvings: m, rising: with an incomplete set of hinges a large m leads to other states.
-        probes: So many of them tell whether the load factor depends on hinges.
-        tolerance: On the load factor of each state, relative.
-        unchanged: It does not if these differ by less than this, relative.
-        same_mode: Cosine of the angle between two modes that are those of one collapse state.
-        more_work: The first work grows by this for each halving: hinges store elastic energy.
-        dearest: The estimate is given up from so many times the factorisations of the collapse on.
-        work: How the work grows from there: where no state is near, the estimate is given up.
+        unchanged: The load factor does not depend on hinges any more if it changes by less than
+            this up to the next m, relative, or than the tolerance.
+        dearest: The estimate ends before it takes more than so many times the factorisations of the
+            collapse, each in proportion to its number of displacements.
+        second_solve: Factorisations of the state with the other degree, about.
+        displacements: Of the other degree, about, in units of those of degrees 1 and 2.
+        error_of_degree: Error of the load factor of a degree, in units of the difference between
+            degrees 1 and 2; measured.
+        lengths: Solves at most for the lengths of hinges by the compressive strength.
+        settled: They end where the load factor changes by less than this, relative.
     """
 
-    halvings: tuple[float, ...] = (1.0, 4.0, 30.0, 1000.0)
-    probes: int = 2
-    tolerance: float = 1e-6
-    unchanged: float = 1e-8
-    same_mode: float = 0.9999
-    more_work: float = 0.1
-    dearest: float = 5.0
-    work: WorkOptions = field(default_factory=lambda: WorkOptions(largest=1e3, missing=2))
+    halvings: tuple[float, ...] = (4.0, 30.0, 1000.0)
+    unchanged: float = 1e-6
+    dearest: float = 6.0
+    second_solve: float = 10.0
+    displacements: tuple[float, float] = (4.0, 0.25)
+    error_of_degree: tuple[float, float] = (1.15, 0.15)
+    lengths: int = 6
+    settled: float = 1e-5
 
 
-OPTIONS = HingeOptions()
+OPTIONS = ErrorOptions()
 
 
 def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> MeshError:
-    """What the load factor of a collapse owes to the length of its hinges.
+    """What the load factor of a collapse owes to the mesh.
 
     Args:
         case: The load case.
         end: Its collapse, with status "limit".
         tolerance: On the load factor, relative.
     """
-    unknown = MeshError(math.nan, math.nan, math.nan)
     if end.joints is None:
-        return unknown
-    joints, points = case.discretization.joints, hinges(case.discretization.joints, end.joints)
-    length = _length(joints, points, end.joints.normal_force)
-    determinate = MeshError(length, end.load_factor, 0.0)
-    size = abs(end.load_factor) if end.certificate is None else end.certificate.size
-    # Where nothing slides the power balance has no forces of the state. What slides without force
-    # on this mesh may have some on a finer one.
-    slides = bool(np.any(end.joints.slips & ~end.joints.opens))
-    if not case.problem.coulomb or not slides or not len(points):
-        return determinate
-    count, found, changes = case.discretization.factorizations, [end], []
-    steps = [step for history in end.history for step in history.steps]
-    most = count() + OPTIONS.dearest * sum(step.factorizations for step in steps)
-    for halvings in OPTIONS.halvings:
-        if count() > most:
-            _log.info("  hinges: given up at %g halvings, too dear", halvings)
-            return replace(unknown, hinge_length=length)
-        new = _with_compliance(case, found[-1], points, halvings)
-        if new.status != "limit" or new.joints is None:
-            _log.info("  hinges: no state after %g halvings", halvings)
-            return replace(unknown, hinge_length=length)
-        if not _same_mode(found[-1], new) or _turns_back(found, new, size):
-            before = (0.0, *OPTIONS.halvings)[len(found) - 1]
-            factors = found[-1].load_factor, new.load_factor
-            changes.append(StateChange((before, halvings), *factors))
-        found.append(new)
-        points = np.union1d(points, hinges(joints, new.joints))
-        if len(found) == OPTIONS.probes + 1 and _unchanged(
-            found, size, max(tolerance, OPTIONS.tolerance)
-        ):
-            return determinate
-    limit, (before, last) = found[-1].load_factor, OPTIONS.halvings[-2:]
-    if not changes or changes[-1].halvings[1] < last:
-        limit += (limit - found[-2].load_factor) * before / (last - before)
-    jumps = sum(change.after - change.before for change in changes)
-    error = abs(limit - end.load_factor - jumps) / size
-    return MeshError(length, limit, error, state_changes=tuple(changes))
+        return MeshError(math.nan, math.nan, math.nan)
+    whole = case.discretization
+    joints, values = whole.joints, end.joints
+    lengths = ContactLengths.of(whole)
+    points = hinges(joints, values)
+    length = lengths.of_mesh(points, values.normal_force)
+    if not case.problem.coulomb or is_determinate(joints, values, whole.bodies):
+        error = MeshError(length, end.load_factor, 0.0, 0.0)
+        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+    before = whole.factorizations()
+    way = _to_point_hinges(case, end, points, max(tolerance, OPTIONS.unchanged))
+    if way is None:
+        error = MeshError(length, math.nan, math.nan)
+        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+    error = replace(_hinge_error(way, end), hinge_length=length)
+    spent = whole.factorizations() - before
+    error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.unchanged), spent)
+    return _with_lengths(case, way, error, lengths)
 
 
 def hinges(joints: Joints, values: JointValues) -> Indices:
@@ -119,59 +106,176 @@ def hinges(joints: Joints, values: JointValues) -> Indices:
     return np.flatnonzero(has_neighbour & alone & (values.contact != Contact.OPEN))
 
 
-def _length(joints: Joints, points: Indices, force: Array) -> float:
-    """Length of the element side at the most loaded of some joint points, m; nan without."""
-    if not len(points):
-        return math.nan
-    worst = points[np.argmax(force[points])]
-    one, other = joints.segments[(joints.segments == worst).any(axis=1)][0]
-    return float(np.linalg.norm(joints.position[one] - joints.position[other]))
+@dataclass(frozen=True)
+class _Way:
+    """Collapse states on the way to point hinges.
+
+    Attributes:
+        states: That of the mesh first.
+        points: Hinges found up to each of them.
+        changes: Changes of state.
+        halvings: m of each state.
+    """
+
+    states: tuple[Collapse, ...]
+    points: tuple[Indices, ...]
+    changes: tuple[StateChange, ...]
+    halvings: tuple[float, ...] = (0.0,)
+
+    def grown(self, new: Collapse, found: Indices, halvings: float, size: float) -> _Way:
+        """With one more state."""
+        last = self.states[-1]
+        changes = self.changes
+        if not _alike(last, new) or _turns_back(self.states, new, size):
+            between = self.halvings[-1], halvings
+            changes = (*changes, StateChange(between, last.load_factor, new.load_factor))
+        points = np.union1d(self.points[-1], found)
+        states = (*self.states, new)
+        return _Way(states, (*self.points, points), changes, (*self.halvings, halvings))
 
 
-def _with_compliance(case: LoadCase, last: Collapse, points: Indices, halvings: float) -> Collapse:
-    """The collapse next to another one, with the compliance of so many halvings at hinges."""
-    if last.state is None:
-        return last
-    whole = case.discretization
-    nodes = whole.joints.nodes[points]
-    hinge_nodes = HingeNodes.of(whole, nodes[nodes != GROUND])
-    first = max(last.work_ratio, OPTIONS.work.first * (1.0 + OPTIONS.more_work * halvings))
-    usual = COULOMB["auto"]
-    attempts = (next_to(last.state, last.mode), usual.attempts[0])
-    work = replace(OPTIONS.work, first=first, first_of_many=0.0)
-    strategy = replace(usual, attempts=attempts, work=work)
-    with Owner() as owner:
-        problem = hinge_nodes.soften(case.problem, halvings, owner)
-        stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
-        silent = replace(case, kind=GENERAL, monitor=lambda step: None)
-        softer = replace(silent, problem=problem, stiffness=stiffness)
-        found = find_collapse(softer, strategy, OPTIONS.tolerance)
-    _log.info("  hinges of %g halvings: load factor %.8g", halvings, found.load_factor)
-    return found
+def _size(end: Collapse) -> float:
+    """Size by which errors are divided."""
+    return abs(end.load_factor) if end.certificate is None else end.certificate.size
 
 
-def _same_mode(one: Collapse, other: Collapse) -> bool:
+def _cost(end: Collapse) -> float:
+    """Factorisations that a collapse took."""
+    return sum(step.factorizations for history in end.history for step in history.steps)
+
+
+def _to_point_hinges(
+    case: LoadCase, end: Collapse, points: Indices, unchanged: float
+) -> _Way | None:
+    """States with more and more compliant hinges, as long as they change the load factor.
+
+    None where one is not found, or where they take too long.
+    """
+    joints, count, size = case.discretization.joints, case.discretization.factorizations, _size(end)
+    way, most = _Way((end,), (points,), ()), count() + OPTIONS.dearest * _cost(end)
+    from_afar = COULOMB["auto"].attempts[:1]
+    for halvings in OPTIONS.halvings if len(points) else ():
+        if count() > most:
+            _log.info("  hinges: given up at %g halvings, too dear", halvings)
+            return None
+        soft = Softened(way.points[-1], halvings)
+        new = collapse_next_to(case, way.states[-1], soft, from_afar)
+        _log.info("  hinges of %g halvings: load factor %.8g", halvings, new.load_factor)
+        if new.status != "limit" or new.joints is None:
+            _log.info("  hinges: no state after %g halvings", halvings)
+            return None
+        change = abs(new.load_factor - way.states[-1].load_factor)
+        if change <= unchanged * size:
+            break
+        way = way.grown(new, hinges(joints, new.joints), halvings, size)
+        # Where the state is lost a second time, there is little hope, at the price of a solve.
+        from_afar = () if way.changes else from_afar
+    return way
+
+
+def _hinge_error(way: _Way, end: Collapse) -> MeshError:
+    """The hinge part of the error."""
+    limit, size = way.states[-1].load_factor, _size(end)
+    if len(way.states) == 1:
+        return MeshError(math.nan, end.load_factor, 0.0)
+    before, last = way.halvings[-2:]
+    at_the_end = last == OPTIONS.halvings[-1]
+    if at_the_end and (not way.changes or way.changes[-1].halvings[1] < last):
+        limit += (limit - way.states[-2].load_factor) * before / (last - before)
+    jumps = sum(change.after - change.before for change in way.changes)
+    error = abs(limit - end.load_factor - jumps) / size
+    return MeshError(math.nan, limit, error, state_changes=way.changes)
+
+
+def _with_algebraic_error(
+    case: LoadCase, way: _Way, error: MeshError, negligible: float, spent: int
+) -> MeshError:
+    """With the error of joints that slide while they are closed over a length.
+
+    Not so where that is too dear after as many factorisations as are `spent`.
+    """
+    last, points, halvings = way.states[-1], way.points[-1], way.halvings[-1]
+    size, degree = _size(way.states[0]), case.discretization.scene.degree
+    if last.joints is None:
+        return error
+    slides = last.joints.contact == Contact.SLIP
+    slides[points] = False
+    if not np.any(slides):
+        return replace(error, algebraic_error=0.0)
+    dear = OPTIONS.second_solve * OPTIONS.displacements[degree - 1]
+    if spent + dear > OPTIONS.dearest * _cost(way.states[0]):
+        _log.info("  other degree: too dear")
+        return error
+    try:
+        other = with_other_degree(case, last, Softened(points, halvings))
+    except SolverError as problem:
+        _log.info("  other degree: %s", problem)
+        return error
+    _log.info("  degree %d: load factor %.8g", 3 - degree, other.load_factor)
+    change = abs(other.load_factor - last.load_factor) / size
+    if change <= negligible:
+        return replace(error, algebraic_error=0.0)
+    if not other.same_state:
+        jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
+        return replace(error, state_changes=(*error.state_changes, jump))
+    return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
+
+
+def _with_lengths(
+    case: LoadCase, way: _Way, error: MeshError, lengths: ContactLengths
+) -> MeshError:
+    """With the load factor for hinges of the lengths that their compressive strength leaves."""
+    end = way.states[0]
+    if not lengths.given or end.joints is None:
+        return error
+    if math.isnan(error.load_factor_point_hinges):
+        return replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
+    state, points = end, way.points[0]
+    if len(way.states) > 1:
+        state, points = _with_strength(case, way, lengths)
+    values = state.joints or end.joints
+    length = lengths.by_strength(points, values.normal_force)
+    factor = state.load_factor
+    warnings = lengths.warnings(values, points)
+    return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
+
+
+def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
+    """The collapse with lengths of hinges that its own forces give, and its hinges."""
+    end, size = way.states[0], _size(way.states[0])
+    if end.joints is None:
+        return end, way.points[0]
+    halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
+    # Start from the stiffest hinges that are not stiffer than most of them.
+    start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
+    state, points = way.states[start], way.points[start]
+    for _ in range(OPTIONS.lengths):
+        force = (state.joints or end.joints).normal_force
+        soft = Softened(points, lengths.halvings(points, force))
+        new = collapse_next_to(case, state, soft)
+        _log.info("  hinges by strength: load factor %.8g", new.load_factor)
+        if new.status != "limit" or new.joints is None:
+            return replace(state, load_factor=math.nan), points
+        settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
+        found = np.union1d(points, hinges(case.discretization.joints, new.joints))
+        settled &= len(found) == len(points)
+        state, points = new, found
+        if settled:
+            break
+    return state, points
+
+
+def _alike(one: Collapse, other: Collapse) -> bool:
     """Whether the joints of two collapse states move alike."""
-    first, second = (
-        np.concatenate([end.joints.opening_rate, end.joints.slip_rate])
-        for end in (one, other)
-        if end.joints is not None
-    )
-    cosine = first @ second / (np.linalg.norm(first) * np.linalg.norm(second))
-    return bool(cosine > OPTIONS.same_mode)
+    if one.joints is None or other.joints is None:
+        return False
+    return same_mode(rates(one.joints), rates(other.joints))
 
 
-def _turns_back(found: list[Collapse], new: Collapse, size: float) -> bool:
+def _turns_back(found: tuple[Collapse, ...], new: Collapse, size: float) -> bool:
     """Whether the load factor, which one state changes one way, goes back further than it came."""
     if len(found) < 2:
         return False
     before, last = (one.load_factor for one in found[-2:])
     came, goes = last - before, new.load_factor - last
     return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * size)
-
-
-def _unchanged(found: list[Collapse], size: float, tolerance: float) -> bool:
-    """Whether load factors are equal, the first one to the tolerance on it, relative to `size`."""
-    given, *others = (one.load_factor for one in found)
-    same = max(others) - min(others) <= OPTIONS.unchanged * size
-    return same and abs(others[0] - given) <= tolerance * size

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class StateChange:
-    """Another collapse state that more compliant hinges lead to.
+    """Another collapse state that a finer mesh leads to.
 
     Attributes:
-        halvings: Halvings of the elements at hinges before and after.
+        halvings: Halvings of the elements at hinges before and after; equal ones: the other degree
+            of the displacements leads to it.
         before: Load factor before.
         after: Load factor after.
     """
@@ -26,11 +27,16 @@ class MeshError:
     """Estimate of the discretisation error of a load factor; nan: not known.
 
     Attributes:
-        hinge_length: Element side at the most loaded hinge, m; nan without hinges.
+        hinge_length: Length of the most loaded hinge on this mesh, m; nan without hinges.
         load_factor_point_hinges: Load factor in the limit of hinges of no length.
         hinge_error: Change of the load factor up to there, relative, without changes of state.
         algebraic_error: Error of joints that are closed over a length, relative.
-        state_changes: Changes of state on the way to point hinges: no part of the errors.
+        state_changes: Changes of state on the way to point hinges or to the other degree of the
+            displacements: no part of the errors.
+        contact_length: Length of the most loaded hinge for the compressive strength, m; nan
+            without a strength.
+        load_factor_hinges: Load factor for the lengths of hinges by the compressive strength.
+        warnings: Where the compressive strength is exceeded, for people.
     """
 
     hinge_length: float
@@ -38,9 +44,11 @@ class MeshError:
     hinge_error: float
     algebraic_error: float = math.nan
     state_changes: tuple[StateChange, ...] = ()
+    contact_length: float = math.nan
+    load_factor_hinges: float = math.nan
+    warnings: tuple[str, ...] = ()
 
     @property
     def estimate(self) -> float:
-        """Sum of the errors that are known, relative; nan if that of hinges is not."""
-        algebraic = 0.0 if math.isnan(self.algebraic_error) else self.algebraic_error
-        return self.hinge_error + algebraic
+        """Sum of both errors, relative; nan if one is not known."""
+        return self.hinge_error + self.algebraic_error

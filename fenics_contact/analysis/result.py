@@ -117,7 +117,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
-            mesh_error=_negated(error, "load_factor_point_hinges"),
+            mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 
 

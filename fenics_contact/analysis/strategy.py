@@ -48,7 +48,6 @@ class PathOptions:
         few: Blocks from which on products are larger: paths of large walls turn back more often.
         many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
-        next: Where it starts from a state next to the one sought.
         finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
     """
 
@@ -56,13 +55,32 @@ class PathOptions:
     few: int = 100
     many: float = 0.8
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
-    next: tuple[float, ...] = (3e-2, 3e-4)
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
 
 
 OPTIONS = PathOptions()
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """Interior point method from a state next to the one sought.
+
+    Attributes:
+        products: Where it starts, in units of force times elastic displacement: what is tried.
+        from_afar: What is tried after that, in units of force times displacement.
+        tolerances: How exact the state has to be.
+        options: When the method stops.
+    """
+
+    products: tuple[float, ...] = (3e-2, 3e-4)
+    from_afar: tuple[float, ...] = (1.0,)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    options: InteriorPointOptions = field(default_factory=InteriorPointOptions)
+
+
+WARM = WarmStart()
 
 
 @dataclass(frozen=True)
@@ -175,7 +193,7 @@ def along_block_modes(task: Task) -> Solution:
     return _to_end(task, modes.prolonged(point.state), point.mu)
 
 
-def next_to(state: State, direction: Array | None) -> Attempt:
+def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
     """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
 
     @monolithic
@@ -184,14 +202,15 @@ def next_to(state: State, direction: Array | None) -> Attempt:
             raise SolverError("no direction in which to go on")
         u = state.displacement + (task.work - state.work) * direction
         moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
-        return _warm(task, task.kkt, moved)
+        return _warm(task, task.kkt, moved, warm)
 
     return attempt
 
 
 def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
-    return _warm(task, task.case.coulomb(start.work, task.scales, load_factor), start).state
+    kkt = task.case.coulomb(start.work, task.scales, load_factor)
+    return _warm(task, kkt, start, WARM).state
 
 
 def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
@@ -221,11 +240,11 @@ def _to_end(task: Task, state: State, mu: float) -> Solution:
     raise failed
 
 
-def _warm(task: Task, kkt: PerturbedKKT, start: State) -> Solution:
+def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart) -> Solution:
     """Solution next to a state, or else from afar."""
-    for mu in (*map(task.mu, OPTIONS.next), 1.0):
+    for mu in (*map(task.mu, warm.products), *warm.from_afar):
         try:
-            return solve_interior_point(kkt, start, mu, Tolerances())
+            return solve_interior_point(kkt, start, mu, warm.tolerances, warm.options)
         except SolverError as error:
             failed = error
     raise failed

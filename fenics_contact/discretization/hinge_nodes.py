@@ -68,8 +68,10 @@ class HingeNodes:
         frame = whole.supports.free_directions(nodes)
         return cls(nodes, np.einsum("nji,njk,nkl->nil", frame, compliance, frame))
 
-    def soften(self, problem: ContactProblem, halvings: float, owner: Owner) -> ContactProblem:
-        """The problem with the compliance of so many halvings at the nodes.
+    def soften(
+        self, problem: ContactProblem, halvings: Array | float, owner: Owner
+    ) -> ContactProblem:
+        """The problem with the compliance of so many halvings at the nodes, all or each.
 
         `owner` frees its stiffness.
         """
@@ -100,7 +102,7 @@ class HingeNodes:
             loads = [f - give.T @ f[rows] for f in (problem.dead, problem.live)]
         return replace(problem, stiffness=result, dead=loads[0], live=loads[1])
 
-    def _inner(self, between: PETSc.Mat, halvings: float) -> Any:
+    def _inner(self, between: PETSc.Mat, halvings: Array | float) -> Any:
         """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
         from scipy.sparse import bsr_matrix, csr_matrix, identity, vstack
         from scipy.sparse.linalg import spsolve
@@ -109,7 +111,8 @@ class HingeNodes:
         mine = csr_matrix((values, columns, start), (len(start) - 1, between.getSize()[1]))
         between_nodes = vstack(between.comm.tompi4py().allgather(mine))
         place = np.arange(len(self.nodes) + 1)
-        compliance = bsr_matrix((halvings * self.compliance, place[:-1], place)).tocsc()
+        each = np.broadcast_to(halvings, len(self.nodes))[:, None, None]
+        compliance = bsr_matrix((each * self.compliance, place[:-1], place)).tocsc()
         # C (1 + K_hh C)^-1 is symmetric.
         give = identity(2 * len(self.nodes)) + compliance @ between_nodes
         inner = spsolve(give.tocsc(), compliance)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.analysis.hinges import hinges
 from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.facets import Boundary
@@ -178,6 +179,11 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
             axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
         lines = [Line2D([], [], color=colour, lw=width) for colour, width in strokes]
         handles.append((label, tuple(lines)))
+    turning = position[hinges(joints, view.values)]
+    if len(turning):
+        style = {"markersize": 7.0 * max(fine, 0.4), "markeredgewidth": thin}
+        rings = axes.plot(*turning.T, "o", mfc="none", mec=BLACK, label="hinge", **style)
+        handles.append(("hinge", tuple(rings)))
     return handles
 
 

@@ -197,7 +197,7 @@ def result_record(result: Result) -> Record:
         },
         "scene": scene_record(discretization),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
-        "warnings": list(discretization.warnings),
+        "warnings": [*discretization.warnings, *_strength_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
@@ -268,9 +268,16 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
 
 def _mesh_error_record(error: MeshError) -> Record:
     """What the load factor owes to the mesh."""
-    names = "hinge_length", "load_factor_point_hinges", "hinge_error", "algebraic_error", "estimate"
+    lengths = "hinge_length", "contact_length", "load_factor_point_hinges", "load_factor_hinges"
+    names = (*lengths, "hinge_error", "algebraic_error", "estimate")
     changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
     return _record(error, *names) | {"state_changes": changes}
+
+
+def _strength_warnings(result: Result) -> list[str]:
+    """Where compressive strengths are exceeded, at any end."""
+    errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
+    return list(dict.fromkeys(text for error in errors for text in error.warnings))
 
 
 def _iteration_record(collapse: Collapse) -> Record:

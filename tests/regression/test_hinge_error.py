@@ -1,13 +1,14 @@
-"""What load factors owe to the length of hinges."""
+"""What load factors owe to the mesh: hinges, and joints that slide over a length."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import limit_load
+from fenics_contact import Load, limit_load
 from fenics_contact.console import summary
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, Variant, coulomb, wall_recipe
@@ -29,6 +30,7 @@ def test_point_hinges_of_w4_from_every_mesh(elements):
     load_factor, error = wall_error("W4", elements)
     assert error.load_factor_point_hinges == pytest.approx(W4, abs=3e-5)
     assert error.hinge_error == pytest.approx(W4 / load_factor - 1.0, abs=2e-4)
+    assert error.algebraic_error == 0.0  # nothing slides but hinges
     assert error.estimate == error.hinge_error
     assert not error.state_changes
     assert error.hinge_length == pytest.approx(0.2 / elements)
@@ -65,7 +67,94 @@ def test_determinate_states_do_not_depend_on_hinges(name):
     error = result.positive.mesh_error
     assert error.hinge_error == error.estimate == 0.0
     assert error.load_factor_point_hinges == result.load_factor
+    assert error.algebraic_error == 0.0
     assert not error.state_changes
+    assert "the load factor does not depend on the mesh" in summary(result)
+
+
+@pytest.mark.parametrize("name", ["4x5 coulomb 0.4", "arch 15 0.15", "block 0.2", "wedge 0.3"])
+def test_statics_alone_tell_determinate_states(name):
+    """No second solve: as many factorisations as without an estimate."""
+    counts = {limit_load(BANK[name].scene(error=error)).factorizations for error in (True, False)}
+    assert len(counts) == 1
+
+
+def side_pushed(elements, **options):
+    """W4 pushed by tractions on its side: its joints slide while they are closed over a length."""
+    recipe = wall_recipe("W4", coulomb(0.65))
+    recipe = replace(recipe, parts={"live": Load(traction={"left": (1e3, 0.0)})})
+    return limit_load(recipe.scene(elements, **options))
+
+
+#: W4 pushed from the side: from degree 1 with 8 and 16, and degree 2 with 4 and 8 elements.
+SIDE_PUSHED = 4.9658
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("elements", [2, 4])
+def test_algebraic_error_of_joints_that_slide(elements):
+    result = side_pushed(elements)
+    error = result.positive.mesh_error
+    true = SIDE_PUSHED / result.load_factor - 1.0
+    assert 0.7 * true < error.algebraic_error < 1.5 * true
+    assert error.estimate == error.hinge_error + error.algebraic_error
+    assert not error.state_changes
+
+
+def test_algebraic_error_of_degree_2():
+    result = side_pushed(2, variant=Variant(degree=2))
+    true = SIDE_PUSHED / result.load_factor - 1.0
+    assert 0.3 * true < result.positive.mesh_error.algebraic_error < 2.0 * true
+
+
+def strong(strength, **options):
+    """W4 with a compressive strength, 4 elements along half a block."""
+    law = replace(coulomb(0.65), compressive_strength=strength)
+    return limit_load(wall_recipe("W4", law).scene(**{"elements": 4, **options}))
+
+
+def test_hinges_of_a_physical_length():
+    result = strong(1e7)
+    error = result.positive.mesh_error
+    assert result.load_factor < error.load_factor_hinges < error.load_factor_point_hinges
+    assert error.contact_length == pytest.approx(1.03e-3, rel=0.02)
+    assert error.load_factor_hinges == pytest.approx(0.2725, abs=1e-4)
+    assert not error.warnings
+    assert "for 1.03 mm by compressive strength" in summary(result)
+    record = result_record(result)["discretization"]
+    assert record["load_factor_hinges"] == error.load_factor_hinges
+
+
+def test_lengths_of_hinges_agree_between_meshes_and_degrees():
+    factors = [
+        strong(1e7, elements=elements, variant=Variant(degree=degree)).positive.mesh_error
+        for elements, degree in ((2, 1), (4, 2))
+    ]
+    assert [one.load_factor_hinges for one in factors] == pytest.approx([0.2725] * 2, rel=4e-3)
+
+
+def test_strong_stone_has_point_hinges_and_weak_stone_those_of_the_mesh():
+    factors = [strong(f).positive.mesh_error.load_factor_hinges for f in (1e9, 1e13, 1e30)]
+    assert factors == sorted(factors)
+    assert factors[-1] == pytest.approx(W4, rel=5e-3)
+    weak = strong(1e5, elements=2)  # N / f_c is the side of an element
+    assert weak.positive.mesh_error.contact_length == pytest.approx(0.1, rel=0.05)
+    assert weak.positive.mesh_error.load_factor_hinges == pytest.approx(weak.load_factor, rel=1e-4)
+
+
+def test_too_little_strength_is_named():
+    result = strong(1e4)
+    hinges, joints = result.positive.mesh_error.warnings
+    assert "(2, 0)" in hinges
+    assert "mean pressure" in joints
+    assert "warning: " + hinges in summary(result)
+    assert joints in result_record(result)["warnings"]
+
+
+def test_load_control_and_reversed_load_have_an_estimate():
+    recipe = wall_recipe("W4", coulomb(0.65))
+    error = limit_load(recipe.scene(2, control="load")).positive.mesh_error
+    assert error.load_factor_point_hinges == pytest.approx(W4, abs=3e-5)
 
 
 def test_reversed_load_and_record():
@@ -76,7 +165,8 @@ def test_reversed_load_and_record():
     assert factors == pytest.approx([-W4], abs=3e-5)
     record = result_record(mirrored)["discretization"]
     assert record["load_factor_point_hinges"] == pytest.approx(W4, abs=3e-5)
-    assert math.isnan(record["algebraic_error"])
+    assert record["algebraic_error"] == 0.0
+    assert math.isnan(record["load_factor_hinges"])
     assert record["state_changes"] == []
     assert "0.2637 for hinges of 100 mm; 0.2795 for point hinges" in summary(mirrored)
 
@@ -85,4 +175,4 @@ def test_estimate_is_switched_off():
     result = limit_load(BANK["W1 coulomb 0.65"].scene(error=False, comm=MPI.COMM_SELF))
     assert result.positive.mesh_error is None
     assert result_record(result)["discretization"] is None
-    assert "hinges" not in summary(result)
+    assert "mesh:" not in summary(result)

@@ -1,0 +1,137 @@
+"""How good the error estimate is: estimate over true error, scene by scene, as a table.
+
+    python3 benchmarks/effectivity.py out.csv --jobs 2
+
+The truth is the limit for point hinges on a mesh with 4 times as many elements and degree 2, with
+its own algebraic error (degree 1 against 2 there) added. Scenes whose load factor does not change
+from mesh to mesh have no effectivity.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.scenes import opening_courses
+from fenics_contact import Load, limit_load
+from fenics_contact.meshing import buttress, wall
+from tests.bank import WEIGHT, Recipe, Variant, coulomb, wall_recipe
+
+#: Elements along half a block on the finer mesh, in units of those of the given one.
+FINER = 4
+#: True errors below this are none.
+NONE = 2e-5
+COLUMNS = (
+    *("scene", "elements", "degree", "load_factor", "point_hinges", "hinge_error"),
+    *("algebraic_error", "estimate", "truth", "true_error", "effectivity", "state_changes"),
+    *("solve_seconds", "error_seconds"),
+)
+
+
+def pushed(recipe: Recipe, **tractions: tuple[float, float]) -> Recipe:
+    """A live load by tractions in place of the weight acting sideways."""
+    return replace(recipe, parts={**recipe.parts, "live": Load(traction=tractions)})
+
+
+def loaded(recipe: Recipe, pressure: float) -> Recipe:
+    """A dead load on top besides the weight, Pa."""
+    dead = replace(WEIGHT, traction={"top": (0.0, -pressure)})
+    return replace(recipe, parts={**recipe.parts, "dead": dead})
+
+
+def scenes() -> Iterator[tuple[str, Recipe]]:
+    """Scenes by name."""
+    for name, friction in product(("W3", "W4"), (0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8)):
+        recipe = wall_recipe(name, coulomb(friction))
+        yield f"{name} {friction:g}", recipe
+        yield f"{name} side traction {friction:g}", pushed(recipe, left=(1e3, 0.0))
+        yield f"{name} loaded on top {friction:g}", loaded(recipe, 2e4)
+    for friction, courses in product((0.5, 0.7), (4, 5, 6)):
+        draw = partial(_buttress, courses)
+        yield f"buttress {courses} {friction:g}", Recipe(draw, coulomb(friction))
+    for seed in range(24):
+        friction = (0.5, 0.65, 0.8)[seed % 3]
+        draw = partial(_opening, seed)
+        yield f"openings {seed} {friction:g}", Recipe(draw, coulomb(friction))
+
+
+def _buttress(courses: int, elements: int, quadrilaterals: bool) -> Any:
+    return buttress(courses, 1.0, 1.5, 0.5, 0.5 / elements, quadrilaterals)
+
+
+def _opening(seed: int, elements: int, quadrilaterals: bool) -> Any:
+    return wall(opening_courses(seed), (0.4, 0.175), elements, quadrilaterals)
+
+
+def row(name: str, elements: int, degree: int) -> dict[str, Any]:
+    """One scene's line of the table."""
+    recipe = dict(scenes())[name]
+    found: dict[str, Any] = {"scene": name, "elements": elements, "degree": degree}
+    result = limit_load(recipe.scene(elements, variant=Variant(degree=degree)))
+    end = result.positive
+    error = end.mesh_error if end is not None else None
+    if end is None or error is None:
+        return found | {"load_factor": result.status}
+    found |= {
+        "load_factor": result.load_factor,
+        "point_hinges": error.load_factor_point_hinges,
+        "hinge_error": error.hinge_error,
+        "algebraic_error": error.algebraic_error,
+        "estimate": error.estimate,
+        "state_changes": len(error.state_changes),
+        "solve_seconds": round(result.seconds["solve"], 2),
+        "error_seconds": round(result.seconds["error"], 2),
+    }
+    finer = limit_load(recipe.scene(FINER * elements, variant=Variant(degree=2)))
+    if finer.positive is None or finer.positive.mesh_error is None:
+        return found
+    truth = finer.positive.mesh_error.load_factor_point_hinges
+    true_error = abs(truth - result.load_factor) / abs(result.load_factor)
+    found |= {"truth": truth, "true_error": true_error}
+    if true_error > NONE:
+        found["effectivity"] = error.estimate / true_error
+    return found
+
+
+def main() -> None:
+    """Write the table, and print what it says in all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("table", type=Path)
+    parser.add_argument("--elements", type=int, default=2)
+    parser.add_argument("--degree", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    rows = []
+    with (
+        ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool,
+        options.table.open("w", newline="") as file,
+    ):
+        table = csv.DictWriter(file, COLUMNS)
+        table.writeheader()
+        solve = partial(row, elements=options.elements, degree=options.degree)
+        for found in pool.map(solve, dict(scenes())):
+            rows.append(found)
+            table.writerow(found)
+            file.flush()
+    values = [one for one in rows if not math.isnan(one.get("effectivity", math.nan))]
+    unknown = sum(one.get("true_error", 0.0) > NONE for one in rows) - len(values)
+    good = sum(0.7 <= one["effectivity"] <= 1.5 for one in values)
+    low = [r["scene"] for r in values if r["effectivity"] < 0.3 and not r["state_changes"]]
+    print(f"{len(values)} scenes depend on the mesh, {good} within 0.7 to 1.5; below 0.3: {low};")
+    print(f"{unknown} more have no estimate")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Whether statics alone give the load factor of a collapse mechanism.
+
+The virtual work of all forces in equilibrium vanishes for every rigid motion v of the blocks. Let
+f_L.v = 1, and let no joint force do work in v, whatever its size: points that stick in the collapse
+mode do not move in v, and points that slip with a friction force r_T = s F r_N obey
+
+    B_N v + s F B_T v = 0.
+
+Then lambda = -f_D.v - (work of given strengths), which no joint force and so no mesh changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.rigid_motions import RigidBodies, motions
+from fenics_contact.mesh import Array, Flags
+
+
+@dataclass(frozen=True)
+class DeterminateOptions:
+    """Numbers of the search for a motion.
+
+    Attributes:
+        soft: Stiffness against motions, beside 1 against what joints resist.
+        still: Largest motion at a joint, beside that of the blocks, that counts as none.
+    """
+
+    soft: float = 1e-11
+    still: float = 1e-7
+
+
+OPTIONS = DeterminateOptions()
+
+
+def is_determinate(joints: Joints, values: JointValues, bodies: RigidBodies) -> bool:
+    """Whether no joint force changes the load factor of a mechanism; on this rank alone.
+
+    Points that do not open count as loaded: on another mesh they may be.
+    """
+    from scipy.sparse import identity
+    from scipy.sparse.linalg import splu
+
+    closed, slips = ~values.opens, values.slips
+    sticks, slides = closed & ~slips, closed & slips
+    friction = -np.sign(values.slip_rate) * joints.friction
+    along = joints.normal + friction[:, None] * joints.tangent
+    rows = [
+        _rows(joints, bodies, sticks, joints.normal),
+        _rows(joints, bodies, sticks, joints.tangent),
+        _rows(joints, bodies, slides, along),
+    ]
+    used = np.any(bodies.free != 0.0, axis=1).ravel()
+    live = np.einsum("bmk,bm->bk", bodies.free, bodies.live).ravel()[used]
+    rows = [one[:, used] for one in rows]
+    resists = sum(one.T @ one for one in rows) + OPTIONS.soft * identity(len(live))
+    motion = splu(resists.tocsc()).solve(live / np.linalg.norm(live))
+    moves = max((float(np.abs(one @ motion).max(initial=0.0)) for one in rows), default=0.0)
+    return moves <= OPTIONS.still * float(np.abs(motion).max())
+
+
+def _rows(joints: Joints, bodies: RigidBodies, chosen: Flags, direction: Array) -> Any:
+    """Relative motion at some points along directions, by the bodies' free motions."""
+    from scipy.sparse import csr_matrix
+
+    points = np.flatnonzero(chosen)
+    row, side = np.nonzero(joints.bodies[points] != GROUND)
+    point = points[row]
+    body, sign = joints.bodies[point, side], 2.0 * side - 1.0
+    motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+    along = sign[:, None] * np.einsum("nim,ni->nm", motion, direction[point])
+    along = np.einsum("nmk,nm->nk", bodies.free[body], along)
+    columns = 3 * body[:, None] + np.arange(3)
+    indices = np.repeat(row, 3), columns.ravel()
+    return csr_matrix((along.ravel(), indices), (len(points), 3 * len(bodies.centre)))

@@ -1,0 +1,185 @@
+"""What the load factor owes to the degree of the displacements: the algebraic error.
+
+Where joints slide while they are closed over a length, the load factor converges like a power of h.
+The state is followed to displacements of degree 2, or from these to degree 1, on the same mesh.
+Hinges get the compliance of many halvings on both, so that their own error has no part in this.
+
+Joint points at the ends of facets have counterparts; those of degree 2 between them do not.
+Displacements are interpolated. A middle point takes the force of a linear pressure between the ends
+of its facet, with the lesser pressure of both: next to a hinge it takes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from dolfinx import fem
+
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.nearby import Softened, rates, same_mode, state_next_to
+from fenics_contact.analysis.result import Collapse
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.discretization.discretization import Bonded, Discretization
+from fenics_contact.errors import SolverError
+from fenics_contact.mesh import Array, Indices
+from fenics_contact.solvers.joint_stiffness import GENERAL
+
+#: Part of a facet's length that belongs to its middle point, by Simpson's rule.
+MIDDLE = 2.0 / 3.0
+
+
+@dataclass(frozen=True)
+class OtherDegree:
+    """The state next to a collapse with displacements of the other degree.
+
+    Attributes:
+        load_factor: Its load factor.
+        same_state: Whether the joints move as in the collapse.
+    """
+
+    load_factor: float
+    same_state: bool
+
+
+def with_other_degree(case: LoadCase, end: Collapse, soft: Softened) -> OtherDegree:
+    """The state next to a collapse, with the compliance of hinges, for the other degree.
+
+    Raises:
+        SolverError: If none is found.
+    """
+    if end.joints is None:
+        raise SolverError("no state to start from")
+    given = case.discretization
+    with _other_case(case) as other:
+        counterparts = Counterparts.of(given, other.discretization)
+        start = counterparts.start(end, other)
+        points = replace(soft, points=counterparts.points(soft.points))
+        load_factor, values = state_next_to(other, start, points)
+        ours, theirs = counterparts.ends
+        same = same_mode(rates(end.joints)[:, ours], rates(values)[:, theirs])
+        return OtherDegree(load_factor, same)
+
+
+@contextmanager
+def _other_case(case: LoadCase) -> Iterator[LoadCase]:
+    """The same structure and live load with displacements of the other degree.
+
+    Its bonded response is not solved for: that of the given case is interpolated.
+    """
+    given = case.discretization
+    with Discretization(replace(given.scene, degree=3 - given.scene.degree)) as whole:
+        carried = Counterparts.of(given, whole)
+        bonded, none = case.bonded, np.zeros_like(case.bonded.dead_pressure)
+        dead, live = (carried.displacement(u) for u in (bonded.dead, bonded.live))
+        of_dead, of_live = (
+            carried.forces(np.stack([r, none]))[0]
+            for r in (bonded.dead_pressure, bonded.live_pressure)
+        )
+        bodies = replace(whole.bodies, live=case.sign * whole.bodies.live)
+        yield replace(
+            case,
+            discretization=whole,
+            problem=replace(whole.problem, live=case.sign * whole.problem.live),
+            blocks=RigidBlocks(whole.joints, bodies, whole.scene.comm),
+            bonded=Bonded(dead, live, of_dead, of_live, bonded.seconds),
+            kind=GENERAL,
+            stiffness=whole.stiffness(GENERAL),
+        )
+
+
+@dataclass(frozen=True)
+class Counterparts:
+    """What two discretisations of one mesh, of different degree, have in common.
+
+    Attributes:
+        given: From which values are carried over.
+        other: To which they are.
+        middle: Joint points of degree 2 between the ends of every facet.
+    """
+
+    given: Discretization
+    other: Discretization
+    middle: Indices
+
+    @classmethod
+    def of(cls, given: Discretization, other: Discretization) -> Counterparts:
+        """Find the points between the ends of facets by their place."""
+        from scipy.spatial import cKDTree
+
+        joints = max((given, other), key=lambda one: one.scene.degree).joints
+        inside = np.ones(len(joints.length), dtype=bool)
+        inside[joints.segments] = False
+        middle = np.flatnonzero(inside)
+        if len(middle):
+            places = joints.position[joints.segments].mean(axis=1)
+            middle = middle[cKDTree(joints.position[middle]).query(places)[1]]
+        return cls(given, other, middle)
+
+    @property
+    def ends(self) -> tuple[Indices, Indices]:
+        """Points at the ends of facets, of both discretisations."""
+        ours, first = np.unique(self.given.joints.segments, return_index=True)
+        return ours, self.other.joints.segments.ravel()[first]
+
+    def points(self, points: Indices) -> Indices:
+        """Counterparts of points at the ends of facets."""
+        ours, theirs = self.ends
+        return theirs[np.searchsorted(ours, points)]
+
+    def start(self, end: Collapse, case: LoadCase) -> Collapse:
+        """A collapse as a start in a case of the other discretisation: its state and mode."""
+        if end.state is None or end.mode is None:
+            return end
+        problem, state = case.problem, end.state
+        u, mode = (self.displacement(v) for v in (state.displacement, end.mode))
+        forces = self.forces(np.stack([state.pressure, state.shear]))
+        started = problem.state(u, state.load_factor, *forces)
+        return replace(end, state=started, mode=mode / problem.dot(problem.live, mode))
+
+    def displacement(self, values: Array) -> Array:
+        """Displacements in the supports' coordinates, interpolated; this rank's part."""
+        source, target = (fem.Function(one.elasticity.space) for one in (self.given, self.other))
+        source.x.array[: len(values)] = self.given.cartesian(values).ravel()
+        source.x.scatter_forward()
+        target.interpolate(source)
+        first, end = self.other.problem.stiffness.matrix.getOwnershipRange()
+        values = target.x.array[: end - first].copy()
+        return self.other.supports.to_supports(values, first // 2)
+
+    def forces(self, forces: Array) -> Array:
+        """Forces (normal, shear) at this rank's joint points, N/m, shape (2, rows)."""
+        everywhere = np.stack([self.given.all_points(r) for r in forces])
+        if self.given.scene.degree == 1:
+            found = self._spread(everywhere)
+        else:
+            found = self._gathered(everywhere)
+        return found[:, self.other.operators.points]
+
+    def _spread(self, forces: Array) -> Array:
+        """Forces at points of degree 2."""
+        joints, facets = self.given.joints, self.given.joints.segments
+        pressure, loaded = forces[0] / joints.length, forces[0] > 0.0
+        length = np.linalg.norm(
+            joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1
+        )
+        inner = MIDDLE * length * pressure[facets].min(axis=1)
+        part = np.zeros_like(pressure)  # of the forces at the ends
+        np.add.at(part, facets, np.repeat(0.5 * inner[:, None], 2, axis=1))
+        part = np.divide(part, forces[0], out=np.zeros_like(part), where=loaded)
+        ratio = np.divide(forces, forces[0], out=np.zeros_like(forces), where=loaded)
+        found = np.zeros((2, len(self.other.joints.length)))
+        found[:, self.other.joints.segments] = (forces * (1.0 - part))[:, facets]
+        found[:, self.middle] = inner * ratio[:, facets].mean(axis=2)
+        return found
+
+    def _gathered(self, forces: Array) -> Array:
+        """Forces at points of degree 1."""
+        facets = self.other.joints.segments
+        found = np.zeros((2, len(self.other.joints.length)))
+        found[:, facets] = forces[:, self.given.joints.segments]
+        for component, inner in zip(found, forces[:, self.middle], strict=True):
+            np.add.at(component, facets, np.repeat(0.5 * inner[:, None], 2, axis=1))
+        return found
