@@ -106,23 +106,15 @@ class Counterparts:
 
     @classmethod
     def of(cls, given: Discretization, other: Discretization) -> Counterparts:
-        """Find the points between the ends of facets by their place."""
-        from scipy.spatial import cKDTree
-
+        """Find the points between the ends of facets."""
         joints = max((given, other), key=lambda one: one.scene.degree).joints
-        inside = np.ones(len(joints.length), dtype=bool)
-        inside[joints.segments] = False
-        middle = np.flatnonzero(inside)
-        if len(middle):
-            places = joints.position[joints.segments].mean(axis=1)
-            middle = middle[cKDTree(joints.position[middle]).query(places)[1]]
-        return cls(given, other, middle)
+        return cls(given, other, joints.segments.reshape(-1, 4)[:, 1])
 
     @property
     def ends(self) -> tuple[Indices, Indices]:
         """Points at the ends of facets, of both discretisations."""
-        ours, first = np.unique(self.given.joints.segments, return_index=True)
-        return ours, self.other.joints.segments.ravel()[first]
+        ours, first = np.unique(_facets(self.given), return_index=True)
+        return ours, _facets(self.other).ravel()[first]
 
     def points(self, points: Indices) -> Indices:
         """Counterparts of points at the ends of facets."""
@@ -160,7 +152,7 @@ class Counterparts:
 
     def _spread(self, forces: Array) -> Array:
         """Forces at points of degree 2."""
-        joints, facets = self.given.joints, self.given.joints.segments
+        joints, facets = self.given.joints, _facets(self.given)
         pressure, loaded = forces[0] / joints.length, forces[0] > 0.0
         length = np.linalg.norm(
             joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1
@@ -171,15 +163,21 @@ class Counterparts:
         part = np.divide(part, forces[0], out=np.zeros_like(part), where=loaded)
         ratio = np.divide(forces, forces[0], out=np.zeros_like(forces), where=loaded)
         found = np.zeros((2, len(self.other.joints.length)))
-        found[:, self.other.joints.segments] = (forces * (1.0 - part))[:, facets]
+        found[:, _facets(self.other)] = (forces * (1.0 - part))[:, facets]
         found[:, self.middle] = inner * ratio[:, facets].mean(axis=2)
         return found
 
     def _gathered(self, forces: Array) -> Array:
         """Forces at points of degree 1."""
-        facets = self.other.joints.segments
+        facets = _facets(self.other)
         found = np.zeros((2, len(self.other.joints.length)))
-        found[:, facets] = forces[:, self.given.joints.segments]
+        found[:, facets] = forces[:, _facets(self.given)]
         for component, inner in zip(found, forces[:, self.middle], strict=True):
             np.add.at(component, facets, np.repeat(0.5 * inner[:, None], 2, axis=1))
         return found
+
+
+def _facets(whole: Discretization) -> Indices:
+    """Joint points at the ends of every facet, shape (facets, 2)."""
+    segments = whole.joints.segments
+    return segments if whole.scene.degree == 1 else segments.reshape(-1, 4)[:, [0, 3]]
