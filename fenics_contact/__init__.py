@@ -14,6 +14,8 @@ from fenics_contact.scene import (
     Scene,
     SolveOptions,
 )
+from fenics_contact.sweeps.points import Point
+from fenics_contact.sweeps.sweep import Sweep, sweep
 from fenics_contact.version import __version__
 
 __all__ = [
@@ -29,10 +31,13 @@ __all__ = [
     "Material",
     "OutputError",
     "OutputOptions",
+    "Point",
     "Scene",
     "SolveOptions",
     "SolverError",
+    "Sweep",
     "__version__",
     "equilibrium",
     "limit_load",
+    "sweep",
 ]

@@ -18,12 +18,22 @@ from typing import Any
 
 from mpi4py import MPI
 
-from fenics_contact.console import Progress, ProgressBar, counted, description, summary
+from fenics_contact.console import (
+    Progress,
+    ProgressBar,
+    SweepProgress,
+    counted,
+    description,
+    summary,
+)
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.output.report import write_report
 from fenics_contact.scene import Scene
+from fenics_contact.sweeps.parameters import Family, Parameter
+from fenics_contact.sweeps.points import WRONG_INPUT
+from fenics_contact.sweeps.sweep import Told, run_sweep, silent
 from fenics_contact.version import __version__
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -159,7 +169,10 @@ def _parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
     report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
     report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
-    for command in (solve, check):
+    sweep = commands.add_parser(
+        "sweep", help="compute the limit load over values of a scene's keys"
+    )
+    for command in (solve, check, sweep):
         command.add_argument("scene", type=Path, help="scene file (TOML)")
         command.add_argument(
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
@@ -172,6 +185,16 @@ def _parser() -> argparse.ArgumentParser:
     solve.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="where to write (SCENE without ending)"
     )
+    sweep.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="where to write (SCENE_sweep); a sweep"
+        " that was stopped goes on there",
+    )  # fmt: skip
+    sweep.add_argument(
+        "--vary", action="append", required=True, metavar="KEY=A:B:N",
+        help="N values from A to B, or KEY=A,B,C; KEY,KEY=... gives keys the same values; several"
+        " --vary: all combinations",
+    )  # fmt: skip
+    sweep.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     return parser
 
 
@@ -201,7 +224,10 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
     with contextlib.closing(shown(scene.solve.tolerance)) as progress:
-        result = limit_load(scene, progress if loud else None)
+        monitor = progress if loud else None
+        result = limit_load(scene, monitor)
+        if scene.output.capacity:
+            result.trace_capacity(monitor)
     result.seconds["read"] = read
     result.seconds["total"] += read
     result.hold_against_brackets()
@@ -211,13 +237,34 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return EXIT_CODES[result.status]
 
 
-def _output_folder(options: argparse.Namespace, comm: MPI.Comm) -> Path:
+def _sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Find the limit loads of a scene over values of its keys."""
+    loud = comm.rank == 0 and not options.quiet
+    parameters = [Parameter.parse(text) for text in options.vary]
+    folder = _output_folder(options, comm, "_sweep")
+    family = Family.of_file(options.scene, comm, options.overrides)
+    tell: Told = silent
+    if loud:
+        tell = SweepProgress()
+    try:
+        found = run_sweep(family, parameters, folder, options.jobs, tell)
+    except KeyboardInterrupt:
+        if loud:
+            print(f"stopped; what is in {folder} is kept: the same command goes on", flush=True)
+        raise
+    if loud:
+        print(f"{found!r}\nwritten to {folder}", flush=True)
+    codes = {BAD_INPUT if p.status == WRONG_INPUT else EXIT_CODES[p.status] for p in found}
+    return max(codes)
+
+
+def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = "") -> Path:
     """Where to write; checked on all ranks before the work is done."""
     scene: Path = options.scene
     with raised_together(comm):
         if not scene.name:
             raise InputError(f"'{scene}' is a folder; give a scene file")
-        folder: Path = options.output or scene.with_suffix("")
+        folder: Path = options.output or scene.with_name(scene.with_suffix("").name + ending)
         if comm.rank == 0:
             try:
                 _check_folder(folder)
@@ -259,4 +306,5 @@ def _report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
-COMMANDS = {"solve": _solve, "check": _check, "report": _report}
+#: What the commands do.
+COMMANDS = {"solve": _solve, "check": _check, "sweep": _sweep, "report": _report}

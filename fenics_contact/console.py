@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,33 @@ class ProgressBar(Progress):
         if self._bar is not None:
             self._bar.close()
             self._bar = None
+
+
+class SweepProgress:
+    """A line for every point of a sweep, with the time that is left."""
+
+    def __init__(self) -> None:
+        self._start, self._before = time.perf_counter(), 0
+
+    def __call__(self, done: int, total: int, point: Any) -> None:
+        """Show a `sweeps.points.Point`; None tells how many are there before any is solved."""
+        if point is None:
+            self._start, self._before = time.perf_counter(), done
+            text = f"{done} of {counted(total, 'point')} are there already" if done else ""
+        else:
+            values = ", ".join(f"{key} = {value}" for key, value in point.values.items())
+            passed = time.perf_counter() - self._start
+            left = passed * (total - done) / max(done - self._before, 1)
+            both = (point.load_factor, point.load_factor_negative)
+            factors = " and ".join(f"{factor:.8g}" for factor in both if not math.isnan(factor))
+            found = f"load factor {factors}" if point.solved else point.reason
+            text = (
+                f"{done:{len(str(total))}d} of {total}  {values}: {point.status}, {found}"
+                f"   ({left:.0f} s left)"
+            )
+        if text:
+            sys.stdout.write(text + "\n")
+            sys.stdout.flush()
 
 
 def counted(number: int, noun: str) -> str:

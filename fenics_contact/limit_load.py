@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import math
 import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from dolfinx import fem
 
 from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.hinges import estimate_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
+from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
@@ -21,13 +24,26 @@ from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
+from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
+from fenics_contact.output.plotting import (
+    draw_capacity,
+    draw_forces,
+    draw_mode,
+    new_axes,
+    save_collapse,
+)
+from fenics_contact.output.view import View, view_of
 from fenics_contact.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
+
+#: Points of a capacity curve for which the scene gives no number.
+CURVE = 25
 
 
 class LimitLoad(Result):
@@ -58,8 +74,97 @@ class LimitLoad(Result):
         self.ends = {name: end.held_against_bracket() for name, end in self.ends.items()}
         self.seconds["bounds"] += time.perf_counter() - start
 
+    def summary(self) -> str:
+        """Load factors, brackets and verification as text. Collective: it solves for brackets."""
+        self.hold_against_brackets()
+        return summary(self)
+
+    def trace_capacity(
+        self, monitor: Monitor | None = None, points: int = 0
+    ) -> tuple[CapacityPoint, ...]:
+        """Compute the capacity curve, hundreds of factorisations, and keep it as `capacity`.
+
+        Collective. It is none of `limit_load`; `write` does so where the scene asks for a curve.
+
+        Args:
+            monitor: Told of every point.
+            points: Number of points; by default those of the scene's output options.
+        """
+        start, scene = time.perf_counter(), self.scene
+        direction, end = next(iter(self.ends.items()), ("", None))
+        points = points or scene.output.capacity or CURVE
+        if end is None or end.status != "limit":
+            return ()
+        sign, kind = SIGNS[direction], strategy_of(scene).kind
+        monitor, end = monitor or _Silent(), end if sign > 0.0 else end.reversed()
+        with Discretization(scene) as made:
+            case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+            curve = capacity_curve(case, end, points, monitor.point)
+            self.factorizations += made.factorizations()
+            self.mode_factorizations += made.mode_tally.count
+        self.capacity = tuple(replace(p, load_factor=sign * p.load_factor) for p in curve)
+        self.seconds["capacity"] = seconds = time.perf_counter() - start
+        self.seconds["total"] += seconds
+        return self.capacity
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the collapse mode. Collective; returns the axes on rank 0, else None.
+
+        Raises:
+            SolverError: If there is no collapse to draw.
+        """
+        view = self._view()
+        return draw_mode(axes or new_axes(), view) if self.scene.comm.rank == 0 else None
+
+    def plot_forces(self, axes: Any = None) -> Any:
+        """Draw the joint forces at collapse; as `plot`."""
+        view = self._view()
+        return draw_forces(axes or new_axes(), view) if self.scene.comm.rank == 0 else None
+
+    def plot_capacity(self, axes: Any = None) -> Any:
+        """Draw the capacity curve, traced if it was not yet; as `plot`."""
+        self._drawn()
+        curve = self.capacity or self.trace_capacity()
+        if self.scene.comm.rank != 0:
+            return None
+        axes = axes or new_axes()
+        draw_capacity(axes, curve, self.collapse.load_factor if self.collapse else math.nan)
+        return axes
+
+    def _repr_png_(self) -> bytes | None:
+        """Collapse mode and joint forces, for a notebook. Collective."""
+        if not self._can_be_drawn:
+            return None
+        file, view = io.BytesIO(), self._view()
+        if self.scene.comm.rank == 0:
+            save_collapse(view, repr(self)[1:-1], [file])
+        return file.getvalue()
+
+    def _view(self) -> View:
+        """What pictures show of the collapse. Collective."""
+        return view_of(self.discretization, *self._drawn(), self._sign)
+
+    @property
+    def _sign(self) -> float:
+        """Sign of the live load at the collapse that fields show."""
+        return -1.0 if self.positive is None else 1.0
+
+    @property
+    def _can_be_drawn(self) -> bool:
+        end = self.collapse
+        return end is not None and end.mode is not None and end.status != "unbounded"
+
+    def _drawn(self) -> tuple[Array, JointValues]:
+        """Mode and joint values of the collapse that pictures show."""
+        end = self.collapse
+        if end is None or end.mode is None or end.joints is None or not self._can_be_drawn:
+            raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
+        return end.mode, end.joints
+
     def write(self, folder: str | Path) -> None:
         """Write result.json, and what the scene's output options say; the folder is made."""
+        if self.scene.output.capacity and not self.capacity:
+            self.trace_capacity()
         self.hold_against_brackets()
         write_result(self, Path(folder))
 
@@ -80,12 +185,15 @@ class _Silent(Monitor):
     """A monitor that says nothing."""
 
 
-def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
+def limit_load(
+    scene: Scene, monitor: Monitor | None = None, *, progress: bool = False
+) -> LimitLoad:
     """Compute the limit load of a scene.
 
     Args:
         scene: What to solve.
         monitor: Told how the run goes.
+        progress: Print how it goes, on rank 0, where there is no monitor.
 
     Returns:
         The result; look at its status.
@@ -94,19 +202,21 @@ def limit_load(scene: Scene, monitor: Monitor | None = None) -> LimitLoad:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
+    if progress and monitor is None and scene.comm.rank == 0:
+        monitor = Progress(scene.solve.tolerance)
     for item in skipped(scene):
         _log.info("skipped: %s", item)
     with Discretization(scene) as discretization:
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
-        result = _solved(discretization, monitor or _Silent())
+        result = limit_load_of(discretization, monitor)
     result.seconds["total"] = time.perf_counter() - start
     return result
 
 
-def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
-    """The limit load of a discretised scene."""
-    scene = discretization.scene
+def limit_load_of(discretization: Discretization, monitor: Monitor | None = None) -> LimitLoad:
+    """The limit load of a discretised scene; see `limit_load`."""
+    scene, monitor = discretization.scene, monitor or _Silent()
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
@@ -135,15 +245,7 @@ def _solved(discretization: Discretization, monitor: Monitor) -> LimitLoad:
         found |= {name: _with_mesh_error(cases[name], found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
-    result = _result(discretization, ends, seconds)
-    if scene.output.capacity and result.status == "limit":
-        start, first = time.perf_counter(), asked[0]
-        count = scene.output.capacity
-        curve = capacity_curve(cases[first], found[first], count, monitor.point)
-        result.capacity = tuple(replace(p, load_factor=SIGNS[first] * p.load_factor) for p in curve)
-        seconds["capacity"] = time.perf_counter() - start
-        result.factorizations = discretization.factorizations()
-    return result
+    return _result(discretization, ends, seconds)
 
 
 def _collapse(case: LoadCase) -> Collapse:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import BlockMesh
-from fenics_contact.toml_tables import from_table, read_toml
+from fenics_contact.toml_tables import check_types, from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
@@ -86,6 +88,7 @@ class Material:
     compressive_strength: float | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         young = self.young
         _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
         _require_size("young", young)
@@ -114,6 +117,7 @@ class JointLaw:
     compressive_strength: float | None = None
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("law", self.law)
         _require_strength(self.compressive_strength)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
@@ -143,6 +147,7 @@ class EdgeForce:
     width: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_pair("force", self.force)
         for name, value in (("x", self.x), ("y", self.y or 0.0)):
             _require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
@@ -173,6 +178,7 @@ class EarthPressure:
     wall_friction: float = 0.0
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require(math.isfinite(self.level), f"level = {self.level} must be a finite number (m)")
         for name in ("unit_weight", "coefficient", "surcharge"):
             _require_not_negative(name, getattr(self, name))
@@ -199,6 +205,7 @@ class Load:
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_types(self)
         tractions = {f"traction.{name}": value for name, value in self.traction.items()}
         for name, value in {"body": self.body, **tractions}.items():
             _require_pair(name, value)
@@ -238,6 +245,7 @@ class SolveOptions:
     error: bool = True
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
@@ -268,6 +276,7 @@ class OutputOptions:
         for name in self.formats:
             _require_choice("formats", name)
         _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
+        check_types(self)
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -313,6 +322,7 @@ class Scene(_Shared):
     degree: int = 1
 
     def __post_init__(self) -> None:
+        check_types(self)
         _require_choice("plane.state", self.plane)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
@@ -342,15 +352,39 @@ class Scene(_Shared):
             InputError: On all ranks, if the file or its mesh is missing or wrong.
         """
         comm = compat.default_comm() if comm is None else comm
-        tables = from_table(_SceneTables, read_toml(Path(path), comm, overrides))
+        folder = Path(path).parent
+        tables = read_toml(Path(path), comm, overrides)
+        return cls.from_tables(tables, lambda file: BlockMesh.from_file(folder / file, comm))
+
+    @classmethod
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh from its file's name.
+
+        Raises:
+            InputError: If a table is wrong.
+        """
+        tables = from_table(_SceneTables, given)
         return cls(
-            mesh=BlockMesh.from_file(Path(path).parent / tables.mesh.file, comm),
+            mesh=mesh(tables.mesh.file),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
             plane=tables.plane.state,
             degree=tables.mesh.degree,
             **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
+        )
+
+    def tables(self) -> dict[str, Any]:
+        """The scene as tables of a file; the mesh has its source in place of a file."""
+        shared = {item.name: getattr(self, item.name) for item in fields(_Shared)}
+        return _as_tables(
+            {
+                "mesh": {"file": self.mesh.source, "degree": self.degree},
+                "plane": {"state": self.plane},
+                "materials": self.materials,
+                "loads": {"live": self.live, "dead": self.dead},
+                **shared,
+            }
         )
 
     def material(self, groups: Iterable[str]) -> Material:
@@ -398,6 +432,17 @@ class Scene(_Shared):
 
 def _listed(names: Iterable[str]) -> str:
     return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+def _as_tables(item: Any) -> Any:
+    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
+    if isinstance(item, (np.generic, np.ndarray)):
+        return item.tolist()
+    if is_dataclass(item):
+        item = {one.name: getattr(item, one.name) for one in fields(item)}
+    if not isinstance(item, Mapping):
+        return item
+    return {name: _as_tables(value) for name, value in item.items() if value is not None}
 
 
 # ---- what a scene file holds, table by table

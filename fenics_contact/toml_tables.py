@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError, raised_together
@@ -117,7 +118,7 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if kind is float:
         return _number(key, value)
     if get_origin(kind) is tuple and get_args(kind)[0] is str:
-        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        if not isinstance(value, (list, tuple)) or not all(isinstance(x, str) for x in value):
             raise InputError(f"{key} = {_shown(value)} must be a list of strings")
         return tuple(value)
     if get_origin(kind) is tuple:
@@ -127,6 +128,32 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if type(value) is not kind:  # a truth value is no whole number
         raise InputError(f"{key} = {_shown(value)} must be {_EXACT[kind]}")
     return value
+
+
+def check_types(item: Any) -> None:
+    """Refuse fields of a dataclass that are of another type, as `from_table` refuses them.
+
+    Raises:
+        InputError: The message names the field.
+    """
+    for name, kind in get_type_hints(type(item)).items():
+        _check_type(name, getattr(item, name), kind)
+
+
+def _check_type(key: str, value: Any, kind: Any) -> None:
+    if isinstance(kind, UnionType):
+        if value is None:
+            return
+        kind = get_args(kind)[0]
+    if get_origin(kind) is Mapping:
+        for name, inner in _as_table(key, value).items():
+            _check_type(f"{key}.{name}", inner, get_args(kind)[1])
+    elif get_origin(kind) is tuple:
+        _value(key, list(value) if isinstance(value, Iterable) else value, kind)
+    elif kind in (float, *_EXACT):
+        _value(key, value.item() if isinstance(value, np.generic) else value, kind)
+    elif not isinstance(value, kind):
+        raise InputError(f"{key} = {_shown(value)} must be a {kind.__name__}")
 
 
 def _shown(value: Any) -> str:
@@ -160,15 +187,33 @@ def _override(table: dict[str, Any], assignment: str) -> None:
         raise InputError(f"'--set {assignment}' is not of the form key=value")
     if not assignment.isprintable():
         raise InputError(f"'--set {assignment}' has more than one line, or characters of control")
-    try:
-        value = tomllib.loads(f"value = {text.strip()}")["value"]
-    except (ValueError, RecursionError):
-        value = text.strip()  # a string without quotes
+    value = value_of(text)
     _check_depth([value], f"'--set {names[0]}'")
     if len(names) > DEEPEST:
         raise InputError(f"'--set {key}' has more than {DEEPEST} tables in tables")
-    for name in names[:-1]:
+    try:
+        assign(table, key, value)
+    except InputError as error:
+        raise InputError(f"'--set {assignment}': {error}") from None
+
+
+def value_of(text: str) -> Any:
+    """A TOML value; a string may go without quotes."""
+    try:
+        return tomllib.loads(f"value = {text.strip()}")["value"]
+    except (ValueError, RecursionError):
+        return text.strip()
+
+
+def assign(table: dict[str, Any], key: str, value: Any) -> None:
+    """Give a key "a.b.c" of tables a value; tables that are missing are made.
+
+    Raises:
+        InputError: If there is no table where the key has one.
+    """
+    *names, last = (name.strip() for name in key.split("."))
+    for name in names:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):
-            raise InputError(f"'--set {assignment}': '{name}' is not a table")
-    table[names[-1]] = value
+            raise InputError(f"'{name}' is not a table")
+    table[last] = value

@@ -16,6 +16,7 @@ from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
@@ -141,7 +142,7 @@ def _negated(record: Any, *fields: str) -> Any:
     return record and replace(record, **{name: -getattr(record, name) for name in names})
 
 
-@dataclass
+@dataclass(repr=False)
 class Result:
     """Limit load of a scene, in one direction of the live load or both.
 
@@ -152,7 +153,7 @@ class Result:
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
-        capacity: Points of the capacity curve.
+        capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -165,6 +166,28 @@ class Result:
     mode_factorizations: int = 0
     capacity: tuple[CapacityPoint, ...] = ()
     fall: Array | None = None
+
+    def __repr__(self) -> str:
+        title = repr(self.scene.title) if self.scene.title else ""
+        factors = (f"load factor {end.load_factor:.8g}" for end in self.ends.values())
+        return f"<{type(self).__name__}: {', '.join(filter(None, [title, self.status, *factors]))}>"
+
+    @property
+    def joints(self) -> NamedArrays:
+        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
+        end = self.collapse
+        return joint_arrays(self.discretization, None if end is None else end.joints)
+
+    @property
+    def blocks(self) -> NamedArrays:
+        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`.
+
+        Collective: ask for `displacement`, `mode` and their rotations on all ranks together.
+        """
+        end = self.collapse
+        if end is None or end.state is None:
+            return block_arrays(self.discretization, None, None)
+        return block_arrays(self.discretization, end.state.displacement, end.mode)
 
     @property
     def scene(self) -> Scene:

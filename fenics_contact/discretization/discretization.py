@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +13,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact.discretization.doubts import doubts
-from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
+from fenics_contact.discretization.elasticity import (
+    Elasticity,
+    assemble,
+    displacement_space,
+    with_loads,
+)
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
 from fenics_contact.discretization.joints import find_joints, joint_operators
@@ -31,6 +37,9 @@ from fenics_contact.solvers.problem import Array, ContactProblem, Scales, Sparse
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
+
+#: Parts of a scene that no matrix depends on; of the laws the matrices know the groups.
+LAWS, WITHOUT_MATRICES = ("joints", "foundations"), ("dead", "live", "title", "solve", "output")
 
 
 @dataclass(frozen=True)
@@ -84,9 +93,7 @@ class Discretization:
         self.joints = find_joints(scene, self.boundary)
         self.warnings = doubts(scene, self.boundary, self.joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
-        size = float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
-        resultants = made.dead_resultant, made.live_resultant
-        self.bodies = bodies = rigid_bodies(made.centre, *resultants, self.supports, size)
+        self.bodies = bodies = self._rigid_bodies()
         sides, position = self.joints.bodies, self.joints.position
         check_held(sides, position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
@@ -96,8 +103,7 @@ class Discretization:
         self._owned = ExitStack()
         for operator in maps:
             self._owned.callback(operator.close)
-        laws = self.joints.friction[rows.points], self.joints.shear_strength[rows.points]
-        loads = made.dead, made.live
+        loads, laws = (made.dead, made.live), self._laws()
         self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
@@ -114,6 +120,54 @@ class Discretization:
         self._owned.close()
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
+
+    def shares_matrices(self, scene: Scene) -> bool:
+        """Whether another scene differs in its laws, loads and options only."""
+        for name in (item.name for item in fields(scene)):
+            one, other = getattr(self.scene, name), getattr(scene, name)
+            if name in LAWS:
+                one, other = list(one), list(other)
+            same = one is other or (name != "mesh" and one == other)
+            if name not in WITHOUT_MATRICES and not same:
+                return False
+        return True
+
+    def changed(self, scene: Scene) -> Discretization:
+        """Another scene that shares the matrices, which remain with this object.
+
+        Factorisations are counted from 0.
+
+        Raises:
+            InputError: If loads do not fit the mesh.
+        """
+        start = time.perf_counter()
+        new = copy(self)
+        new.scene, new.compile_seconds = scene, 0.0
+        new.joints = find_joints(scene, self.boundary)
+        new.warnings = doubts(scene, self.boundary, new.joints)
+        new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, self.supports)
+        new.bodies = new._rigid_bodies()
+        _check_live_load(made, new.bodies, scene)
+        friction, strength = new._laws()
+        loads = {"dead": made.dead, "live": made.live}
+        new.problem = replace(self.problem, **loads, friction=friction, strength=strength)
+        if "block_modes" in self.__dict__:
+            new.block_modes = self.block_modes.changed(new.problem)
+        for tally in (self.tally, self.mode_tally):
+            tally.restart()
+        new.seconds = time.perf_counter() - start
+        return new
+
+    def _rigid_bodies(self) -> RigidBodies:
+        made, points = self.elasticity, self.boundary.points
+        size = float(np.ptp(points.reshape(-1, 2), axis=0).max())
+        resultants = made.dead_resultant, made.live_resultant
+        return rigid_bodies(made.centre, *resultants, self.supports, size)
+
+    def _laws(self) -> tuple[Array, Array]:
+        """Friction and given strength at this rank's rows."""
+        points = self.operators.points
+        return self.joints.friction[points], self.joints.shear_strength[points]
 
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""
@@ -161,11 +215,29 @@ class Discretization:
     def _first_node(self) -> int:
         return self.elasticity.space.dofmap.index_map.local_range[0]
 
+    def areas(self) -> Array:
+        """Area of every body, m2, from its boundary: 1/2 int x.n ds."""
+        boundary, centre = self.boundary, self.bodies.centre
+        arm = boundary.points[:, :2].mean(axis=1) - centre[boundary.body]
+        flux = np.sum(arm * boundary.normal, axis=1) * boundary.length
+        return 0.5 * np.bincount(boundary.body, flux, len(centre))
+
     def bodies_area(self) -> float:
-        """Area of all bodies, m2, from their boundary: 1/2 int x.n ds."""
-        points = self.boundary.points[:, :2].mean(axis=1)
-        flux = np.sum((points - points[0]) * self.boundary.normal, axis=1)
-        return float(0.5 * np.sum(flux * self.boundary.length))
+        """Area of all bodies, m2."""
+        return float(self.areas().sum())
+
+    def block_motions(self, values: Array) -> Array:
+        """Mean displacement, m, and rotation, rad, of every body, shape (bodies, 3). Collective.
+
+        `values` are this rank's displacements in the supports' coordinates.
+        """
+        u, arm = self.cartesian(values), self.elasticity.arm
+        turning = arm[:, 0] * u[:, 1] - arm[:, 1] * u[:, 0]
+        columns = np.column_stack([np.ones(len(u)), np.sum(arm**2, axis=1), u, turning])
+        sums = np.zeros((len(self.bodies.centre), 5))
+        np.add.at(sums, self.elasticity.node_body, columns)
+        sums = self.scene.comm.allreduce(sums)
+        return np.asarray(sums[:, 2:] / sums[:, [0, 0, 1]])
 
     def all_points(self, values: Array) -> Array:
         """Values of this rank's joint points (its rows) as those of all points, on all ranks."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,13 +70,6 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
-    density = _material_field(scene, lambda material: material.density)
-    loads, resultants = [], []
-    for kind in ("dead", "live"):
-        force = nodal_forces(scene, space, boundary, kind, density)
-        x, y = force.reshape(-1, 2).T
-        resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
-        loads.append(supports.constrain_vector(force, nodes.local_range[0]))
     nus = 2.0 if scene.plane == "strain" else 1.0
     lame = (
         _material_field(
@@ -87,8 +80,30 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, lame))
     stiffness.assemble()
     stiffness = supports.constrain_matrix(stiffness)
-    dead, live = loads
-    return Elasticity(space, stiffness, dead, live, lame, body, arm, centre, *resultants)
+    none = np.zeros(2 * len(body))
+    made = Elasticity(space, stiffness, none, none, lame, body, arm, centre, none, none)
+    return with_loads(made, scene, boundary, supports)
+
+
+def with_loads(
+    elasticity: Elasticity, scene: Scene, boundary: Boundary, supports: Supports
+) -> Elasticity:
+    """The blocks of an elasticity under the loads of a scene with the same materials.
+
+    Raises:
+        InputError: If a load does not fit the mesh.
+    """
+    space, body, arm = elasticity.space, elasticity.node_body, elasticity.arm
+    density = _material_field(scene, lambda material: material.density)
+    loads, resultants = [], []
+    for kind in ("dead", "live"):
+        force = nodal_forces(scene, space, boundary, kind, density)
+        x, y = force.reshape(-1, 2).T
+        resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
+        first = space.dofmap.index_map.local_range[0]
+        loads.append(supports.constrain_vector(force, first))
+    names = "dead", "live", "dead_resultant", "live_resultant"
+    return replace(elasticity, **dict(zip(names, [*loads, *resultants], strict=True)))
 
 
 def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -208,6 +208,13 @@ def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
 # ---- files
 
 
+def new_axes() -> Any:
+    """Axes of a figure of their own, which a notebook shows."""
+    from matplotlib import pyplot
+
+    return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
+
+
 def figure_of(limits: Limits, count: int = 1) -> tuple[Any, Any]:
     """A figure with axes of a structure's shape side by side."""
     from matplotlib.figure import Figure
@@ -219,7 +226,7 @@ def figure_of(limits: Limits, count: int = 1) -> tuple[Any, Any]:
     return figure, figure.subplots(1, count, squeeze=False)[0]
 
 
-def save_collapse(view: View, title: str, paths: Sequence[Path]) -> None:
+def save_collapse(view: View, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     """Collapse mode and joint forces, side by side."""
     figure, (left, right) = figure_of(Limits.of(view, moved(view)), 2)
     draw_mode(left, view).set_title("collapse mode (grey outline: at rest)", fontsize=10)
@@ -260,7 +267,7 @@ def save_capacity(
     _save(figure, title or "Capacity curve", paths)
 
 
-def _save(figure: Any, title: str, paths: Sequence[Path]) -> None:
+def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     """Write a figure with its title and tight margins."""
     figure.suptitle(title, fontsize=12)
     for path in paths:

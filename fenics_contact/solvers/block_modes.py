@@ -20,6 +20,7 @@ joint forces and the displacements P a + C B^T r, is where the structure itself 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -126,6 +127,20 @@ class BlockModes(Closing):
         """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""
         rows = _rows(self.reduced, self._blocks.sides, self._modes)
         return JointStiffness(self.reduced.stiffness, rows, kind, tally)
+
+    def changed(self, problem: ContactProblem) -> BlockModes:
+        """The same modes of a structure with other loads and laws; this object keeps the maps."""
+        new = copy(self)
+        new.full = problem
+        new.reduced = replace(
+            self.reduced,
+            dead=self._basis.T @ problem.dead,
+            live=self._basis.T @ problem.live,
+            friction=problem.friction,
+            strength=problem.strength,
+            slip_origin=problem.slip_origin,
+        )
+        return new
 
     def under(self, problem: ContactProblem) -> ContactProblem:
         """The reduced structure with the live load and origin of slip of `problem`."""

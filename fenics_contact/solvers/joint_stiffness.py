@@ -54,6 +54,10 @@ class Tally:
 
     count: int = 0
 
+    def restart(self) -> None:
+        """Count from 0."""
+        self.count = 0
+
 
 @dataclass(frozen=True)
 class JointRows:

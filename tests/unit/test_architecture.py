@@ -28,9 +28,10 @@ FLOORS = (
     {"meshing", "refinement", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
-    {"output"},
+    {"output", "console", "progress"},
     {"equilibrium", "limit_load"},
-    {"cli", "console", "progress", "report"},
+    {"sweeps"},
+    {"cli", "report"},
     {"__main__"},
 )
 

@@ -160,7 +160,9 @@ def test_bracket_that_excludes_the_load_factor_or_is_not_known(upper, status, re
 
 def test_no_capacity_curve():
     with_curve, without = (limit_load(sliding_wall(capacity=count)) for count in (3, 0))
-    assert (len(with_curve.capacity), without.capacity) == (3, ())
+    assert (with_curve.capacity, without.capacity) == ((), ())
+    assert with_curve.factorizations == without.factorizations
+    assert len(with_curve.trace_capacity()) == len(with_curve.capacity) == 3
     assert without.load_factor == pytest.approx(with_curve.load_factor, rel=1e-9)
     assert without.factorizations < with_curve.factorizations
 

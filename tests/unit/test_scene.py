@@ -48,9 +48,18 @@ def mesh() -> BlockMesh:
         (lambda: JointLaw("tresca", None, -1.0), "bound = -1.0 must be finite and >= 0"),
         (lambda: JointLaw("frictionless", 0.5), "law 'frictionless' takes no friction"),
         *((lambda x=x: Load(x), "body = .* must be two finite numbers")
-          for x in ((1.0, 2.0, 3.0), (1.0, NAN))),
+          for x in ((-INF, 2.0), (1.0, NAN))),
         *((lambda x=x: Load(traction={"top": x}), r"traction\.top = .* must be two finite numbers")
-          for x in ((INF, 0.0), (1.0,))),
+          for x in ((INF, 0.0), (NAN, 1.0))),
+        (lambda: Load((1.0, 2.0, 3.0)), r"body = \[1.0, 2.0, 3.0\] must be two numbers, \[x, y\]"),
+        (lambda: Load(traction={"top": 1.0}), r"traction\.top = 1.0 must be two numbers, \[x, y\]"),
+        (lambda: Load(traction=[0.0, 1.0]), r"traction = .* must be a table, \[traction\]"),
+        (lambda: Material("5e9", 0.2), "young = '5e9' must be a number"),
+        (lambda: Material(5e9, None), "poisson = None must be a number"),
+        (lambda: JointLaw(friction="0.5"), "friction = '0.5' must be a number"),
+        (lambda: JointLaw(0.5), "law = 0.5 must be a string"),
+        (lambda: OutputOptions(capacity=2.5), "capacity = 2.5 must be a whole number"),
+        (lambda: SolveOptions(error=1), "error = 1 must be true or false"),
         (lambda: SolveOptions(method="newton"), "method = 'newton' must be one of auto, fixed-poi"),
         (lambda: SolveOptions(direction="up"), "'up' must be one of positive, negative, both"),
         *((lambda x=x: SolveOptions(tolerance=x), f"tolerance = {x} must lie between")

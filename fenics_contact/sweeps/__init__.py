@@ -1,0 +1,1 @@
+"""Limit loads over values of a scene's keys."""

@@ -1,0 +1,180 @@
+"""What varies in a sweep, and the scenes that come of it."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.errors import InputError
+from fenics_contact.mesh import BlockMesh
+from fenics_contact.scene import Scene
+from fenics_contact.toml_tables import assign, read_toml, value_of
+
+#: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
+DIGITS = 12
+#: Values that a parameter can have, and points of a sweep.
+MOST = 100_000
+_RANGE = re.compile(r"(.+):(.+):\s*(\d+)\s*")
+
+#: Values of the keys at one point of a sweep.
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Keys of a scene file that have the same value, and the values they get.
+
+    Attributes:
+        keys: For example `joints.default.friction`.
+        values: As TOML has them: numbers, strings, lists.
+    """
+
+    keys: tuple[str, ...]
+    values: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, keys: str, values: str | Iterable[Any]) -> Parameter:
+        """From keys with commas between, and values or a text for them.
+
+        The text is `a:b:n`, n values from a to b, or `a, b, c`. Both ends of a range are numbers,
+        or lists of numbers.
+
+        Raises:
+            InputError: If there is no key, or no value.
+        """
+        names = tuple(name.strip() for name in keys.split(","))
+        if isinstance(values, str):
+            values = _values_of(values)
+        found = [_plain(value) for value in values]
+        if not found or not all(all(part.strip() for part in n.split(".")) for n in names):
+            raise InputError(
+                f"'{keys}' varies as KEY=A:B:N, N values from A to B, or KEY=A,B,C; give both key"
+                " and values"
+            )
+        if len(found) > MOST:
+            raise InputError(f"'{keys}' has {len(found)} values; give at most {MOST}")
+        once = [value for k, value in enumerate(found) if value not in found[:k]]
+        return cls(names, tuple(once))
+
+    @classmethod
+    def parse(cls, text: str) -> Parameter:
+        """From KEY=A:B:N or KEY=A,B,C; see `of`."""
+        keys, _, values = text.partition("=")
+        return cls.of(keys, values)
+
+
+def _values_of(text: str) -> list[Any]:
+    """Values that a text stands for, see `Parameter.of`."""
+    if found := _RANGE.fullmatch(text):
+        first, last = (np.asarray(value_of(end)) for end in found.groups()[:2])
+        if all(end.dtype.kind in "if" and end.size for end in (first, last)):
+            return _between(first, last, int(found[3]), text)
+    try:
+        return list(tomllib.loads(f"values = [{text}]")["values"])
+    except (ValueError, RecursionError):
+        return [value_of(part) for part in text.split(",") if part.strip()]
+
+
+def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
+    """Values from one array to another, in equal steps."""
+    if first.shape != last.shape:
+        raise InputError(f"'{text}': both ends of a range must have as many numbers")
+    if count > MOST:
+        raise InputError(f"'{text}' has more than {MOST} values")
+    exact = np.linspace(first, last, count)
+    short = np.array([float(f"{x:.{DIGITS}g}") for x in exact.flat]).reshape(exact.shape)
+    whole = first.dtype.kind == last.dtype.kind == "i" and np.all(short == np.round(short))
+    return list((short.astype(np.int64) if whole else short).tolist())
+
+
+def _plain(value: Any) -> Any:
+    """A value as TOML has it."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
+    """Values of all keys at every point, the last parameter changing fastest.
+
+    Raises:
+        InputError: If a key varies twice, or nothing varies.
+    """
+    keys = [key for parameter in parameters for key in parameter.keys]
+    if not keys:
+        raise InputError("nothing varies; give a key and its values")
+    for key in (key for k, key in enumerate(keys) if key in keys[:k]):
+        raise InputError(f"'{key}' varies twice; give all its values at once")
+    if np.prod([float(len(parameter.values)) for parameter in parameters]) > MOST:
+        raise InputError(f"the sweep has more than {MOST} points; give fewer values")
+    return [
+        {key: value for p, value in zip(parameters, point, strict=True) for key in p.keys}
+        for point in product(*(parameter.values for parameter in parameters))
+    ]
+
+
+class Family:
+    """Scenes that differ in the values of some keys; the mesh is read once.
+
+    Attributes:
+        comm: Ranks of all scenes.
+        tables: Of the scene without these values, as a file has them.
+        file: Scene file and what was set on top of it; None for a scene made in Python.
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, tables: dict[str, Any], read: Callable[[str], BlockMesh]
+    ) -> None:
+        """Scenes from tables of a file; `read` makes the mesh from the name of its file."""
+        self.comm, self.tables, self._read = comm, tables, read
+        self.file: tuple[Path, tuple[str, ...]] | None = None
+        self._last: tuple[str, BlockMesh] | None = None
+
+    @classmethod
+    def of_file(
+        cls, path: Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+    ) -> Family:
+        """Scenes of a file; arguments as those of `Scene.from_file`."""
+        comm = compat.default_comm() if comm is None else comm
+        tables = read_toml(path, comm, overrides)
+        made = cls(comm, tables, lambda name: BlockMesh.from_file(path.parent / name, comm))
+        made.file = path, tuple(overrides)
+        return made
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> Family:
+        """Scenes on the mesh of a scene made in Python."""
+
+        def read(name: str) -> BlockMesh:
+            if name != scene.mesh.source:
+                raise InputError("mesh.file varies for scenes of a file only; give its path")
+            return scene.mesh
+
+        return cls(scene.comm, scene.tables(), read)
+
+    def scene(self, values: Values) -> Scene:
+        """The scene with these values.
+
+        Raises:
+            InputError: If a key is unknown, or a value wrong.
+        """
+        tables = copy.deepcopy(self.tables)
+        for key, value in values.items():
+            assign(tables, key, value)
+        return Scene.from_tables(tables, self._kept_mesh)
+
+    def _kept_mesh(self, name: str) -> BlockMesh:
+        if self._last is None or self._last[0] != name:
+            self._last = None  # frees the last one
+            self._last = name, self._read(name)
+        return self._last[1]

@@ -1,0 +1,156 @@
+"""One point of a sweep: the limit load of one scene, as a row of a table."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from fenics_contact.analysis.result import Collapse
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.errors import InputError, SolverError
+from fenics_contact.limit_load import LimitLoad, limit_load_of
+from fenics_contact.scene import Scene
+from fenics_contact.sweeps.parameters import Family, Values
+
+#: Status of a point whose loads or joints do not fit the mesh.
+WRONG_INPUT = "wrong_input"
+
+
+@dataclass(frozen=True)
+class Point:
+    """Limit load with some values of the varied keys.
+
+    Attributes:
+        values: By key.
+        status: As `LimitLoad.status`, or "wrong_input" where the scene does not fit its mesh.
+        load_factor: Of the live load as given; infinite if unbounded, nan if there is none.
+        lower: Lower end of its bracket; nan if not known.
+        upper: Upper end.
+        load_factor_negative: With the live load reversed, not above 0; nan if not asked for.
+        lower_negative: Lower end of its bracket.
+        upper_negative: Upper end.
+        load_factor_point_hinges: Load factor with hinges of no length; nan if not known.
+        factorizations: Numeric factorisations.
+        seconds: Time, s.
+        reason: Why there is no limit load, for people.
+    """
+
+    values: Values
+    status: str
+    load_factor: float = math.nan
+    lower: float = math.nan
+    upper: float = math.nan
+    load_factor_negative: float = math.nan
+    lower_negative: float = math.nan
+    upper_negative: float = math.nan
+    load_factor_point_hinges: float = math.nan
+    factorizations: int = 0
+    seconds: float = 0.0
+    reason: str = ""
+
+    @property
+    def solved(self) -> bool:
+        """Whether the answer is a limit load, or that there is none."""
+        return self.status in ("limit", "unbounded")
+
+    @property
+    def least(self) -> float:
+        """Load factor nearest to failure: the lower one of both directions; nan if not solved."""
+        if not self.solved:
+            return math.nan
+        found = (self.load_factor, -self.load_factor_negative)
+        return min((one for one in found if not math.isnan(one)), default=math.nan)
+
+
+class Structure:
+    """The discretisation of the last scene; the next one keeps what of it is the same."""
+
+    def __init__(self) -> None:
+        self._owner: Discretization | None = None
+        self._last: Discretization | None = None
+
+    def of(self, scene: Scene) -> Discretization:
+        """A scene discretised; the one before must not be used for solving any more.
+
+        Raises:
+            InputError: If joints, supports or loads of the scene do not fit its mesh.
+        """
+        if self._last is not None and self._last.shares_matrices(scene):
+            self._last = self._last.changed(scene)
+        else:
+            self.close()
+            self._owner = self._last = Discretization(scene)
+        return self._last
+
+    def close(self) -> None:
+        """Free the matrices, on all ranks together."""
+        if self._owner is not None:
+            self._owner.close()
+        self._owner = self._last = None
+
+
+def solve(scene: Scene, structure: Structure) -> LimitLoad:
+    """Limit load and bracket of a scene.
+
+    Raises:
+        InputError: If joints, supports or loads of the scene do not fit its mesh.
+    """
+    start = time.perf_counter()
+    result = limit_load_of(structure.of(scene))
+    result.hold_against_brackets()
+    result.seconds["total"] = time.perf_counter() - start
+    return result
+
+
+def solve_point(family: Family, structure: Structure, values: Values) -> Point:
+    """Limit load with these values; what goes wrong is said in its status and reason."""
+    start = time.perf_counter()
+    try:
+        result = solve(family.scene(values), structure)
+    except InputError as error:
+        return Point(values, WRONG_INPUT, reason=_line(str(error)))
+    except SolverError as error:
+        return Point(values, "not_converged", reason=_line(str(error)))
+    found: dict[str, Any] = {}
+    for name, end in result.ends.items():
+        suffix = "_negative" if name == "negative" else ""
+        bounds = end.bounds
+        found[f"load_factor{suffix}"] = float(end.load_factor)
+        for side in ("lower", "upper"):
+            bound = getattr(bounds, side)
+            found[side + suffix] = math.nan if bound is None else float(bound)
+    estimate = None if result.collapse is None else result.collapse.mesh_error
+    if estimate is not None:
+        found["load_factor_point_hinges"] = float(estimate.load_factor_point_hinges)
+    return Point(
+        values,
+        result.status,
+        **found,
+        factorizations=result.factorizations,
+        seconds=time.perf_counter() - start,
+        reason=_line(result.reason() or _failures(result)),
+    )
+
+
+def _failures(result: LimitLoad) -> str:
+    """What keeps states from being verified."""
+    missed = [text for end in result.ends.values() for text in _failures_of(end)]
+    return "" if result.status != "not_converged" else ", ".join(missed) or "no state was found"
+
+
+def _failures_of(end: Collapse) -> list[str]:
+    if end.certificate is None:
+        return []
+    return [f"{law} {value:.1e}" for law, value in end.certificate.failures.items()]
+
+
+def value_text(value: Any) -> str:
+    """A value of a key as text: strings as they are, all else as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,192 @@
+"""Limit loads over values of a scene's keys: the function that users call."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from fenics_contact import console
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.errors import InputError
+from fenics_contact.mesh import Array
+from fenics_contact.output.folder import writing
+from fenics_contact.scene import Scene
+from fenics_contact.sweeps import table
+from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
+from fenics_contact.sweeps.picture import WORST, draw_sweep, picture_of_worst, save_picture
+from fenics_contact.sweeps.points import Point, Structure, solve_point, value_text
+from fenics_contact.sweeps.workers import solved_by_workers
+
+#: Is told how many points are there, of how many, and of the point that ended, None at first.
+Told = Callable[[int, int, Point | None], None]
+
+
+class Sweep(Sequence[Point]):
+    """Limit loads at all points of a sweep, the last parameter changing fastest.
+
+    Attributes:
+        parameters: What varies.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], points: Sequence[Point]) -> None:
+        """Points in the order of `grid`."""
+        self.parameters, self._points = tuple(parameters), tuple(points)
+
+    @overload
+    def __getitem__(self, index: int) -> Point: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Point]: ...
+    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
+        return self._points[index]
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def __repr__(self) -> str:
+        keys = ", ".join(key for parameter in self.parameters for key in parameter.keys)
+        worst = self.worst
+        found = "" if worst is None else f", lowest load factor {worst.least:.8g}"
+        return f"<Sweep: {console.counted(len(self), 'point')} over {keys}{found}>"
+
+    def column(self, name: str) -> Array:
+        """An attribute of all points, for example `load_factor`, or the values of a key."""
+        return np.array([p.values[name] if name in p.values else getattr(p, name) for p in self])
+
+    @property
+    def worst(self) -> Point | None:
+        """The point with the lowest load factor; None if none is solved and finite."""
+        found = [point for point in self if math.isfinite(point.least)]
+        least = [point.least for point in found]
+        return found[int(np.argmin(least))] if found else None
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the load factor with its bracket over the parameter; returns the axes."""
+        return draw_sweep(self.parameters, self, axes)
+
+
+def sweep(
+    scene: Scene | str | Path,
+    vary: Mapping[str, Iterable[Any]],
+    folder: str | Path | None = None,
+    *,
+    jobs: int = 1,
+    progress: bool = False,
+) -> Sweep:
+    """Limit loads of a scene over values of its keys, the product of them if there are several.
+
+    Args:
+        scene: A scene, or its file.
+        vary: Values by key of a scene file, for example `{"joints.default.friction": [0.3, 0.4]}`,
+            or a text "0.3:1.0:15" for 15 values. "a, b" in place of a key gives both keys the
+            same values.
+        folder: Where the table and pictures are written, a row as each point ends. Rows of the
+            same sweep that are there are not computed again: this needs a scene file.
+        jobs: Processes among which the points are shared; more than 1 need a scene file.
+        progress: Print every point, on rank 0.
+
+    Raises:
+        InputError: If a key or value is wrong; then nothing is written.
+        OutputError: If the folder cannot be written to.
+    """
+    family = Family.of_scene(scene) if isinstance(scene, Scene) else Family.of_file(Path(scene))
+    parameters = [Parameter.of(keys, values) for keys, values in vary.items()]
+    tell: Told = silent
+    if progress and family.comm.rank == 0:
+        tell = console.SweepProgress()
+    return run_sweep(family, parameters, None if folder is None else Path(folder), jobs, tell)
+
+
+def silent(done: int, total: int, point: Point | None) -> None:
+    """Say nothing."""
+
+
+def run_sweep(
+    family: Family,
+    parameters: Sequence[Parameter],
+    folder: Path | None = None,
+    jobs: int = 1,
+    tell: Told = silent,
+) -> Sweep:
+    """Limit loads over a grid of parameters; see `sweep`. Collective."""
+    points = grid(parameters)
+    _check(family, points, jobs)
+    if folder is None:
+        found: dict[tuple[str, ...], Point] = {}
+        tell(0, len(points), None)
+        for point in _solved(family, points, jobs):
+            found[_key(point.values)] = point
+            tell(len(found), len(points), point)
+        return Sweep(parameters, [found[_key(values)] for values in points])
+    return _run_in_folder(family, parameters, folder, jobs, tell)
+
+
+def _run_in_folder(
+    family: Family, parameters: Sequence[Parameter], folder: Path, jobs: int, tell: Told
+) -> Sweep:
+    """A sweep with its table and pictures."""
+    comm, points = family.comm, grid(parameters)
+    rows = table.Table(folder, list(points[0]))
+    there: list[Point] = []
+    with writing(comm):
+        if comm.rank == 0:
+            there = rows.begin(table.described(family, parameters))
+    there = comm.bcast(there)
+    found = {_key(point.values): point for point in there}
+    todo = [values for values in points if _key(values) not in found]
+    tell(len(points) - len(todo), len(points), None)
+    for point in _solved(family, todo, jobs):
+        with writing(comm):
+            if comm.rank == 0:
+                rows.append(point)
+        found[_key(point.values)] = point
+        tell(len(found), len(points), point)
+    done = Sweep(parameters, [found[_key(values)] for values in points])
+    with writing(comm):
+        if comm.rank == 0:
+            rows.write(done)  # in the order of the values
+            save_picture(parameters, done, str(family.tables.get("title", "")), folder)
+    worst = done.worst
+    if worst is not None and any(key.startswith("loads.") for key in worst.values):
+        if todo or not comm.bcast((folder / WORST).exists()):
+            picture_of_worst(family, worst, folder)
+    return done
+
+
+def _check(family: Family, points: Sequence[Values], jobs: int) -> None:
+    """Refuse what is wrong in any scene, or in how they are to be solved.
+
+    Raises:
+        InputError: The message names it.
+    """
+    if jobs < 1:
+        raise InputError(f"jobs = {jobs} must be at least 1")
+    if jobs > 1 and family.comm.size > 1:
+        raise InputError(
+            f"--jobs {jobs} under mpirun: the ranks share every point; leave out one of both"
+        )
+    if jobs > 1 and family.file is None:
+        raise InputError(f"jobs = {jobs} needs a scene file, which every process reads")
+    for values in points[1:]:
+        family.scene(values)
+    Discretization(family.scene(points[0])).close()
+
+
+def _key(values: Values) -> tuple[str, ...]:
+    return tuple(map(value_text, values.values()))
+
+
+def _solved(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
+    """Points as they end."""
+    if jobs > 1 and points:
+        yield from solved_by_workers(family, points, jobs)
+        return
+    structure = Structure()
+    try:
+        for values in points:
+            yield solve_point(family, structure, values)
+    finally:
+        structure.close()

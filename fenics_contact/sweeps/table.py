@@ -1,0 +1,151 @@
+"""The table of a sweep in its folder: a row as each point ends, and what it is a sweep of."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from fenics_contact.errors import InputError, OutputError
+from fenics_contact.sweeps.parameters import Family, Parameter
+from fenics_contact.sweeps.points import Point, value_text
+from fenics_contact.version import __version__
+
+TABLE, RECORD = "sweep.csv", "sweep.json"
+#: Columns after those of the keys.
+COLUMNS = tuple(item.name for item in fields(Point) if item.name != "values")
+_FLOATS = tuple(item.name for item in fields(Point) if item.type == "float")
+
+
+class Table:
+    """Rows of a sweep on the disk, of one process."""
+
+    def __init__(self, folder: Path, keys: Sequence[str]) -> None:
+        """Name the folder and the varied keys."""
+        self.path, self._keys = folder / TABLE, tuple(keys)
+
+    def begin(self, record: Mapping[str, Any]) -> list[Point]:
+        """Rows of the same sweep that are there already; the folder is made if need be.
+
+        Raises:
+            InputError: If the folder has another sweep.
+            OutputError: If it cannot be written to.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            described = self.path.parent / RECORD
+            before = json.loads(described.read_text()) if described.exists() else None
+            if before is not None and record.get("mesh") is None:
+                raise InputError(
+                    f"'{self.path.parent}' has a sweep; one of a scene made in Python cannot go on"
+                    " there, choose another folder"
+                )
+            if before is not None and before != json.loads(json.dumps(record)):
+                raise InputError(
+                    f"'{self.path.parent}' has a sweep of another scene or other values; choose"
+                    " another folder with -o, or remove that one"
+                )
+            rows = self._rows() if before is not None else []
+            self.write(rows)  # without a half-written line
+            _replace(described, json.dumps(record, indent=2) + "\n")
+        except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise self._failure(error) from None
+        return rows
+
+    def append(self, point: Point) -> None:
+        """Add a row, in one piece.
+
+        Raises:
+            OutputError: If it cannot be written.
+        """
+        try:
+            with self.path.open("ab", buffering=0) as file:
+                file.write(self._text([point]))
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def write(self, points: Sequence[Point]) -> None:
+        """Replace all rows."""
+        header = self._line([*self._keys, *COLUMNS])
+        _replace(self.path, (header + self._text(points)).decode())
+
+    def _text(self, points: Sequence[Point]) -> bytes:
+        return b"".join(self._line(_cells(point, self._keys)) for point in points)
+
+    @staticmethod
+    def _line(cells: Sequence[str]) -> bytes:
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow(cells)
+        return text.getvalue().encode()
+
+    def _rows(self) -> list[Point]:
+        """Complete rows of the file."""
+        if not self.path.exists():
+            return []
+        text = self.path.read_bytes()
+        whole = text[: text.rfind(b"\n") + 1].decode()
+        rows = csv.DictReader(io.StringIO(whole))
+        if rows.fieldnames != [*self._keys, *COLUMNS]:
+            return []
+        return [_point(row, self._keys) for row in rows if None not in row.values()]
+
+    def _failure(self, error: Exception) -> OutputError:
+        reason = getattr(error, "strerror", None) or error
+        folder = self.path.parent
+        return OutputError(f"cannot write to '{folder}': {reason}; choose another with -o")
+
+
+def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """What tells a sweep from others: version, scene, meshes and values. On one rank."""
+    meshes = {str(family.tables.get("mesh", {}).get("file", ""))}
+    for parameter in parameters:
+        if "mesh.file" in parameter.keys:
+            meshes = {str(value) for value in parameter.values}
+    solved = {k: v for k, v in family.tables.items() if k not in ("title", "output")}
+    tables = json.dumps(solved, sort_keys=True, default=str).encode()
+    record = {"version": __version__, "scene": hashlib.sha256(tables).hexdigest()}
+    if family.file is not None:
+        folder = family.file[0].parent
+        files = [hashlib.sha256((folder / name).read_bytes()) for name in sorted(meshes)]
+        record["mesh"] = " ".join(one.hexdigest() for one in files)
+    vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
+    return {**record, "vary": vary}
+
+
+def _cells(point: Point, keys: Sequence[str]) -> list[str]:
+    """A row as text: numbers with all their digits, nothing for nan."""
+    values = [value_text(point.values[key]) for key in keys]
+    return values + [_cell(getattr(point, name)) for name in COLUMNS]
+
+
+def _cell(value: Any) -> str:
+    return "" if isinstance(value, float) and math.isnan(value) else str(value)
+
+
+def _point(row: Mapping[str, str], keys: Sequence[str]) -> Point:
+    numbers: dict[str, Any] = {name: float(row[name] or math.nan) for name in _FLOATS}
+    numbers["factorizations"] = int(row["factorizations"])
+    values = {key: _value(row[key]) for key in keys}
+    return Point(values, row["status"], reason=row["reason"], **numbers)
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file that is complete whenever it is there."""
+    hidden = path.with_name(f".{path.name}.new")
+    hidden.write_text(text)
+    os.replace(hidden, path)

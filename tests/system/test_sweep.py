@@ -1,0 +1,193 @@
+"""`fenics-contact sweep`: table, pictures, going on after a stop, several processes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from fenics_contact import InputError, sweep
+from tests.system.program import command, environment, files, run, run_here, write_scene
+
+BOTH = "joints.default.friction,foundations.base.friction"
+NOT_REPEATED = "seconds"
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    """Rows of the table without times."""
+    with (folder / "sweep.csv").open(newline="") as file:
+        found = list(csv.DictReader(file))
+    return [{k: v for k, v in row.items() if k != NOT_REPEATED} for row in found]
+
+
+def test_table_and_pictures(tmp_path, capsys):
+    write_scene(tmp_path, {"title": "Block"})
+    scene = tmp_path / "scene.toml"
+    found = run_here(["sweep", scene, "--vary", f"{BOTH}=0.1:0.3:3", "--set", "title='A'"], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert "3 of 3" in found.out and "lowest load factor 0.1" in found.out
+    folder = tmp_path / "scene_sweep"
+    assert files(folder) == {"sweep.csv", "sweep.json", "sweep.png"}
+    table = rows(folder)
+    assert [row["foundations.base.friction"] for row in table] == ["0.1", "0.2", "0.3"]
+    assert [float(row["load_factor"]) for row in table] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
+    assert [float(row["upper"]) for row in table] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
+    assert {row["status"] for row in table} == {"limit"}
+    again = run_here(["sweep", scene, "--vary", f"{BOTH}=0.1:0.3:3"], capsys)
+    assert again.code == 0 and "3 of 3 points are there already" in again.out
+    assert rows(folder) == table
+
+
+def test_worst_place_of_a_load_is_drawn(tmp_path, capsys):
+    write_scene(tmp_path)
+    vary = ["--vary", "loads.live.body=[5,0]:[10,0]:2", "--vary", "solve.direction=positive,both"]
+    found = run_here(["sweep", tmp_path / "scene.toml", *vary, "-o", tmp_path / "out"], capsys)
+    assert found.code == 0
+    assert files(tmp_path / "out") == {"sweep.csv", "sweep.json", "sweep.png", "worst.png"}
+    assert [row["load_factor_negative"] != "" for row in rows(tmp_path / "out")] == [
+        False,
+        True,
+    ] * 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--vary", "joints.default.fricton=1,2"], "unknown key 'joints.default.fricton'"),
+        (["--vary", "joints.default.friction=1,x"], "joints.default.friction = 'x' must be a num"),
+        (["--vary", "joints.default.friction"], "give both key and values"),
+        (["--vary", "loads.live.traction.side=[0,1]"], "no one-dimensional group 'side'"),
+        (["--vary", "mesh.file=block.msh,none.msh"], "none.msh' does not exist"),
+        (["--vary", "loads.live.body=[0,0]"], "live load is zero"),
+        (["--vary", f"{BOTH}=0.1,0.2", "--jobs", "0"], "jobs = 0 must be at least 1"),
+        ([], "the following arguments are required: --vary"),
+    ],
+)
+def test_wrong_input_writes_nothing(arguments, message, tmp_path, capsys):
+    write_scene(tmp_path)
+    before = files(tmp_path)
+    found = run_here(["sweep", tmp_path / "scene.toml", *arguments], capsys)
+    assert found.code == 2
+    assert message in found.err
+    assert files(tmp_path) == before
+
+
+def test_folder_of_another_sweep_is_left_alone(tmp_path, capsys):
+    write_scene(tmp_path)
+    line = ["sweep", tmp_path / "scene.toml", "-q", "-o", tmp_path / "out", "--vary"]
+    assert run_here([*line, f"{BOTH}=0.1,0.2"], capsys).code == 0
+    table = rows(tmp_path / "out")
+    for other in ([f"{BOTH}=0.1,0.3"], [f"{BOTH}=0.1,0.2", "--set", "materials.default.young=2e9"]):
+        found = run_here([*line, *other], capsys)
+        assert found.code == 2 and "has a sweep of another scene or other values" in found.err
+    with pytest.raises(InputError, match="has a sweep of another scene"):
+        sweep(tmp_path / "scene.toml", {BOTH: [0.1]}, tmp_path / "out")
+    write_scene(tmp_path, mesh="wall")
+    assert run_here([*line, f"{BOTH}=0.1,0.2"], capsys).code == 2  # another mesh
+    assert rows(tmp_path / "out") == table
+
+
+def test_exit_code_is_that_of_the_worst_point(tmp_path, capsys):
+    write_scene(tmp_path, mesh="gentle")  # ground that falls by 0.2
+    line = ["sweep", tmp_path / "scene.toml", "--vary", "foundations.base.friction=0.1,0.5"]
+    found = run_here(line, capsys)
+    assert found.code == 3
+    assert [row["status"] for row in rows(tmp_path / "scene_sweep")] == ["unstable", "limit"]
+    assert "falls" in rows(tmp_path / "scene_sweep")[0]["reason"]
+
+
+def test_half_a_line_is_dropped_and_found_again(tmp_path, capsys):
+    write_scene(tmp_path)
+    line = ["sweep", tmp_path / "scene.toml", "-o", tmp_path, "--vary", f"{BOTH}=0.1:0.4:4"]
+    assert run_here(line, capsys).code == 0
+    table, path = rows(tmp_path), tmp_path / "sweep.csv"
+    text = path.read_text()
+    for end in (len(text) - 1, text.rfind("\n0.3") + 5, text.index("\n0.2"), 10, 0):
+        path.write_text(text[:end])
+        found = run_here(line, capsys)
+        assert found.code == 0
+        assert rows(tmp_path) == table
+
+
+def stopped(arguments: list[str], folder: Path, number: signal.Signals, points: int) -> str:
+    """Run until so many points are printed, stop the program, and return what it printed."""
+    with subprocess.Popen(
+        command(arguments),
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    ) as process:
+        printed, seen = "", 0
+        for text in process.stdout:
+            printed += text
+            seen += "load factor" in text
+            if seen == points:
+                process.send_signal(number)
+                break
+        printed += process.stdout.read()
+    return printed
+
+
+def test_ctrl_c_keeps_what_is_done(tmp_path):
+    write_scene(tmp_path, mesh="wall")
+    line = ["sweep", "scene.toml", "-o", "out", "--vary", f"{BOTH}=0.2:0.6:12"]
+    printed = stopped(line, tmp_path, signal.SIGINT, 2)
+    assert "the same command goes on" in printed
+    assert 2 <= len(rows(tmp_path / "out")) < 12
+    found = run(line, tmp_path)
+    assert found.code == 0 and "points are there already" in found.out
+    assert len(rows(tmp_path / "out")) == 12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_sweep_killed_five_times_gives_the_same_table(jobs, tmp_path):
+    write_scene(tmp_path, mesh="wall")
+    vary = ["--vary", f"{BOTH}=0.2:0.6:25"]
+    assert run(["sweep", "scene.toml", "-o", "whole", *vary], tmp_path).code == 0
+    line = ["sweep", "scene.toml", "-o", "killed", *vary, "--jobs", jobs]
+    counts = []
+    for _ in range(5):
+        stopped(line, tmp_path, signal.SIGKILL, 2)
+        counts.append(len(rows(tmp_path / "killed")))
+    assert counts == sorted(set(counts)) and counts[-1] < 25
+    assert run(line, tmp_path).code == 0
+    assert rows(tmp_path / "killed") == rows(tmp_path / "whole")
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+
+
+def test_several_processes_give_the_same_table(tmp_path, capsys):
+    write_scene(tmp_path)
+    line = ["sweep", tmp_path / "scene.toml", "--vary", f"{BOTH}=0.1:0.4:4", "-o"]
+    assert run_here([*line, tmp_path / "one"], capsys).code == 0
+    found = run([*line, tmp_path / "two", "--jobs", "2"], tmp_path)
+    assert (found.code, found.err) == (0, "")
+    assert rows(tmp_path / "two") == rows(tmp_path / "one")
+
+
+def test_two_ranks_have_the_same_table_and_take_no_jobs(tmp_path):
+    write_scene(tmp_path)
+    line = ["sweep", "scene.toml", "--vary", f"{BOTH}=0.1,0.3", "-o"]
+    found = run([*line, "out"], tmp_path, 2)
+    assert found.code == 0
+    assert [float(r["load_factor"]) for r in rows(tmp_path / "out")] == pytest.approx(
+        [0.1, 0.3], rel=1e-6
+    )
+    refused = run([*line, "other", "--jobs", "2"], tmp_path, 2)
+    assert refused.code == 2 and refused.err.count("--jobs 2 under mpirun") == 1
+    assert not (tmp_path / "other").exists()
+
+
+def test_sweep_of_a_file_in_python(tmp_path):
+    write_scene(tmp_path)
+    found = sweep(tmp_path / "scene.toml", {BOTH: "0.1:0.2:2"}, tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "sweep.json").read_text())
+    assert list(record["vary"].values()) == [[0.1, 0.2]]
+    again = sweep(tmp_path / "scene.toml", {BOTH: [0.1, 0.2]}, tmp_path / "out")
+    assert again.column("seconds").tolist() == found.column("seconds").tolist()
