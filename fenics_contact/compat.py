@@ -218,13 +218,13 @@ def with_ghosts(index_map: Any, owned: npt.NDArray[np.int64]) -> npt.NDArray[np.
     return np.rint(vector.array).astype(np.int64)
 
 
-def any_rank(index_map: Any, flags: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Which entities, ghosts among them, are marked on any rank that has them."""
-    vector = la.vector(index_map, 1)
-    vector.array[:] = flags
+def summed(index_map: Any, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Sums over ranks of values by entity, ghosts among them, shape (entities, columns)."""
+    vector = la.vector(index_map, values.shape[1])
+    vector.array[:] = values.ravel()
     add_ghosts(vector)
     vector.scatter_forward()
-    return np.asarray(vector.array > 0.0)
+    return np.array(vector.array).reshape(values.shape)
 
 
 def interpolation_points(space: Any) -> Any:

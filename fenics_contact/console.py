@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint, Step
-from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
@@ -113,6 +113,8 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    if result.inaccurate:
+        lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
     if bonded := seconds.get("bonded", 0.0):
         lines.append(
@@ -144,7 +146,18 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_mesh_lines(end),
+        *map(_pass_line, end.passes),
     ]
+
+
+def _pass_line(one: Pass) -> str:
+    """A solve on the way to the accuracy wished."""
+    hinges = {"mesh": "", "points": ", point hinges", "strength": ", hinges by strength"}
+    estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
+    return (
+        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges[one.hinges]}:"
+        f" load factor {one.load_factor:.6g}, error {estimate}"
+    )
 
 
 def _mesh_lines(end: Collapse) -> list[str]:
@@ -171,6 +184,8 @@ def _hinge_text(load_factor: float, error: MeshError) -> str:
     """Load factors for the lengths of hinges."""
     if error.load_factor_point_hinges == load_factor:
         return "the load factor does not depend on the length of hinges"
+    if error.hinge_length == 0.0:
+        return f"load factor {load_factor:.6g} with hinges almost points"
     parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
     if not np.isnan(error.load_factor_hinges):
         length = 1e3 * error.contact_length

@@ -119,7 +119,7 @@ def _closed(table: _Sides, comm: MPI.Comm, cells: Flags) -> Flags:
     while True:
         before = cut.copy()
         cut[longest[cut[table.of_cell].any(axis=1)]] = True
-        cut = compat.any_rank(index_map, cut)
+        cut = compat.summed(index_map, cut[:, None].astype(float))[:, 0] > 0.0
         partners.join(cut, table.exterior)
         if not comm.allreduce(bool(np.any(cut != before)), MPI.LOR):
             return cut

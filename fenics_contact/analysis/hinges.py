@@ -25,7 +25,7 @@ from fenics_contact.analysis.determinate import is_determinate
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.mesh_error import MeshError, StateChange
-from fenics_contact.analysis.nearby import Softened, collapse_next_to, rates, same_mode
+from fenics_contact.analysis.nearby import Softened, collapse_next_to, on_mesh, rates, same_mode
 from fenics_contact.analysis.other_degree import with_other_degree
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB
@@ -67,8 +67,8 @@ class ErrorOptions:
 OPTIONS = ErrorOptions()
 
 
-def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> MeshError:
-    """What the load factor of a collapse owes to the mesh.
+def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
+    """A collapse with what its load factor owes to the mesh, and that with other hinges.
 
     Args:
         case: The load case.
@@ -76,7 +76,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
         tolerance: On the load factor, relative.
     """
     if end.joints is None:
-        return MeshError(math.nan, math.nan, math.nan)
+        return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
     whole = case.discretization
     joints, values = whole.joints, end.joints
     lengths = ContactLengths.of(whole)
@@ -221,30 +221,37 @@ def _with_algebraic_error(
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
 
 
-def _with_lengths(
-    case: LoadCase, way: _Way, error: MeshError, lengths: ContactLengths
-) -> MeshError:
-    """With the load factor for hinges of the lengths that their compressive strength leaves."""
+def _with_lengths(case: LoadCase, way: _Way, error: MeshError, lengths: ContactLengths) -> Collapse:
+    """The collapse with its error, and with hinges of the lengths that their strength leaves."""
     end = way.states[0]
     if not lengths.given or end.joints is None:
-        return error
+        soft = Softened(way.points[max(len(way.points) - 2, 0)], way.halvings[-1])
+        other = None if len(way.states) == 1 else on_mesh(case, way.states[-1], soft)
+        return replace(end, mesh_error=error, other_hinges=other)
     if math.isnan(error.load_factor_point_hinges):
-        return replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
-    state, points = end, way.points[0]
+        error = replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
+        return replace(end, mesh_error=error)
+    state, points, soft = end, way.points[0], Softened(way.points[0])
     if len(way.states) > 1:
-        state, points = _with_strength(case, way, lengths)
+        state, points, soft = _with_strength(case, way, lengths)
+    found = state is not end and math.isfinite(state.load_factor)
+    other = on_mesh(case, state, soft) if found else None
     values = state.joints or end.joints
     length = lengths.by_strength(points, values.normal_force)
     factor = state.load_factor
     warnings = lengths.warnings(values, points)
-    return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
+    error = replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
+    return replace(end, mesh_error=error, other_hinges=other)
 
 
-def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
-    """The collapse with lengths of hinges that its own forces give, and its hinges."""
+def _with_strength(
+    case: LoadCase, way: _Way, lengths: ContactLengths
+) -> tuple[Collapse, Indices, Softened]:
+    """The collapse with lengths of hinges that its own forces give, its hinges, and theirs."""
     end, size = way.states[0], _size(way.states[0])
+    soft = Softened(way.points[0])
     if end.joints is None:
-        return end, way.points[0]
+        return end, way.points[0], soft
     halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
     # Start from the stiffest hinges that are not stiffer than most of them.
     start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
@@ -255,14 +262,14 @@ def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[
         new = collapse_next_to(case, state, soft)
         _log.info("  hinges by strength: load factor %.8g", new.load_factor)
         if new.status != "limit" or new.joints is None:
-            return replace(state, load_factor=math.nan), points
+            return replace(state, load_factor=math.nan), points, soft
         settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
         found = np.union1d(points, hinges(case.discretization.joints, new.joints))
         settled &= len(found) == len(points)
         state, points = new, found
         if settled:
             break
-    return state, points
+    return state, points, soft
 
 
 def _alike(one: Collapse, other: Collapse) -> bool:

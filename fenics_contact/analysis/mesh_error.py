@@ -52,3 +52,31 @@ class MeshError:
     def estimate(self) -> float:
         """Sum of both errors, relative; nan if one is not known."""
         return self.hinge_error + self.algebraic_error
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A solve on the way to the accuracy wished; nan: not known.
+
+    Attributes:
+        displacements: Their number.
+        degree: Of the displacements.
+        hinges: Whose length: "mesh", "points", or "strength" (the compressive one).
+        load_factor: lambda.
+        hinge_error: See `MeshError`.
+        algebraic_error: See `MeshError`; else the change from the pass before on another mesh.
+        seconds: Wall time.
+    """
+
+    displacements: int
+    degree: int
+    hinges: str
+    load_factor: float
+    hinge_error: float
+    algebraic_error: float
+    seconds: float
+
+    @property
+    def estimate(self) -> float:
+        """Error estimate, relative; nan if a part of it is not known."""
+        return self.hinge_error + self.algebraic_error

@@ -15,7 +15,7 @@ import numpy as np
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
@@ -52,6 +52,9 @@ class Collapse:
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
         mesh_error: Estimate of the discretisation error; None if it was not made.
+        other_hinges: The collapse with point hinges, or with those of the compressive strength,
+            from the same mesh; None where they change nothing, or were not looked for.
+        passes: What was done for the accuracy wished; empty where none was.
     """
 
     status: str
@@ -68,6 +71,8 @@ class Collapse:
     reason: str = ""
     wedging: Array | None = None
     mesh_error: MeshError | None = None
+    other_hinges: Collapse | None = None
+    passes: tuple[Pass, ...] = ()
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -118,6 +123,8 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
+            other_hinges=self.other_hinges and self.other_hinges.reversed(),
+            passes=tuple(map(_negated, self.passes)),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 
@@ -154,6 +161,7 @@ class Result:
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
         capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
+        inaccurate: Why the accuracy wished was not reached, for people; empty where it was.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -166,6 +174,14 @@ class Result:
     mode_factorizations: int = 0
     capacity: tuple[CapacityPoint, ...] = ()
     fall: Array | None = None
+    inaccurate: str = ""
+
+    def add_costs(self, other: Result) -> None:
+        """Add the time and the factorisations of another result to those of this one."""
+        self.factorizations += other.factorizations
+        self.mode_factorizations += other.mode_factorizations
+        for name, value in other.seconds.items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + value
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
