@@ -12,6 +12,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,32 +21,88 @@ from matplotlib.figure import Figure as Picture
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.curved_bodies import (
+    CGS1,
+    EQUAL,
+    cattaneo,
+    cattaneo_figures,
+    cattaneo_shear,
+    hertz,
+    hertz_figures,
+)
 from benchmarks.known_answers import Array, Figure, Profile, mesh_of
 from benchmarks.manufactured import THEORY, errors
 from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons, wall
 
 # ---- contact patch test
 
 
 PRESSED = {"top": (0.0, -1e6), "right": (-5e5, 0.0)}
+#: Blocks of two courses in running bond, and sizes of their elements if meshed one by one, m.
+BOND = [(0.0, 0.0, 0.4), (0.4, 0.0, 0.8), (0.0, 0.2, 0.2), (0.2, 0.2, 0.6), (0.6, 0.2, 0.8)]
+SIZES = [0.1, 0.067, 0.05, 0.077, 0.029]
 
 
-def patch(degree: int = 1) -> list[Figure]:
-    """Smooth blocks in running bond pressed from above and from the side, half as much."""
-    scene = Scene(
-        mesh_of(wall([[1.0, 1.0], [0.5, 1.0, 0.5]], (0.4, 0.2), 2)),
+def patch(degree: int = 1, size: float | Sequence[float] = 0.1) -> Scene:
+    """Smooth blocks in running bond pressed from above and from the side, half as much.
+
+    `size` of elements, one for all or one for every block.
+    """
+    blocks = [[(x, y), (end, y), (end, y + 0.2), (x, y + 0.2)] for x, y, end in BOND]
+    corners = np.array([(0.0, 0.0), (0.8, 0.0), (0.8, 0.4), (0.0, 0.4), (0.0, 0.0)])
+    names = ("base", "right", "top", "left")
+    sides = {name: [ends] for name, ends in zip(names, pairwise(corners), strict=True)}
+    return Scene(
+        mesh_of(polygons(blocks, size, None, sides)),
         {"default": Material(1e9, 0.2)},
         live=Load(traction=PRESSED),
         joints={"default": JointLaw("frictionless")},
         supports={"base": "roller", "left": "roller"},
         degree=degree,
     )
-    found = equilibrium(scene)
-    normal = found.discretization.joints.normal
-    exact = np.abs(normal) @ [-PRESSED["right"][0], -PRESSED["top"][1]]
-    missed = np.abs(found.joints.pressure / exact - 1.0).max()
-    return [Figure("joint pressure over the exact one, worst point", 1.0, 1.0 + missed, 1e-10)]
+
+
+def patch_errors(scene: Scene) -> tuple[float, float]:
+    """What uniform stress misses of a state of the scene, and the error of the joint pressure.
+
+    The first is the largest nodal force or opening of the exact state, relative; the second is that
+    of the state found, in L2.
+    """
+    material, stress = (
+        scene.materials["default"],
+        np.array([PRESSED["right"][0], PRESSED["top"][1]]),
+    )
+    nu = material.poisson
+    strain = (1.0 + nu) / material.young * (stress - nu * stress.sum())
+    with Discretization(scene) as made:
+        problem, joints = made.problem, made.joints
+        place = made.elasticity.arm + made.elasticity.centre[made.elasticity.node_body]
+        u = made.supports.to_supports(
+            (strain * place).ravel(), made.elasticity.space.dofmap.index_map.local_range[0]
+        )
+        exact = np.abs(joints.normal) @ -stress
+        force = (exact * joints.length)[made.operators.points]
+        rest = problem.stiffness @ u - problem.live - problem.normal.T @ force
+        largest = problem.max(np.abs(problem.live))
+        opened = problem.max(np.abs(problem.normal @ u)) / problem.max(np.abs(u))
+        missed = max(problem.max(np.abs(rest)) / largest, opened)
+    found = equilibrium(scene).joints.pressure
+    weight = joints.length
+    return missed, float(np.sqrt(np.sum(weight * (found - exact) ** 2) / np.sum(weight * exact**2)))
+
+
+def patch_figures() -> list[Figure]:
+    """Errors of the patch test with nodes that match and with others."""
+    figures = []
+    for name, size in {"nodes match": 0.1, "blocks meshed one by one": SIZES}.items():
+        for degree in (1, 2):
+            exact, found = patch_errors(patch(degree, size))
+            where = f"{name}, degree {degree}"
+            figures.append(Figure(f"{where}: exact state", 0.0, exact, 1e-10, True))
+            figures.append(Figure(f"{where}: pressure found", 0.0, found, 1e-8, True))
+    return figures
 
 
 # ---- block pushed up an incline (NAFEMS CGS-4)
@@ -143,10 +200,10 @@ MESHES = {1: (8, 16, 32, 64), 2: (4, 8, 16, 32)}
 Curves = Mapping[int, Mapping[str, Sequence[float]]]
 
 
-def error_curves() -> Curves:
-    """Errors by degree and quantity, on the meshes."""
-    found = {degree: [errors(n, degree) for n in MESHES[degree]] for degree in MESHES}
-    return {d: {name: [row[name] for row in rows] for name in THEORY} for d, rows in found.items()}
+def error_curves(matching: bool) -> Curves:
+    """Errors by degree and quantity, on the meshes, whose nodes match at the joint or not."""
+    rows = {degree: [errors(n, degree, matching) for n in MESHES[degree]] for degree in MESHES}
+    return {d: {name: [row[name] for row in found] for name in THEORY} for d, found in rows.items()}
 
 
 def order(curve: Sequence[float]) -> float:
@@ -154,13 +211,14 @@ def order(curve: Sequence[float]) -> float:
     return math.log2(curve[-2] / curve[-1])
 
 
-def order_rows(curves: Curves) -> Iterator[str]:
+def order_rows(matching: Curves, other: Curves) -> Iterator[str]:
     """Rows of the table of orders."""
-    for degree, quantities in curves.items():
+    for degree, quantities in matching.items():
         for name, curve in quantities.items():
-            theory, found = THEORY[name](degree), order(curve)
-            verdict = "" if found >= 0.9 * theory else " **missed**"
-            numbers = f"{theory} | {found:.2f}{verdict} | {curve[0]:.1e} | {curve[-1]:.1e}"
+            theory, orders = THEORY[name](degree), [order(curve), order(other[degree][name])]
+            verdict = "" if min(orders) >= 0.9 * theory else " **missed**"
+            measured = " | ".join(f"{one:.2f}" for one in orders)
+            numbers = f"{theory} | {measured}{verdict} | {curve[0]:.1e} | {curve[-1]:.1e}"
             yield f"| {degree} | {name} | {numbers} |"
 
 
@@ -168,7 +226,8 @@ def order_rows(curves: Curves) -> Iterator[str]:
 
 FIGURES_HEAD = "| | known | found | difference | asked |\n|---|---|---|---|---|"
 ORDERS_HEAD = (
-    "| degree | error of | theory | measured | coarsest | finest |\n|---|---|---|---|---|---|"
+    "| degree | error of | theory | nodes match | others | coarsest | finest |"
+    "\n|---|---|---|---|---|---|---|"
 )
 
 
@@ -178,6 +237,28 @@ def place_of(panel: Any, title: str, x: str, y: str) -> Any:
     panel.set_ylabel(y, fontsize=11)
     panel.grid(alpha=0.3)
     return panel
+
+
+def draw_curved(picture: Picture, cylinder: Profile, pair: Profile) -> None:
+    """Pressure of Hertz, and pressure and shear of Cattaneo and Mindlin."""
+    left, right = picture.subplots(1, 2)
+    dots = {"linestyle": "none", "marker": "o", "markersize": 4}
+    a, x = CGS1.half_width, np.linspace(0.0, 1.3, 500)
+    place_of(left, "Hertz, NAFEMS CGS-1", "x / a", "pressure (MPa)")
+    left.plot(x, 1e-6 * CGS1.pressure(x * a), "k-", label="exact")
+    left.plot(cylinder.x / a, 1e-6 * cylinder.values["pressure"], color="C0", label="found", **dots)
+    a, x = EQUAL.half_width, np.linspace(-1.3, 1.3, 1000)
+    place_of(right, "Cattaneo-Mindlin, Q = 0.5 F P", "x / a", "traction (MPa)")
+    bound = 0.3 * pair.values["pressure"]
+    right.plot(x, 0.3e-6 * EQUAL.pressure(x * a), "k--", label="friction x pressure, exact")
+    right.plot(pair.x / a, 1e-6 * bound, color="C7", label="friction x pressure, found", **dots)
+    right.plot(x, 1e-6 * cattaneo_shear(x * a), "k-", label="shear, exact")
+    right.plot(pair.x / a, 1e-6 * pair.values["shear"], color="C3", label="shear, found", **dots)
+    right.set_ylim(0.0, 520.0)
+    left.set_xlim(0.0, 1.3)
+    right.set_xlim(-1.3, 1.3)
+    for panel in (left, right):
+        panel.legend(fontsize=10)
 
 
 def draw_friction(picture: Picture, bar: Profile, pressed: Profile) -> None:
@@ -225,19 +306,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw there")
     folder = parser.parse_args().pictures
-    bar, pressed = rod(), plate()
-    curves = error_curves()
+    cylinder, pair, bar, pressed = hertz(), cattaneo(), rod(), plate()
+    curves, others = error_curves(matching=True), error_curves(matching=False)
     tables = {
-        "Contact patch test": [*patch(1), *patch(2)],
+        "Contact patch test": patch_figures(),
+        "Hertz": hertz_figures(cylinder, 20),
+        "Cattaneo-Mindlin": cattaneo_figures(pair, 20),
         "Plate on a rigid plane": plate_figures(pressed),
         "Rod on a Coulomb bed": rod_figures(bar),
         "Block pushed up an incline": incline(),
     }
     for title, figures in tables.items():
         print(f"\n## {title}\n\n{FIGURES_HEAD}", *(one.row() for one in figures), sep="\n")
-    rows = list(order_rows(curves))
+    rows = list(order_rows(curves, others))
     print(f"\n## Orders of convergence\n\n{ORDERS_HEAD}", *rows, sep="\n")
     if folder:
+        save(folder, "curved", draw_curved, cylinder, pair)
         save(folder, "friction", draw_friction, bar, pressed)
         save(folder, "orders", draw_orders, curves, height=5.6)
     missed = [one for figures in tables.values() for one in figures if not one.passed]

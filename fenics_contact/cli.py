@@ -1,4 +1,4 @@
-"""The command line: `fenics-contact solve SCENE.toml`, `check SCENE.toml` and `report DIR`."""
+"""The command line: `fenics-contact solve`, `check`, `sweep`, `report` and `mesh`."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from fenics_contact.console import (
     summary,
 )
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.drawing import UNITS, mesh_drawing
 from fenics_contact.errors import InputError, OutputError, SolverError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.output.report import write_report
@@ -169,6 +170,11 @@ def _parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
     report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
     report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
+    mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
+    mesh.add_argument("drawing", type=Path, help="drawing: closed polylines are blocks (DXF)")
+    mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
+    mesh.add_argument("--unit", choices=sorted(UNITS), help="of the drawing, if it says none")
+    mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )
@@ -178,7 +184,7 @@ def _parser() -> argparse.ArgumentParser:
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
             help="change a value of the scene file, e.g. joints.default.friction=0.5",
         )  # fmt: skip
-    for command in (solve, check, report):
+    for command in (solve, check, sweep, report, mesh):
         loud = command.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
@@ -306,5 +312,21 @@ def _report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
+def _mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Mesh a drawing on rank 0 and say what was made."""
+    with raised_together(comm):
+        if comm.rank == 0:
+            made = mesh_drawing(options.drawing, options.output, options.size, options.unit)
+            if not options.quiet:
+                print(made)
+    return 0
+
+
 #: What the commands do.
-COMMANDS = {"solve": _solve, "check": _check, "sweep": _sweep, "report": _report}
+COMMANDS = {
+    "solve": _solve,
+    "check": _check,
+    "sweep": _sweep,
+    "report": _report,
+    "mesh": _mesh,
+}

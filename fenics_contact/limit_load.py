@@ -6,6 +6,7 @@ import io
 import logging
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -68,7 +69,7 @@ class LimitLoad(Result):
         """Displacements at the state reached, m, a dolfinx function; None if there is none."""
         if self.collapse is None or self.collapse.state is None:
             return None
-        values = self.collapse.state.displacement
+        values = self.discretization.without_imposed(self.collapse.state).displacement
         return displacement_function(self.discretization, values, "displacement")
 
     def hold_against_brackets(self) -> None:
@@ -120,13 +121,11 @@ class LimitLoad(Result):
         Raises:
             SolverError: If there is no collapse to draw.
         """
-        view = self._view()
-        return draw_mode(axes or new_axes(), view) if self.scene.comm.rank == 0 else None
+        return self._plotted(draw_mode, axes, "collapse mode (grey outline: at rest)")
 
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces at collapse; as `plot`."""
-        view = self._view()
-        return draw_forces(axes or new_axes(), view) if self.scene.comm.rank == 0 else None
+        return self._plotted(draw_forces, axes, "joint forces at collapse")
 
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, traced if it was not yet; as `plot`."""
@@ -146,6 +145,15 @@ class LimitLoad(Result):
         if self.scene.comm.rank == 0:
             save_collapse(view, repr(self)[1:-1], [file])
         return file.getvalue()
+
+    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any, title: str) -> Any:
+        """Axes with a picture of the collapse, on rank 0."""
+        view = self._view()
+        if self.scene.comm.rank != 0:
+            return None
+        axes = draw(axes or new_axes(), view)
+        axes.set_title(title, fontsize=10)
+        return axes
 
     def _view(self) -> View:
         """What pictures show of the collapse. Collective."""

@@ -25,6 +25,8 @@ Labels = npt.NDArray[np.int32]
 Flags = npt.NDArray[np.bool_]
 Names = frozenset[str]
 
+#: What a block is: connected cells, or connected cells of one gmsh surface.
+BLOCKS = ("connected", "surfaces")
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
 
@@ -82,7 +84,8 @@ class BlockMesh(TaggedMesh):
         body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
-        joined: Number of surfaces that are in one body with others of the same groups.
+        joined: Number of surfaces that are in one body with others of the same groups; 0 where
+            surfaces are blocks.
     """
 
     domain: Any
@@ -97,18 +100,29 @@ class BlockMesh(TaggedMesh):
         return self.domain.comm
 
     @classmethod
-    def from_file(cls, path: str | Path, comm: MPI.Comm | None = None) -> BlockMesh:
+    def from_file(
+        cls, path: str | Path, comm: MPI.Comm | None = None, blocks: str = "connected"
+    ) -> BlockMesh:
         """Read a planar gmsh file on rank 0 and distribute it, by default on PETSc's communicator.
+
+        Args:
+            path: The .msh file.
+            comm: By default, the communicator that PETSc was started with.
+            blocks: "connected": blocks have nodes of their own. "surfaces": every gmsh surface is a
+                block, and nodes that surfaces share are split, as after gmsh's `occ.fragment`.
 
         Raises:
             InputError: On all ranks, if the file is missing, not gmsh's, or not a mesh of blocks.
         """
-        return cls._distribute(lambda: _read(Path(path)), comm)
+        return cls._distribute(lambda: _with_blocks(_read(Path(path)), blocks), comm)
 
     @classmethod
-    def from_model(cls, model: Any, comm: MPI.Comm | None = None) -> BlockMesh:
+    def from_model(
+        cls, model: Any, comm: MPI.Comm | None = None, blocks: str = "connected"
+    ) -> BlockMesh:
         """Distribute the current gmsh model of rank 0, as builders return it; see `from_file`."""
-        return cls._distribute(lambda: extract(model, "the gmsh model"), comm)
+        source = "the gmsh model"
+        return cls._distribute(lambda: _with_blocks(extract(model, source), blocks), comm)
 
     @classmethod
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
@@ -268,6 +282,40 @@ def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Nam
     return np.sort(index[known], axis=1), labels[known], sets
 
 
+def _with_blocks(mesh: GmshMesh, blocks: str) -> GmshMesh:
+    if blocks not in BLOCKS:
+        raise InputError(f"blocks = '{blocks}' must be one of {', '.join(BLOCKS)}")
+    return with_split_surfaces(mesh) if blocks == "surfaces" else mesh
+
+
+def with_split_surfaces(mesh: GmshMesh) -> GmshMesh:
+    """The mesh with a copy of every node for each surface that uses it.
+
+    A tagged facet between two surfaces becomes two facets, one of each, in the same groups.
+    """
+    count, width = len(mesh.points), mesh.cells.shape[1]
+    surface = mesh.cell_surfaces.astype(np.int64)
+    copies, cells = np.unique(surface[:, None] * count + mesh.cells, return_inverse=True)
+    any_copy = np.zeros(count, dtype=np.int64)
+    any_copy[copies % count] = np.arange(len(copies))
+    ends = np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    sides = np.column_stack([np.sort(ends, axis=1), np.repeat(surface, width)])
+    sides = np.unique(sides, axis=0)  # once for each surface that has it
+    key, tagged = (table[:, 0] * count + table[:, 1] for table in (sides, mesh.facets))
+    order = np.argsort(tagged)
+    found = np.isin(key, tagged)
+    facet = order[np.searchsorted(tagged[order], key[found])]
+    lost = ~np.isin(tagged, key)  # no side of a cell; kept for the message that says so
+    both = np.searchsorted(copies, sides[found, 2:] * count + sides[found, :2])
+    return replace(
+        mesh,
+        points=mesh.points[copies % count],
+        cells=cells.reshape(mesh.cells.shape),
+        facets=np.concatenate([both, np.sort(any_copy[mesh.facets[lost]], axis=1)]),
+        facet_groups=np.concatenate([mesh.facet_groups[facet], mesh.facet_groups[lost]]),
+    )
+
+
 def bodies_of_cells(mesh: GmshMesh) -> Labels:
     """Body of every cell: sets of cells connected through facets, numbered by first cell.
 
@@ -282,7 +330,7 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
     if by_node.max() != by_side.max():
         raise InputError(
             f"{mesh.source}: blocks share single nodes; every block needs nodes of its own"
-            " (double them)"
+            ' (double them, or set mesh.blocks = "surfaces")'
         )
     _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[label].astype(np.int32)

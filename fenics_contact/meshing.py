@@ -21,8 +21,9 @@ from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
 Polygons = list[Array]
 
-#: Corners closer than this, relative to the size of the drawing, are the same point.
-COINCIDENT = 1e-9
+#: Corners closer than this, relative to the size of the drawing, are the same point: drawings come
+#: with six or more digits.
+COINCIDENT = 1e-6
 
 
 def model_from_arrays(
@@ -204,7 +205,8 @@ def polygons(
 
     Where a corner of one block lies on the side of another (a T-joint) that side gets a node
     there, and shared stretches are divided alike, so that facets on both sides coincide. With a
-    size for every block they are meshed one by one, and nodes of joints do not match.
+    size for every block they are meshed one by one, and nodes of joints do not match. Corners
+    within `COINCIDENT` of each other become one. Sides are also divided at the ends of segments.
 
     Args:
         outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
@@ -216,30 +218,29 @@ def polygons(
         quadrilaterals: In place of triangles.
 
     Raises:
-        InputError: If a block has fewer than three corners or no area, or a group no side.
+        InputError: If a block has fewer than three corners or no area, crosses itself, or a group
+            has no side.
     """
-    blocks = [_checked_outline(outline, number) for number, outline in enumerate(outlines)]
+    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
     if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
         raise InputError("polygons: give at least one block, and a positive size")
-    one_by_one = isinstance(size, Sequence)
-    if isinstance(size, Sequence) and len(size) != len(blocks):
-        raise InputError(f"polygons: {len(size)} sizes for {len(blocks)} blocks")
+    for number, problem in enumerate(map(outline_problem, blocks)):
+        if problem:
+            raise InputError(f"polygons: block {number} {problem}")
+    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
+        if given is not None and len(given) != len(blocks):
+            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
     names = ["blocks"] * len(blocks) if names is None else names
-    if len(names) != len(blocks):
-        raise InputError(f"polygons: {len(names)} names for {len(blocks)} blocks")
-    size = size or 0.25 * float(np.sqrt(np.mean([_area(block) for block in blocks])))
-    sizes = np.broadcast_to(size, len(blocks))
-    corners = np.concatenate(blocks)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    near = COINCIDENT * float(max(high - low))
-    groups = {"base": [(low, (high[0], low[1]))]} if groups is None else groups
+    groups = lowest_level(blocks) if groups is None else groups
+    sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
+    divided, near = divided_outlines(blocks, groups)
+    if isinstance(size, Sequence):  # every block without the corners of others
+        divided = [divided_outlines([block], {})[0][0] for block in blocks]
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
     with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        if not one_by_one:
-            blocks = [_with_t_joints(block, corners, near) for block in blocks]
-        _draw(model, blocks, names, groups, sizes, near)
+        _draw(model, divided, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
 
@@ -259,9 +260,7 @@ def _draw(
             geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
         surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
         for name, segments in groups.items():
-            on = [_on_segment(block, segment, near) for segment in segments]
-            sides = np.any([start & np.roll(start, -1) for start in on], axis=0)
-            on_group[name] += np.array(lines)[sides].tolist()
+            on_group[name] += np.array(lines)[sides_on(block, segments, near)].tolist()
     geo.synchronize()
     for dim, members in ((2, surfaces), (1, on_group)):
         for name, tags in members.items():
@@ -270,15 +269,57 @@ def _draw(
             model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
 
 
-def _checked_outline(outline: npt.ArrayLike, number: int) -> Array:
-    """The corners anticlockwise."""
-    corners = np.asarray(outline, dtype=float)
+def default_size(blocks: Polygons) -> float:
+    """A quarter of the side of a square of the blocks' mean area, m."""
+    return 0.25 * float(np.sqrt(np.mean([abs(_area(block)) for block in blocks])))
+
+
+def lowest_level(blocks: Polygons) -> Segments:
+    """The group "base" as a segment along the lowest level of blocks."""
+    corners = np.concatenate(blocks)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return {"base": [(low, (high[0], low[1]))]}
+
+
+def outline_problem(corners: Array) -> str:
+    """What keeps corners from being the outline of a block; empty if nothing does."""
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        raise InputError(f"polygons: block {number} needs at least three corners (x, y)")
-    area = _area(corners)
-    if abs(area) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
-        raise InputError(f"polygons: block {number} has no area; check its corners")
-    return corners if area > 0.0 else corners[::-1]
+        return "needs at least three corners (x, y)"
+    if not np.all(np.isfinite(corners)):
+        return "has a corner that is not finite"
+    if abs(_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+        return "has no area; check its corners"
+    crossing = _crossing(corners)
+    return "" if crossing is None else "crosses itself at ({:g}, {:g})".format(*crossing)
+
+
+def _crossing(corners: Array) -> Array | None:
+    """Where two sides of an outline meet that are not neighbours, or a side turns back."""
+    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
+    start, along = corners, np.roll(corners, -1, axis=0) - corners
+    length = np.linalg.norm(along, axis=1)
+    start, along = start[length > near], along[length > near]
+    count = len(start)
+    one, two = np.triu_indices(count, 1)
+    following = (two == one + 1) | ((one == 0) & (two == count - 1))
+    first, second = np.where((one == 0) & (two == count - 1), (two, one), (one, two))
+    turn, cosine = _cross(along[first], along[second]), np.sum(along[first] * along[second], axis=1)
+    back = following & (np.abs(turn) <= COINCIDENT * np.abs(cosine)) & (cosine < 0.0)
+    if np.any(back):
+        return start[second[back][0]]
+    one, two = one[~following], two[~following]
+    between = start[two] - start[one]
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel sides have no crossing
+        turn = _cross(along[one], along[two])
+        at = np.stack([_cross(between, along[k]) / turn for k in (two, one)])
+    slack = near / np.stack([np.linalg.norm(along[k], axis=1) for k in (one, two)])
+    meet = np.flatnonzero(np.all((at >= -slack) & (at <= 1.0 + slack), axis=0))[:1]
+    points = start[one[meet]] + at[0, meet, None] * along[one[meet]]
+    return points[0] if len(meet) else None
+
+
+def _cross(first: Array, second: Array) -> Array:
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
 def _area(corners: Array) -> float:
@@ -290,21 +331,70 @@ def _area(corners: Array) -> float:
 def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
     """Which points lie on a segment, its ends included."""
     start, end = np.asarray(segment, dtype=float)
+    if np.all(start == end):
+        return np.zeros(len(points), dtype=bool)
     x, y = (end - start) / np.linalg.norm(end - start)
     along, across = ((points - start) @ np.array([[x, -y], [y, x]])).T
     return (np.abs(across) <= near) & (along >= -near) & (along <= np.hypot(*(end - start)) + near)
 
 
+def sides_on(outline: Array, segments: Sequence[npt.ArrayLike], near: float) -> Flags:
+    """Which sides of an outline, by their first corner, lie on segments."""
+    sides = np.zeros(len(outline), dtype=bool)
+    for segment in segments:
+        on = _on_segment(outline, segment, near)
+        sides |= on & np.roll(on, -1)
+    return sides
+
+
+def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, float]:
+    """Outlines anticlockwise, with a corner wherever another block or a segment ends on a side.
+
+    Corners within the distance `near`, m, which is returned too, are moved onto each other.
+    """
+    ends = [np.reshape(segment, (2, 2)) for some in groups.values() for segment in some]
+    corners = np.concatenate(outlines)
+    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
+    corners = _snapped(np.concatenate([corners, *ends]), near)
+    blocks = []
+    for part in np.split(corners, np.cumsum([len(outline) for outline in outlines]))[:-1]:
+        block = part[np.linalg.norm(part - np.roll(part, 1, axis=0), axis=1) > near]
+        if len(block) < 3:
+            raise InputError(
+                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) is too small to be drawn"
+            )
+        block = block if _area(block) > 0.0 else block[::-1]
+        blocks.append(_with_t_joints(block, corners, near))
+    return blocks, near
+
+
+def _snapped(points: Array, near: float) -> Array:
+    """Points, of which those that are near each other have the place of the first of them."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs, count = cKDTree(points).query_pairs(near, output_type="ndarray"), len(points)
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
+    label = connected_components(graph, directed=False)[1]
+    _, first = np.unique(label, return_index=True)
+    return points[first[label]]
+
+
 def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
+    low, high = outline.min(axis=0) - near, outline.max(axis=0) + near
+    corners = corners[np.all((corners >= low) & (corners <= high), axis=1)]
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         length = np.linalg.norm(end - start)
         on_side = corners[_on_segment(corners, (start, end), near)]
-        along = np.sort((on_side - start) @ (end - start) / length)
-        inside = along[(along > near) & (along < length - near)]
-        inside = inside[np.diff(inside, prepend=-np.inf) > near]
-        pieces += [start[None], start + inside[:, None] * (end - start) / length]
+        along = (on_side - start) @ (end - start) / length
+        order = np.argsort(along)
+        on_side, along = on_side[order], along[order]
+        inside = (along > near) & (along < length - near)
+        inside &= np.diff(along, prepend=-np.inf) > near
+        pieces += [start[None], on_side[inside]]
     return np.concatenate(pieces)
 
 

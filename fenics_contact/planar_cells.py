@@ -129,7 +129,7 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
 
 
 def _outline(points: Array, cells: Indices) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Which cells have a node at the outline of their body, and the heights of their arcs, m."""
+    """Which cells have a node at their body's outline, and twice the heights of their arcs, m."""
     ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
     ordered = np.sort(ends, axis=1)
     _, side, count = np.unique(
@@ -139,31 +139,42 @@ def _outline(points: Array, cells: Indices) -> tuple[npt.NDArray[np.bool_], Arra
     outside = np.zeros(len(points), dtype=bool)
     outside[ends[free]] = True
     along = points[ends[free, 1]] - points[ends[free, 0]]
-    length = np.linalg.norm(along, axis=1)
+    normal = np.column_stack([along[:, 1], -along[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
     height = np.zeros(len(ends))
-    height[free] = sagittas(ends[free], along / length[:, None], length)
-    return outside[cells].any(axis=1), height.reshape(cells.shape).max(axis=1)
+    height[free] = np.abs(arc_heights(points[ends[free]], ends[free], normal))
+    return outside[cells].any(axis=1), 2.0 * height.reshape(cells.shape).max(axis=1)
 
 
-def sagittas(nodes: Indices, direction: Array, length: Array) -> Array:
-    """Bounds on the heights of the arcs that facets are chords of, m, shape (facets,).
+def arc_heights(points: Array, nodes: Indices, normal: Array) -> Array:
+    """Heights of the arcs that facets are chords of, outward, m, shape (facets,).
 
-    A chord that turns by the angle a from the next one of like length has the height L a / 8. Twice
-    that is returned, as lengths may differ; zero beside corners and on straight sides.
+    Where two facets of lengths L and M meet at a small angle a, the tangent is at a L / (L + M)
+    from the first one, as on a circle. A chord with such angles b and c at its ends has the height
+    L (b + c) / 8; at a corner the angle is taken to be that of the other end.
 
     Args:
-        nodes: Ends of the facets, shape (facets, 2).
-        direction: Their unit normals or tangents, all to one side, shape (facets, 2).
-        length: m.
+        points: Ends of the facets, m, shape (facets, 2, 2).
+        nodes: Their numbers, shape (facets, 2).
+        normal: Outward unit normals, shape (facets, 2).
     """
-    _, place = np.unique(nodes, return_inverse=True)
-    place = place.reshape(nodes.shape)
-    total, count = np.zeros((place.max(initial=-1) + 1, 2)), np.bincount(place.ravel())
-    for end in place.T:
-        np.add.at(total, end, direction)
-    turn = np.arccos(np.clip(0.5 * np.sum(total**2, axis=1) - 1.0, -1.0, 1.0))
-    turn[(turn > SMOOTH_ANGLE) | (count != 2)] = 0.0
-    return 0.25 * length * turn[place].max(axis=1, initial=0.0)
+    length = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    ends = nodes.ravel()
+    order = np.argsort(ends, kind="stable")
+    _, first, count = np.unique(ends[order], return_index=True, return_counts=True)
+    first = first[count == 2]
+    one, two = order[first] // 2, order[first + 1] // 2
+    cross = normal[one, 0] * normal[two, 1] - normal[one, 1] * normal[two, 0]
+    turn = np.arctan2(np.abs(cross), np.sum(normal[one] * normal[two], axis=1))
+    apart = points[one].mean(axis=1) - points[two].mean(axis=1)
+    turn *= np.sign(np.sum((normal[one] - normal[two]) * apart, axis=1))  # outward: above 0
+    turn[np.abs(turn) > SMOOTH_ANGLE] = np.nan
+    angle = np.full(2 * len(nodes), np.nan)
+    for here, other, place in ((one, two, first), (two, one, first + 1)):
+        angle[order[place]] = turn * length[here] / (length[here] + length[other])
+    angle = angle.reshape(-1, 2)
+    angle = np.where(np.isnan(angle), angle[:, ::-1], angle)
+    return 0.125 * length * np.nan_to_num(angle).sum(axis=1)
 
 
 def near_pairs(

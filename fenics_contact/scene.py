@@ -14,12 +14,13 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
+from fenics_contact.mesh import BLOCKS, BlockMesh
 from fenics_contact.toml_tables import check_types, from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
     "law": ("coulomb", "tresca", "frictionless"),
+    "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
     "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
@@ -108,6 +109,8 @@ class JointLaw:
         bound: Shear strength, Pa, for "tresca".
         cohesion: Shear strength without pressure, Pa, for "coulomb".
         compressive_strength: f_c, Pa, in place of that of the blocks' materials.
+        gap: Facets of two blocks up to this far apart face each other, and their distance is an
+            initial opening, m; 0: only those that touch.
     """
 
     law: str = "coulomb"
@@ -115,6 +118,7 @@ class JointLaw:
     bound: float | None = None
     cohesion: float = 0.0
     compressive_strength: float | None = None
+    gap: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -126,6 +130,7 @@ class JointLaw:
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
         _require_not_negative("cohesion", self.cohesion)
+        _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
         _require(cohesive, f"law '{self.law}' takes no cohesion")
 
@@ -234,7 +239,6 @@ class SolveOptions:
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         error: Estimate how much of the load factor is due to the mesh.
-        accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
     """
 
     method: str = "auto"
@@ -244,7 +248,6 @@ class SolveOptions:
     slip: str = "stress-free"
     states: str = "first"
     error: bool = True
-    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -252,11 +255,6 @@ class SolveOptions:
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
         _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
-        wished = self.accuracy
-        if wished is not None:
-            _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
-            _require(self.error, "accuracy needs error = true, by which it is known")
-            _require(not by_load, "accuracy needs control = 'work'")
         _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 
@@ -336,6 +334,9 @@ class Scene(_Shared):
         _require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, "supports")
+        for name, law in self.foundations.items():
+            needless = "takes no gap; rigid ground is where the edge is"
+            _require(law.gap == 0.0, f"foundations.{name} {needless}")
         self._check_names()
         self._check_materials()
 
@@ -361,18 +362,20 @@ class Scene(_Shared):
         comm = compat.default_comm() if comm is None else comm
         folder = Path(path).parent
         tables = read_toml(Path(path), comm, overrides)
-        return cls.from_tables(tables, lambda file: BlockMesh.from_file(folder / file, comm))
+        return cls.from_tables(
+            tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
+        )
 
     @classmethod
-    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str], BlockMesh]) -> Scene:
-        """A scene from the tables of a file, and what makes the mesh from its file's name.
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str, str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh of `mesh.file` and `.blocks`.
 
         Raises:
             InputError: If a table is wrong.
         """
         tables = from_table(_SceneTables, given)
         return cls(
-            mesh=mesh(tables.mesh.file),
+            mesh=mesh(tables.mesh.file, tables.mesh.blocks),
             materials=tables.materials,
             live=tables.loads.live,
             dead=tables.loads.dead,
@@ -459,8 +462,10 @@ def _as_tables(item: Any) -> Any:
 class _MeshTable:
     file: str = ""
     degree: int = 1
+    blocks: str = "connected"
 
     def __post_init__(self) -> None:
+        _require_choice("blocks", self.blocks)
         _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 

@@ -43,8 +43,7 @@ class ContactLengths:
         """Those of a discretised scene."""
         joints = whole.joints
         ends = joints.position[joints.segments]
-        # With degree 2 a segment is half of a side.
-        side = whole.scene.degree * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        side = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         shortest = np.full(len(joints.length), np.inf)
         for end in joints.segments.T:
             np.minimum.at(shortest, end, side)

@@ -47,6 +47,7 @@ class ErrorOptions:
         dearest: The estimate ends before it takes more than so many times the factorisations of the
             collapse, each in proportion to its number of displacements.
         second_solve: Factorisations of the state with the other degree, about.
+        rough: Changes of the load factor to the other degree below this are none, relative.
         displacements: Of the other degree, about, in units of those of degrees 1 and 2.
         error_of_degree: Error of the load factor of a degree, in units of the difference between
             degrees 1 and 2; measured.
@@ -58,6 +59,7 @@ class ErrorOptions:
     unchanged: float = 1e-6
     dearest: float = 6.0
     second_solve: float = 10.0
+    rough: float = 1e-5
     displacements: tuple[float, float] = (4.0, 0.25)
     error_of_degree: tuple[float, float] = (1.15, 0.15)
     lengths: int = 6
@@ -82,7 +84,8 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     lengths = ContactLengths.of(whole)
     points = hinges(joints, values)
     length = lengths.of_mesh(points, values.normal_force)
-    if not case.problem.coulomb or is_determinate(joints, values, whole.bodies):
+    determinate = not case.problem.coulomb or is_determinate(joints, values, whole.bodies)
+    if case.problem.comm.bcast(determinate):
         error = MeshError(length, end.load_factor, 0.0, 0.0)
         return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
     before = whole.factorizations()
@@ -92,7 +95,7 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
         return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
     error = replace(_hinge_error(way, end), hinge_length=length)
     spent = whole.factorizations() - before
-    error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.unchanged), spent)
+    error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
     return _with_lengths(case, way, error, lengths)
 
 
@@ -100,7 +103,7 @@ def hinges(joints: Joints, values: JointValues) -> Indices:
     """Closed joint points whose neighbours along the joint all open in the collapse mode."""
     opens = values.opens
     has_neighbour, alone = np.zeros(len(opens), dtype=bool), np.ones(len(opens), dtype=bool)
-    for ends in (joints.segments, joints.segments[:, ::-1]):
+    for ends in (joints.neighbours, joints.neighbours[:, ::-1]):
         has_neighbour[ends[:, 0]] = True
         alone[ends[~opens[ends[:, 1]], 0]] = False
     return np.flatnonzero(has_neighbour & alone & (values.contact != Contact.OPEN))

@@ -96,15 +96,15 @@ def joint_values(
     length: Array,
     state: State,
     mode: Array,
+    imposed: Array,
 ) -> JointValues:
     """Joint values of a state and its mode, on all ranks together.
 
-    `gather` turns values at this rank's points into those at all; `length` is that of each, m.
+    `gather` turns values at this rank's points into those at all; `length` is that of each, m;
+    `imposed` is u_g, a part of the state's displacements that is no slip.
     """
     normal, shear = gather(state.pressure), gather(state.shear)
-    motions = [
-        gather(operator @ motion)
-        for motion in (state.displacement, mode)
-        for operator in (problem.normal, problem.tangential)
-    ]
-    return JointValues(normal, shear, normal / length, shear / length, *motions)
+    gap, slip = problem.normal @ state.displacement, state.displacement - imposed
+    rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
+    moved = gather(gap), gather(problem.tangential @ slip)
+    return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

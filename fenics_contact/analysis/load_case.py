@@ -56,7 +56,8 @@ class LoadCase:
         """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only."""
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
-        scales = typical_sizes(discretization.problem, bonded)
+        loads = replace(discretization.problem, dead=discretization.elasticity.dead)
+        scales = typical_sizes(loads, bonded)
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
         stiffness = discretization.stiffness(kind)
@@ -68,6 +69,13 @@ class LoadCase:
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
         origin = self.problem.slip_origin
         return replace(case, problem=replace(case.problem, slip_origin=origin))
+
+    def written(self, state: State) -> State:
+        """A state with its displacements u in place of u + u_g, and the work on these."""
+        state = self.discretization.without_imposed(state)
+        if not np.any(self.discretization.joints.gap):
+            return state
+        return replace(state, work=self.problem.dot(self.problem.live, state.displacement))
 
     @property
     def bonded_work(self) -> float:

@@ -203,7 +203,8 @@ class _Climb:
         Raises:
             SolverError: If no equilibrium is found there, or none on the way.
         """
-        loaded = self.case.problem.max(np.abs(self.case.problem.dead)) > 0.0
+        dead = self.case.discretization.elasticity.dead
+        loaded = self.case.problem.max(np.abs(dead)) > 0.0
         if loaded and not self._reached(0.0):
             raise SolverError("no equilibrium was found under the dead load")
         step, least = load_factor / steps, OPTIONS.width * load_factor / steps
@@ -232,8 +233,8 @@ class _Climb:
             return False
         if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
             return False
-        motion = _kept(case, state)
-        self.steps.append(LoadStep(target, state.work / self._unit, state.work, motion))
+        work, motion = case.written(state).work, _kept(case, state)
+        self.steps.append(LoadStep(target, work / self._unit, work, motion))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
@@ -248,7 +249,8 @@ class _Climb:
 def _kept(case: LoadCase, state: State) -> Array | None:
     """Displacements of a state, where ParaView files of a capacity curve are asked for."""
     output = case.discretization.scene.output
-    return state.displacement if output.paraview and output.capacity else None
+    kept = output.paraview and output.capacity
+    return case.written(state).displacement if kept else None
 
 
 def capacity_curve(
@@ -274,7 +276,7 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     curve: list[CapacityPoint] = []
     for number, state in states_along_rising_work(task, works):
-        motion = _kept(case, state)
-        curve.append(CapacityPoint(state.load_factor, state.work / unit, state.work, motion))
+        work, motion = case.written(state).work, _kept(case, state)
+        curve.append(CapacityPoint(state.load_factor, work / unit, work, motion))
         monitor(number, points, curve[-1])
     return curve

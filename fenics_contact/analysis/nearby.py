@@ -6,6 +6,7 @@ What differs is the compliance of hinges (`hinge_nodes`), or the degree of the d
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -34,6 +35,8 @@ from fenics_contact.solvers.interior_point import InteriorPointOptions, Toleranc
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import Owner
 
+_log = logging.getLogger("fenics_contact")
+
 
 @dataclass(frozen=True)
 class NearbyOptions:
@@ -57,10 +60,10 @@ class NearbyOptions:
     farther: float = 1e-1
     rough: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (1e-2, 1e-4),
-            (1.0,),
+            (1e-2,),
+            (),
             Tolerances(1e-7, 1e-6),
-            InteriorPointOptions(40, window=15, acceptable=1e-6),
+            InteriorPointOptions(18, window=10, acceptable=1e-7),
         )
     )
     work: WorkOptions = field(
@@ -153,8 +156,12 @@ def collapse_next_to(
         return find_collapse(softer, strategy, OPTIONS.tolerance)
 
 
-def state_next_to(case: LoadCase, last: Collapse, soft: Softened) -> tuple[float, JointValues]:
+def state_next_to(
+    case: LoadCase, last: Collapse, soft: Softened, from_afar: Attempt
+) -> tuple[float, JointValues]:
     """Load factor and joint values of the state next to a collapse, which is not verified.
+
+    The attempt `from_afar` is made where it is lost.
 
     Raises:
         SolverError: If none is found.
@@ -165,12 +172,16 @@ def state_next_to(case: LoadCase, last: Collapse, soft: Softened) -> tuple[float
         work = _first_work(last, soft) * case.bonded_work
         scales = softer.scales_at(work, abs(last.load_factor))
         task = Task(softer, work, scales, OPTIONS.tolerance)
-        state = next_to(last.state, last.mode, OPTIONS.rough)(task)[0].state
+        try:
+            state = next_to(last.state, last.mode, OPTIONS.rough)(task)[0].state
+        except SolverError as error:
+            _log.info("  no state nearby: %s", error)
+            state = from_afar(task)[0].state
         mode = elastic_mode(softer.coulomb(work, scales), state)
         whole = case.discretization
         length = whole.joints.length
         return state.load_factor, joint_values(
-            softer.problem, whole.all_points, length, state, mode
+            softer.problem, whole.all_points, length, state, mode, whole.imposed
         )
 
 

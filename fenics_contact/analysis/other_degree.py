@@ -22,6 +22,7 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.nearby import Softened, rates, same_mode, state_next_to
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.strategy import along_block_modes
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
@@ -57,7 +58,7 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened) -> OtherDeg
         counterparts = Counterparts.of(given, other.discretization)
         start = counterparts.start(end, other)
         points = replace(soft, points=counterparts.points(soft.points))
-        load_factor, values = state_next_to(other, start, points)
+        load_factor, values = state_next_to(other, start, points, along_block_modes)
         ours, theirs = counterparts.ends
         same = same_mode(rates(end.joints)[:, ours], rates(values)[:, theirs])
         return OtherDegree(load_factor, same)
@@ -106,15 +107,15 @@ class Counterparts:
 
     @classmethod
     def of(cls, given: Discretization, other: Discretization) -> Counterparts:
-        """Find the points between the ends of facets."""
-        joints = max((given, other), key=lambda one: one.scene.degree).joints
-        return cls(given, other, joints.segments.reshape(-1, 4)[:, 1])
+        """Those of two discretisations, one of which has degree 2."""
+        middle = max((given.joints.middle, other.joints.middle), key=len)
+        return cls(given, other, middle)
 
     @property
     def ends(self) -> tuple[Indices, Indices]:
         """Points at the ends of facets, of both discretisations."""
-        ours, first = np.unique(_facets(self.given), return_index=True)
-        return ours, _facets(self.other).ravel()[first]
+        ours, first = np.unique(self.given.joints.segments, return_index=True)
+        return ours, self.other.joints.segments.ravel()[first]
 
     def points(self, points: Indices) -> Indices:
         """Counterparts of points at the ends of facets."""
@@ -152,7 +153,7 @@ class Counterparts:
 
     def _spread(self, forces: Array) -> Array:
         """Forces at points of degree 2."""
-        joints, facets = self.given.joints, _facets(self.given)
+        joints, facets = self.given.joints, self.given.joints.segments
         pressure, loaded = forces[0] / joints.length, forces[0] > 0.0
         length = np.linalg.norm(
             joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1
@@ -163,21 +164,15 @@ class Counterparts:
         part = np.divide(part, forces[0], out=np.zeros_like(part), where=loaded)
         ratio = np.divide(forces, forces[0], out=np.zeros_like(forces), where=loaded)
         found = np.zeros((2, len(self.other.joints.length)))
-        found[:, _facets(self.other)] = (forces * (1.0 - part))[:, facets]
+        found[:, self.other.joints.segments] = (forces * (1.0 - part))[:, facets]
         found[:, self.middle] = inner * ratio[:, facets].mean(axis=2)
         return found
 
     def _gathered(self, forces: Array) -> Array:
         """Forces at points of degree 1."""
-        facets = _facets(self.other)
+        facets = self.other.joints.segments
         found = np.zeros((2, len(self.other.joints.length)))
-        found[:, facets] = forces[:, _facets(self.given)]
+        found[:, facets] = forces[:, self.given.joints.segments]
         for component, inner in zip(found, forces[:, self.middle], strict=True):
             np.add.at(component, facets, np.repeat(0.5 * inner[:, None], 2, axis=1))
         return found
-
-
-def _facets(whole: Discretization) -> Indices:
-    """Joint points at the ends of every facet, shape (facets, 2)."""
-    segments = whole.joints.segments
-    return segments if whole.scene.degree == 1 else segments.reshape(-1, 4)[:, [0, 3]]

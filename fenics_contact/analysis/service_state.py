@@ -67,11 +67,12 @@ def _verified(case: LoadCase, reached: Reached) -> ServiceState:
     residuals = state_residuals(problem, state, scales)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
     u, length, sign = state.displacement, whole.joints.length, case.sign
+    written = case.written(state)
     return ServiceState(
         "not_converged" if missed else "equilibrium",
         sign * state.load_factor,
-        replace(state, load_factor=sign * state.load_factor, work=sign * state.work),
-        joint_values(problem, whole.all_points, length, state, u),
+        replace(written, load_factor=sign * state.load_factor, work=sign * written.work),
+        joint_values(problem, whole.all_points, length, state, u, whole.imposed),
         residuals,
         f"not verified: {', '.join(missed)}" if missed else "",
     )

@@ -193,7 +193,9 @@ class _Search:
             case.blocks.bounds,
             state,
             mode,
-            joint_values(case.problem, whole.all_points, whole.joints.length, state, mode),
+            joint_values(
+                case.problem, whole.all_points, whole.joints.length, state, mode, whole.imposed
+            ),
             certificate,
             histories,
             best.ratio,

@@ -21,6 +21,7 @@ from fenics_contact.discretization.elasticity import (
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
+from fenics_contact.discretization.imposed import gap_field
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -33,7 +34,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
@@ -73,7 +74,8 @@ class Discretization:
         warnings: What is legal and probably meant otherwise, for people.
         operators: Rows of B_N and B_T.
         bodies: Rigid motions of the blocks.
-        problem: What the solvers see.
+        imposed: u_g of `imposed`, this rank's part in the supports' coordinates, m.
+        problem: What the solvers see; its displacements are u + u_g.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
         compile_seconds: Time to compile the forms, or to look them up, s.
@@ -103,8 +105,11 @@ class Discretization:
         self._owned = ExitStack()
         for operator in maps:
             self._owned.callback(operator.close)
-        loads, laws = (made.dead, made.live), self._laws()
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
+        owned = range(*made.stiffness.getOwnershipRange())
+        self.imposed = gap_field(self.joints, self.supports, owned)
+        loads, laws = (made.dead + stiffness @ self.imposed, made.live), self._laws()
+        origin = tangential @ self.imposed
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid, origin)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
@@ -125,8 +130,10 @@ class Discretization:
         """Whether another scene differs in its laws, loads and options only."""
         for name in (item.name for item in fields(scene)):
             one, other = getattr(self.scene, name), getattr(scene, name)
-            if name in LAWS:
-                one, other = list(one), list(other)
+            if name in LAWS:  # gaps decide which facets face each other
+                one, other = (
+                    [(key, law.gap) for key, law in laws.items()] for laws in (one, other)
+                )
             same = one is other or (name != "mesh" and one == other)
             if name not in WITHOUT_MATRICES and not same:
                 return False
@@ -149,7 +156,8 @@ class Discretization:
         new.bodies = new._rigid_bodies()
         _check_live_load(made, new.bodies, scene)
         friction, strength = new._laws()
-        loads = {"dead": made.dead, "live": made.live}
+        # Gaps are those of the matrices: the imposed displacements stay.
+        loads = {"dead": made.dead + self.problem.stiffness @ self.imposed, "live": made.live}
         new.problem = replace(self.problem, **loads, friction=friction, strength=strength)
         if "block_modes" in self.__dict__:
             new.block_modes = self.block_modes.changed(new.problem)
@@ -200,7 +208,8 @@ class Discretization:
         problem, stiffness = self.problem, self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
-        dead, live = (factor.solve(load) for load in (problem.dead, problem.live))
+        # Initial gaps do not count: typical sizes come from this.
+        dead, live = (factor.solve(load) for load in (self.elasticity.dead, problem.live))
         of_dead, of_live = (np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live))
         seconds = self.seconds + time.perf_counter() - start
         return Bonded(dead, live, of_dead, of_live, seconds)
@@ -250,6 +259,13 @@ class Discretization:
         everything[self.operators.points] = values
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
+
+    def without_imposed(self, state: State) -> State:
+        """A state of the solvers with its displacements u in place of u + u_g, to write."""
+        if not np.any(self.joints.gap):
+            return state
+        u, elastic = state.displacement - self.imposed, state.elastic - self.imposed
+        return replace(state, displacement=u, elastic=elastic)
 
     def cartesian(self, values: Array) -> Array:
         """Displacements in x and y, shape (nodes, 2), of this rank's in supports' coordinates."""

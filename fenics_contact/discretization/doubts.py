@@ -52,8 +52,8 @@ def _of_mesh(mesh: BlockMesh) -> Iterator[str]:
     if mesh.joined:
         yield (
             f"{mesh.joined} of the {mesh.surfaces} surfaces drawn share nodes with others of their"
-            f" groups, so that there are {mesh.body_count} blocks; give every block nodes of its"
-            " own if they can come apart"
+            f" groups, so that there are {mesh.body_count} blocks; if they can come apart, set"
+            ' mesh.blocks = "surfaces" (in Python: blocks="surfaces" of BlockMesh)'
         )
 
 

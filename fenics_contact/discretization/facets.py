@@ -65,7 +65,7 @@ class Boundary:
             if name in self.interior:
                 raise InputError(
                     f"group '{name}': {self.interior[name]} facets lie inside a body; give the"
-                    " blocks on both sides nodes of their own"
+                    ' blocks on both sides nodes of their own, or set mesh.blocks = "surfaces"'
                 )
             member = self.in_group(name)
             twice = np.flatnonzero(member & (role >= 0))

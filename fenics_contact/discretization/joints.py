@@ -13,7 +13,7 @@ rule, degree 2: Simpson's).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from petsc4py import PETSc
@@ -32,7 +32,7 @@ from fenics_contact.discretization.mortar import (
 from fenics_contact.discretization.pairing import INSIDE, foundation_facets, joint_stretches
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, Indices, Labels
-from fenics_contact.planar_cells import SMOOTH_ANGLE
+from fenics_contact.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene import JointLaw, Scene
 
 
@@ -50,8 +50,10 @@ class Joints:
         law: Law of every point as an index into `laws`.
         laws: Those of the scene's joints, then of its foundations.
         names: Their groups.
-        segments: Pairs of neighbouring points along a joint, shape (segments, 2).
+        segments: Points at the ends of every facet, or piece of one, shape (segments, 2).
+        middle: With degree 2, the points inside these, shape (segments,); else none.
         stencil: How displacements of nodes give those of both sides at the points.
+        gap: Initial opening of every point, m; 0 where the law gives no gap.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
     """
 
@@ -65,7 +67,20 @@ class Joints:
     names: tuple[str, ...]
     segments: Indices
     stencil: Stencil
+    middle: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    gap: Array = field(default_factory=lambda: np.zeros(0))
     offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.gap) != len(self.length):
+            object.__setattr__(self, "gap", np.zeros(len(self.length)))
+
+    @property
+    def neighbours(self) -> Indices:
+        """Pairs of points that follow each other along a joint, shape (pairs, 2)."""
+        if not len(self.middle):
+            return self.segments
+        return np.concatenate([np.column_stack([end, self.middle]) for end in self.segments.T])
 
     @property
     def tangent(self) -> Array:
@@ -129,19 +144,44 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     first = np.take_along_axis(pieces.nodes, pieces.side[None, :, None], axis=0)[0]
     second = np.take_along_axis(pieces.nodes, 1 - pieces.side[None, :, None], axis=0)[0]
     point = point.reshape(-1, per_piece)
+    stencil = stencil_of(boundary, pieces, point)
+    laws = (*scene.joints.values(), *scene.foundations.values())
+    gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
+    normal = np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None]
+    gap = np.zeros(len(rows))
+    if np.any(gapped):
+        gap = _distances(boundary, stencil, normal)
+        gap[~gapped[pieces.law[piece[rows]]]] = 0.0
     return Joints(
         nodes=np.column_stack([first.ravel(), second.ravel()])[rows],
         bodies=pieces.bodies[piece[rows]],
         position=position.reshape(-1, 2)[rows],
-        normal=np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None],
+        normal=normal,
         length=length,
         law=pieces.law[piece[rows]],
-        laws=(*scene.joints.values(), *scene.foundations.values()),
+        laws=laws,
         names=(*scene.joints, *scene.foundations),
-        segments=point if per_piece == 2 else point[:, [0, 2, 2, 1]].reshape(-1, 2),
-        stencil=stencil_of(boundary, pieces, point),
-        offset=float(np.abs(stretches.offset).max(initial=0.0)),
+        segments=point[:, :2],
+        middle=point[:, 2] if per_piece == 3 else point[:0, 0],
+        stencil=stencil,
+        gap=np.maximum(gap, 0.0),
+        offset=float(np.abs(stretches.offset[~gapped[law]]).max(initial=0.0)),
     )
+
+
+def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:
+    """Distance of the sides at joint points, B_N of the nodes' positions, m.
+
+    Mid nodes of curved sides are where their arcs are: pressures would follow the facets else.
+    """
+    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 2, 2))  # the last for none
+    position[boundary.nodes] = boundary.points
+    if boundary.nodes.shape[1] == 3:
+        ends = boundary.points[:, :2], boundary.nodes[:, :2]
+        height = arc_heights(*ends, boundary.normal)
+        position[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
+    first, second = np.einsum("nsi,nsik->snk", stencil.weights, position[stencil.nodes])
+    return np.asarray(np.sum(normal * (second - first), axis=1))
 
 
 def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:
@@ -182,16 +222,7 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     start, end = stiffness.getOwnershipRange()
     owner = joints.stencil.nodes[:, 1, 0]
     points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
-    nodes = joints.stencil.nodes[points]
-    dofs = 2 * nodes[..., None] + np.arange(2)
-    dofs[nodes == GROUND] = -1
-    dofs = dofs.reshape(len(points), -1)
-    directions = supports.free_directions(nodes.ravel()).reshape(*nodes.shape, 2, 2)
-    factor = joints.stencil.weights[points] * np.array([[-1.0], [1.0]])
-    normal_rows, tangential_rows = (
-        np.einsum("nk,nsikl,nsi->nsil", axis[points], directions, factor).reshape(dofs.shape)
-        for axis in (joints.normal, joints.tangent)
-    )
+    dofs, normal_rows, tangential_rows = coefficients(joints, supports, points)
     return JointOperators(
         normal=_sparse_rows(stiffness, dofs, normal_rows),
         tangential=_sparse_rows(stiffness, dofs, tangential_rows),
@@ -201,6 +232,23 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
         normal_rows=normal_rows,
         tangential_rows=tangential_rows,
     )
+
+
+def coefficients(
+    joints: Joints, supports: Supports, points: Indices
+) -> tuple[Indices, Array, Array]:
+    """Dofs of joint points, and coefficients of B_N and B_T on them, as in `JointOperators`."""
+    nodes = joints.stencil.nodes[points]
+    dofs = 2 * nodes[..., None] + np.arange(2)
+    dofs[nodes == GROUND] = -1
+    dofs = dofs.reshape(len(points), int(np.prod(dofs.shape[1:])))
+    directions = supports.free_directions(nodes.ravel()).reshape(*nodes.shape, 2, 2)
+    factor = joints.stencil.weights[points] * np.array([[-1.0], [1.0]])
+    normal_rows, tangential_rows = (
+        np.einsum("nk,nsikl,nsi->nsil", axis[points], directions, factor).reshape(dofs.shape)
+        for axis in (joints.normal, joints.tangent)
+    )
+    return dofs, normal_rows, tangential_rows
 
 
 def _sparse_rows(stiffness: PETSc.Mat, dofs: Indices, rows: Array) -> PETSc.Mat:

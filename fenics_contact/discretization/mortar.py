@@ -17,12 +17,12 @@ exact, so that a uniform pressure passes through any joint; where nodes match th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.pairing import INSIDE, Stretches
+from fenics_contact.discretization.pairing import INSIDE, OPTIONS, Stretches
 from fenics_contact.mesh import Array, Indices, Labels
 
 #: Integrals of a facet's Lagrange functions over its length, by number of nodes.
@@ -82,8 +82,8 @@ class Pieces:
 def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
     """Join the stretches of joints to pieces of facets of the slaves, in the order of these."""
     bodies = boundary.body[stretches.facets].T
-    side = _slaves(stretches.facets, bodies, law)
-    made = _slave_first(stretches, side)
+    side = stretches.slave
+    made = _slave_first(stretches)
     order = np.lexsort((made.span[0, :, 0], law, bodies[:, 1], bodies[:, 0], made.facets[0]))
     made, side, law, bodies = made.take(order), side[order], law[order], bodies[order]
     # A piece goes on where the next facet of the other side begins at the node of the last one.
@@ -99,6 +99,10 @@ def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
     count = boundary.nodes.shape[1]
     nodes = np.full((2, len(first), count), INSIDE)
     nodes[:, :, 0], nodes[:, :, 1] = made.nodes[:, first, 0], made.nodes[:, last, 1]
+    # Before a slave's node is one of the other side only if it is in the same place.
+    gap = np.abs(np.column_stack([made.offset[first, 0], made.offset[last, 1]]))
+    apart = gap > OPTIONS.closed * boundary.length[made.facets[0, first]][:, None]
+    nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
     if count == 3:  # mid nodes of whole facets
         for at, facets in zip(nodes, made.facets, strict=True):
             whole = np.all(at[:, :2] != INSIDE, axis=1) & (first == last)
@@ -216,20 +220,9 @@ def _mortar_integrals(pieces: Pieces, length: Array, count: int) -> Array:
     return integrals
 
 
-def _slaves(facets: Indices, bodies: Labels, law: Indices) -> Indices:
-    """Side of the slave in every joint of two bodies: that with more facets, else the first."""
-    if not len(law):
-        return np.empty(0, dtype=np.int64)
-    joint = np.unique(np.column_stack([bodies, law]), axis=0, return_inverse=True)[1].ravel()
-    count = [
-        np.bincount(np.unique(np.column_stack([joint, side]), axis=0)[:, 0]) for side in facets
-    ]
-    return (count[1] > count[0]).astype(np.int64)[joint]
-
-
-def _slave_first(stretches: Stretches, side: Indices) -> Stretches:
+def _slave_first(stretches: Stretches) -> Stretches:
     """Stretches with the slave's column first, run through from its first node on."""
-    swap = side == 1
+    swap = stretches.slave == 1
     facets, span, nodes = stretches.facets.copy(), stretches.span.copy(), stretches.nodes.copy()
     facets[:, swap] = facets[::-1, swap]
     span[:, swap], nodes[:, swap] = span[::-1, swap], nodes[::-1, swap]
@@ -237,4 +230,4 @@ def _slave_first(stretches: Stretches, side: Indices) -> Stretches:
     offset = stretches.offset.copy()
     span[:, back], nodes[:, back] = span[:, back, ::-1], nodes[:, back, ::-1]
     offset[back] = offset[back, ::-1]
-    return Stretches(facets, span, nodes, stretches.normal, offset)
+    return replace(stretches, facets=facets, span=span, nodes=nodes, offset=offset)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices
-from fenics_contact.planar_cells import near_pairs, sagittas
+from fenics_contact.planar_cells import arc_heights, near_pairs
 from fenics_contact.scene import Scene
 
 #: In place of a node where a stretch ends inside a facet.
@@ -27,15 +27,43 @@ class PairingOptions:
             Facets of curved sides may be apart by the heights of their arcs besides.
         apart: Facets are meant to be apart from this distance on, in the same unit.
         parallel: Cosine of the largest angle between facets that touch.
+        facing: The same for facets with an initial gap.
     """
 
     matching: float = 1e-4
     closed: float = 1e-3
     apart: float = 5e-3
     parallel: float = float(np.cos(np.radians(20.0)))
+    facing: float = float(np.cos(np.radians(60.0)))
 
 
 OPTIONS = PairingOptions()
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Distances up to which facets face each other by the laws of their joints, m.
+
+    Attributes:
+        named: Of every facet in a joint group, -1 in none, shape (facets,).
+        default: Of facets in no group.
+    """
+
+    named: Array
+    default: float = 0.0
+
+    @classmethod
+    def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
+        """Those of a scene's laws."""
+        order = [name for name in scene.joints if name != "default"]
+        gap = np.array([scene.joints[name].gap for name in order] + [-1.0])
+        default = scene.joints["default"].gap if "default" in scene.joints else 0.0
+        return cls(gap[boundary.role(order)], default)
+
+    def of_pairs(self, facets: Indices) -> Array:
+        """Of pairs of facets, shape (2, pairs), by the group that either is in."""
+        of_pair = self.named[facets].max(axis=0)
+        return np.where(of_pair < 0.0, self.default, of_pair)
 
 
 @dataclass(frozen=True)
@@ -48,8 +76,9 @@ class Stretches:
         facets: Facet of the lower body and of the other, shape (2, stretches).
         span: Parameters at start and end of the stretch on either facet, shape (2, stretches, 2).
         nodes: Nodes there, `INSIDE` for none, likewise.
-        normal: Unit normal from the first facet to the second, shape (stretches, 2).
+        normal: Unit normal of the slave, from the first side to the second, shape (stretches, 2).
         offset: Distance from first to second at start and end, m, shape (stretches, 2).
+        slave: Side, 0 or 1, whose nodes carry the joint points, shape (stretches,).
     """
 
     facets: Indices
@@ -57,11 +86,12 @@ class Stretches:
     nodes: Indices
     normal: Array
     offset: Array
+    slave: Indices
 
     def take(self, rows: Indices | Flags) -> Stretches:
         """Some of them."""
         of_both = self.facets[:, rows], self.span[:, rows], self.nodes[:, rows]
-        return Stretches(*of_both, self.normal[rows], self.offset[rows])
+        return Stretches(*of_both, self.normal[rows], self.offset[rows], self.slave[rows])
 
     def and_those(self, other: Stretches) -> Stretches:
         """These and others, sorted by facets and start."""
@@ -81,12 +111,14 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
     """
     named = [name for name in scene.joints if name != "default"]
     joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
-    found = facing_facets(boundary, scene.mesh.source)
+    found = facing_facets(boundary, scene.mesh.source, Gaps.of(scene, boundary))
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
     for position, name in enumerate(named):
-        alone = np.flatnonzero((joint_role == position) & ~paired)
-        if len(alone):
+        mine = joint_role == position
+        alone = np.flatnonzero(mine & ~paired)
+        # With a gap, facets further apart are free.
+        if len(alone) and (scene.joints[name].gap == 0.0 or not np.any(mine & paired)):
             raise InputError(
                 f"joint group '{name}': {len(alone)} facets have no facet opposite, the first at"
                 f" {_place(boundary, alone[0])}; draw both sides on the same line, or make the"
@@ -109,16 +141,30 @@ def foundation_facets(scene: Scene, boundary: Boundary) -> tuple[Indices, Indice
     return facets, role[facets]
 
 
-def facing_facets(boundary: Boundary, source: str) -> Stretches:
-    """Stretches along which facets of two bodies touch; `source` is the mesh's, for messages.
+def facing_facets(boundary: Boundary, source: str, gaps: Gaps | None = None) -> Stretches:
+    """Stretches along which facets of two bodies touch, or face each other within a law's gap.
+
+    `source` is the mesh's, for messages.
 
     Raises:
         InputError: If three facets coincide, or facets almost touch.
     """
+    gaps = gaps or Gaps(np.full(len(boundary.length), -1.0))
     found = _coinciding(boundary)
     alone = np.ones(len(boundary.length), dtype=bool)
     alone[found.facets] = False
-    return found.and_those(_partly_facing(boundary, np.flatnonzero(alone), source))
+    pairs = _candidates(gaps, boundary, np.flatnonzero(alone))
+    first_side = np.zeros(pairs.shape[1], dtype=np.int64)
+    partly, _ = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
+    # The side with more facets is the slave; stretches are then seen along its normals.
+    both = np.hstack([found.facets, partly.facets, pairs])
+    count = len(found.slave) + len(partly.slave)
+    slave = _slaves(boundary, both, count)
+    found = replace(found, slave=slave[: len(found.slave)])
+    every = _common_stretches(boundary, pairs, slave[count:])
+    partly, doubtful = _touching(gaps, boundary, every)
+    _check_doubtful(source, boundary, every, doubtful)
+    return found.and_those(partly)
 
 
 def _coinciding(boundary: Boundary) -> Stretches:
@@ -152,34 +198,71 @@ def _coinciding(boundary: Boundary) -> Stretches:
     normal = boundary.normal[pairs[:, 0]]
     offset = np.einsum("nek,nk->ne", other - ends[:, 0], normal)
     span = np.stack([np.broadcast_to([0.0, 1.0], order.shape), order.astype(float)])
-    return Stretches(pairs.T, span, nodes, normal, offset)
+    return Stretches(pairs.T, span, nodes, normal, offset, np.zeros_like(pairs[:, 0]))
 
 
-def _partly_facing(boundary: Boundary, alone: Indices, source: str) -> Stretches:
-    """Stretches among facets that coincide with none."""
+def _candidates(gaps: Gaps, boundary: Boundary, alone: Indices) -> Indices:
+    """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
     middle, length = boundary.points[:, :2].mean(axis=1), boundary.length
-    arc = sagittas(boundary.nodes[:, :2], boundary.normal, length)
-    reach = (0.5 + OPTIONS.apart) * length + arc
+    gap = gaps.named.max(initial=gaps.default)
+    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gap
     pairs = [np.empty((0, 2), dtype=np.int64)]
     for one, other in near_pairs(middle, reach, alone, alone):
         keep = boundary.body[one] < boundary.body[other]
-        keep[keep] = _against(boundary, one[keep], other[keep]) > OPTIONS.parallel
-        pairs.append(np.column_stack([one[keep], other[keep]]))
-    found = _common_stretches(boundary, np.concatenate(pairs).T)
-    one, other = found.facets
-    shorter, far = np.minimum(length[one], length[other]), np.abs(found.offset).max(axis=1)
-    height = arc[one] + arc[other]
-    closed = far <= OPTIONS.closed * shorter + height
-    doubtful = np.flatnonzero(~closed & (far <= OPTIONS.apart * shorter + height))
-    if len(doubtful):
-        first = doubtful[0]
-        what = "overlap by" if found.offset[first].min() < 0.0 else "are apart by"
-        raise InputError(
-            f"{source}: blocks {what} up to {far[first]:.3g} m at {_place(boundary, one[first])}"
-            f"{_groups_of(boundary, found.facets[:, first])}, too much for a joint and too little"
-            " to be meant; move them together or apart"
-        )
-    return found.take(closed)
+        one, other = one[keep], other[keep]
+        found = np.column_stack([one, other])
+        least = np.where(gaps.of_pairs(found.T) > 0.0, OPTIONS.facing, OPTIONS.parallel)
+        pairs.append(found[_against(boundary, one, other) > least])
+    return np.concatenate(pairs).T
+
+
+def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Indices]:
+    """Stretches that touch or are within the gap of their law; and which almost touch."""
+    one, other = all_of.facets
+    arc, shorter = _arc_heights(boundary), np.minimum(boundary.length[one], boundary.length[other])
+    height, far = arc[one] + arc[other], np.abs(all_of.offset).max(axis=1)
+    least = all_of.offset.min(axis=1)
+    gap = gaps.of_pairs(all_of.facets)
+    depth = OPTIONS.closed * shorter + height
+    parallel = _against(boundary, one, other) > OPTIONS.parallel
+    within = (gap > 0.0) & (least >= -depth) & (least <= gap)
+    touching = ((far <= depth) & parallel) | within
+    doubtful = ~touching & (far <= OPTIONS.apart * shorter + height) & parallel
+    return all_of.take(touching), np.flatnonzero(doubtful)
+
+
+def _check_doubtful(source: str, boundary: Boundary, all_of: Stretches, doubtful: Indices) -> None:
+    """Refuse blocks that almost touch."""
+    if not len(doubtful):
+        return
+    first, facets = all_of.offset[doubtful[0]], all_of.facets[:, doubtful[0]]
+    what = "overlap by" if first.min() < 0.0 else "are apart by"
+    raise InputError(
+        f"{source}: blocks {what} up to {np.abs(first).max():.3g} m at"
+        f" {_place(boundary, facets[0])}{_groups_of(boundary, facets)}, too much for a joint and"
+        " too little to be meant; move them together or apart, or give their joint a gap"
+    )
+
+
+def _arc_heights(boundary: Boundary) -> Array:
+    """Bounds on the heights of the arcs of facets on curved sides, m."""
+    points, nodes = boundary.points[:, :2], boundary.nodes[:, :2]
+    return 2.0 * np.abs(arc_heights(points, nodes, boundary.normal))
+
+
+def _slaves(boundary: Boundary, facets: Indices, facing: int) -> Indices:
+    """Side of the slave of pairs: that with more facets in all of two bodies, else the first.
+
+    The first `facing` pairs count.
+    """
+    bodies = boundary.body[facets].T
+    joint = np.unique(bodies, axis=0, return_inverse=True)[1].ravel()
+    total = int(joint.max(initial=-1)) + 1
+    count = [
+        np.bincount(np.unique(np.column_stack([joint, side])[:facing], axis=0)[:, 0], None, total)
+        for side in facets
+    ]
+    return (count[1] > count[0]).astype(np.int64)[joint]
 
 
 def _against(boundary: Boundary, one: Indices, other: Indices) -> Array:
@@ -187,11 +270,13 @@ def _against(boundary: Boundary, one: Indices, other: Indices) -> Array:
     return -np.sum(boundary.normal[one] * boundary.normal[other], axis=1)
 
 
-def _common_stretches(boundary: Boundary, facets: Indices) -> Stretches:
-    """Where pairs of facets lie before each other, seen along the mean of their normals."""
-    one, other = facets
-    normal = boundary.normal[one] - boundary.normal[other]
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+def _common_stretches(boundary: Boundary, facets: Indices, slave: Indices) -> Stretches:
+    """Where pairs of facets lie before each other, seen along the slave's normal.
+
+    So facets of the other side that follow each other do so on the slave.
+    """
+    seen = np.take_along_axis(facets, slave[None], axis=0)[0]
+    normal = np.where(slave == 0, 1.0, -1.0)[:, None] * boundary.normal[seen]
     along = np.column_stack([-normal[:, 1], normal[:, 0]])
     corners = boundary.points[facets, :2]  # of both sides, shape (2, pairs, 2 ends, 2)
     place = np.einsum("snek,nk->sne", corners - corners[0, :, :1], along)
@@ -213,7 +298,7 @@ def _common_stretches(boundary: Boundary, facets: Indices) -> Stretches:
     span = np.where(turned[:, :, None], 1.0 - span, span)
     ends = corners[:, :, :1] + span[:, :, :, None] * (corners[:, :, 1:] - corners[:, :, :1])
     offset = np.einsum("nek,nk->ne", ends[1] - ends[0], normal)
-    return Stretches(facets, span, nodes, normal, offset).take(keep)
+    return Stretches(facets, span, nodes, normal, offset, slave).take(keep)
 
 
 def _shortest_at_nodes(boundary: Boundary) -> Array:

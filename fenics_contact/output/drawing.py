@@ -179,11 +179,11 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
             axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
         lines = [Line2D([], [], color=colour, lw=width) for colour, width in strokes]
         handles.append((label, tuple(lines)))
-    turning = position[hinges(joints, view.values)]
-    if len(turning):
-        style = {"markersize": 7.0 * max(fine, 0.4), "markeredgewidth": thin}
-        rings = axes.plot(*turning.T, "o", mfc="none", mec=BLACK, label="hinge", **style)
-        handles.append(("hinge", tuple(rings)))
+    points = hinges(joints, view.values)
+    if len(points):
+        size = max(4.5 * fine, 2.0)
+        rings = axes.plot(*position[points].T, "o", mfc="white", mec="black", mew=0.8, ms=size)
+        handles.append(("hinge", rings[0]))
     return handles
 
 

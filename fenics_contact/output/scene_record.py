@@ -16,6 +16,7 @@ UNITS: Mapping[str, str] = {
     "young": "Pa",
     "density": "kg/m3",
     "bound": "Pa",
+    "gap": "m",
     "body": "m/s2",
     "traction": "Pa",
     "length": "m",

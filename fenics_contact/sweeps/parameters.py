@@ -133,12 +133,12 @@ class Family:
     """
 
     def __init__(
-        self, comm: MPI.Comm, tables: dict[str, Any], read: Callable[[str], BlockMesh]
+        self, comm: MPI.Comm, tables: dict[str, Any], read: Callable[[str, str], BlockMesh]
     ) -> None:
-        """Scenes from tables of a file; `read` makes the mesh from the name of its file."""
+        """Scenes from tables of a file; `read` makes a mesh of `mesh.file` and `mesh.blocks`."""
         self.comm, self.tables, self._read = comm, tables, read
         self.file: tuple[Path, tuple[str, ...]] | None = None
-        self._last: tuple[str, BlockMesh] | None = None
+        self._last: tuple[tuple[str, str], BlockMesh] | None = None
 
     @classmethod
     def of_file(
@@ -147,7 +147,9 @@ class Family:
         """Scenes of a file; arguments as those of `Scene.from_file`."""
         comm = compat.default_comm() if comm is None else comm
         tables = read_toml(path, comm, overrides)
-        made = cls(comm, tables, lambda name: BlockMesh.from_file(path.parent / name, comm))
+        made = cls(
+            comm, tables, lambda *mesh: BlockMesh.from_file(path.parent / mesh[0], comm, mesh[1])
+        )
         made.file = path, tuple(overrides)
         return made
 
@@ -155,7 +157,7 @@ class Family:
     def of_scene(cls, scene: Scene) -> Family:
         """Scenes on the mesh of a scene made in Python."""
 
-        def read(name: str) -> BlockMesh:
+        def read(name: str, _: str) -> BlockMesh:
             if name != scene.mesh.source:
                 raise InputError("mesh.file varies for scenes of a file only; give its path")
             return scene.mesh
@@ -173,8 +175,8 @@ class Family:
             assign(tables, key, value)
         return Scene.from_tables(tables, self._kept_mesh)
 
-    def _kept_mesh(self, name: str) -> BlockMesh:
-        if self._last is None or self._last[0] != name:
+    def _kept_mesh(self, name: str, blocks: str) -> BlockMesh:
+        if self._last is None or self._last[0] != (name, blocks):
             self._last = None  # frees the last one
-            self._last = name, self._read(name)
+            self._last = (name, blocks), self._read(name, blocks)
         return self._last[1]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
+from typing import Any
 
 import pytest
 
@@ -27,3 +30,24 @@ def test_there_are_demos():
 def test_demo(demo, ranks, tmp_path):
     found = run_command([*launcher(ranks), sys.executable, str(demo)], tmp_path, time_out=300.0)
     assert found.code == 0, found.out + found.err
+
+
+def test_notebook(monkeypatch, capsys):
+    """Its code cells run one after the other, in the folder of the demos, and show a picture."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    monkeypatch.chdir(ROOT / "demos")
+    notebook = json.loads((ROOT / "demos" / "09_wall_w3.ipynb").read_text())
+    cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        exec(compile(cell, "09_wall_w3.ipynb", "exec"), names)
+    pyplot.close("all")
+    assert abs(names["result"].load_factor - 0.35582) < 1e-4
+    assert names["result"]._repr_png_().startswith(b"\x89PNG")
+    ground, loads = (
+        [float(x) for x in re.findall(r"[-+.\de]+", line.split(":")[1])]
+        for line in capsys.readouterr().out.splitlines()
+        if "N/m" in line
+    )
+    assert ground == pytest.approx(loads, rel=1e-5)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks import verification as known
+from benchmarks.curved_bodies import cattaneo, cattaneo_figures, hertz, hertz_figures
 from benchmarks.known_answers import Figure
 from benchmarks.manufactured import THEORY, errors
 
@@ -14,9 +15,17 @@ def missed(figures: list[Figure]) -> list[str]:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("degree", [1, 2])
-def test_uniform_pressure_goes_through_joints(degree):
-    assert missed(known.patch(degree)) == []
+def test_uniform_pressure_goes_through_joints():
+    assert missed(known.patch_figures()) == []
+
+
+@pytest.mark.mpi
+def test_hertz():
+    assert missed(hertz_figures(hertz(10), 10)) == []
+
+
+def test_cattaneo_and_mindlin():
+    assert missed(cattaneo_figures(cattaneo(15), 15)) == []
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.3, 0.5])
@@ -35,9 +44,10 @@ def test_plate_moves_as_by_code_aster(quadrilaterals):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("degree", "elements"), [(1, 16), (2, 8)])
-def test_orders_of_convergence(degree, elements):
+@pytest.mark.parametrize("matching", [True, False])
+@pytest.mark.parametrize(("degree", "elements"), [(1, 16), (2, 16)])
+def test_orders_of_convergence(degree, elements, matching):
     """Of displacement, energy, traction and load factor: at least 0.9 of theory."""
-    rows = [errors(count, degree) for count in (elements, 2 * elements)]
+    rows = [errors(count, degree, matching) for count in (elements, 2 * elements)]
     orders = {name: known.order([row[name] for row in rows]) for name in THEORY}
     assert {n: found for n, found in orders.items() if found < 0.9 * THEORY[n](degree)} == {}

@@ -109,6 +109,7 @@ VALUES = {
     "lowest state under load control": Wrong(
         ("solve.states", "control"), {"solve.states": "lowest", "solve.control": "load"}
     ),
+    "blocks": value("mesh.blocks", "all", "'all'", "connected, surfaces"),
     "plane": value("plane.state", "bent", "bent", "strain"),
     "support": value("supports.left", "glued", "glued", "roller"),
     "young too long": value("materials.default.young", 10**400),

@@ -25,7 +25,7 @@ TREES = {
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
     {"mesh"},
-    {"meshing", "refinement", "scene", "toml_tables"},
+    {"meshing", "drawing", "builders", "refinement", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
     {"output", "console", "progress"},
@@ -44,7 +44,7 @@ ON_FLOORS = set(TREES) - IN_SOLVERS
 CONSOLE = {"cli", "__main__"}
 
 #: Modules that are slow to import or not always needed.
-LATE = {"gmsh", "matplotlib", "scipy", "tqdm"}
+LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "tqdm"}
 
 #: What finds out which dolfinx there is.
 PROBES = ("hasattr(", "inspect.", "dolfinx.__version__", "._mesh", "_cpp_object")

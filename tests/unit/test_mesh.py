@@ -17,6 +17,7 @@ from fenics_contact.mesh import (
     extract,
     gmsh_session,
     ranks_of_bodies,
+    with_split_surfaces,
 )
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import Drawing, grid_blocks, mesh_of, rectangle
@@ -97,6 +98,44 @@ def test_facet_in_several_groups_has_all_of_them(facets, expected):
     groups = [drawn.facet_sets[group] for group in drawn.facet_groups]
     assert dict(zip(map(tuple, drawn.facets.tolist()), groups, strict=True)) == expected
     assert drawn.facet_names == ("a", "b", "c")
+
+
+#: Two surfaces on a third, which share its nodes.
+T_POINTS = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2), (2, 2)]
+T_CELLS = {"sill": [[0, 1, 4, 3], [1, 2, 5, 4]], "left": [[3, 4, 7, 6]], "right": [[4, 5, 8, 7]]}
+
+
+def test_surfaces_as_blocks_have_nodes_of_their_own_and_both_sides_of_tagged_lines():
+    facets = {"bed": [[3, 4], [4, 5]], "base": [[0, 1]], "inside": [[1, 4]], "nowhere": [[0, 4]]}
+    model = model_from_arrays(T_POINTS, T_CELLS, facets)
+    shared, drawn = extract(model, "blocks"), with_split_surfaces(extract(model, "blocks"))
+    assert (len(shared.points), len(drawn.points)) == (9, 6 + 4 + 4)
+    assert np.allclose(drawn.points[drawn.cells], shared.points[shared.cells])
+    assert bodies_of_cells(drawn).tolist() == [0, 0, 1, 2]
+    names = [name for group in drawn.facet_groups for name in drawn.facet_sets[group]]
+    assert {name: names.count(name) for name in facets} == {
+        "bed": 4, "base": 1, "inside": 1, "nowhere": 1,
+    }  # fmt: skip
+    before = {tuple(ends) for ends in shared.points[shared.facets].reshape(-1, 4).tolist()}
+    after = {tuple(ends) for ends in drawn.points[drawn.facets].reshape(-1, 4).tolist()}
+    assert {frozenset([e[:2], e[2:]]) for e in before} == {frozenset([e[:2], e[2:]]) for e in after}
+
+
+@pytest.mark.mpi
+def test_surfaces_that_touch_are_one_body_unless_they_are_blocks():
+    model = model_from_arrays(T_POINTS, T_CELLS, {})
+    for blocks, count in (("connected", 1), ("surfaces", 3)):
+        mesh = BlockMesh.from_model(model, MPI.COMM_WORLD, blocks)
+        assert (mesh.body_count, mesh.joined) == (count, 0)
+        assert len(bodies_by_place(mesh)) == count
+    with pytest.raises(InputError, match="blocks = 'all' must be one of connected, surfaces"):
+        BlockMesh.from_model(model, MPI.COMM_WORLD, "all")
+
+
+def test_one_node_in_common_is_split():
+    points = [*SQUARE, (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
+    model = model_from_arrays(points, {"low": [[0, 1, 2, 3]], "high": [[2, 4, 5, 6]]}, {})
+    assert BlockMesh.from_model(model, MPI.COMM_WORLD, "surfaces").body_count == 2
 
 
 def test_group_without_name_goes_by_its_number():

@@ -145,10 +145,44 @@ def test_groups_take_sides_on_their_segments():
     groups = {
         "ends": [((0, 0), (0, 2)), ((2, 0), (2, 2))],
         "short": [((0, 1), (0.7, 1))],  # both sides of the joint, cut at its T
-        "most": [((0, 1), (1.9, 1))],  # its end lies inside a side, which does not count
+        "most": [((0, 1), (1.9, 1))],  # its end divides both sides
+        "beside": [((-1, 2), (0.5, 2))],
     }
     lengths = group_lengths(extract(polygons(T_JOINT, 0.5, groups=groups), "polygons"))
-    assert lengths == pytest.approx({"ends": 4.0, "short": 1.4, "most": 1.4}, rel=1e-12)
+    assert lengths == pytest.approx(
+        {"ends": 4.0, "short": 1.4, "most": 3.8, "beside": 0.5}, rel=1e-12
+    )
+
+
+def test_corners_that_nearly_coincide_are_one():
+    off = 3e-7  # of a drawing with six digits
+    blocks = [rectangle(0, 0, 2, 1), rectangle(0, 1 + off, 0.7, 2), rectangle(0.7 + off, 1, 2, 2)]
+    assert joint_length(polygons(blocks, 0.3)) == pytest.approx(3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ([(0, 0), (2, 2), (2, 0), (0, 3)], r"block 0 crosses itself at \(1\.2, 1\.2\)"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "crosses itself"),  # touches its own side
+        ([(0, 0), (2, 0), (2, 2), (2, 3), (2, 2), (0, 2)], "crosses itself"),  # a spike
+        ([(0, 0), (2, 0), (1, 0)], "no area"),
+        ([(0, 0), (2, 0), (np.nan, 1)], "not finite"),
+        ([(0, 0), (2, 0)], "three corners"),
+    ],
+)
+def test_outline_that_is_no_block(corners, message):
+    for first in range(len(corners)):
+        with pytest.raises(InputError, match=message if not first else "block 0"):
+            polygons([corners[first:] + corners[:first]], 1.0)
+
+
+def test_outlines_that_only_look_wrong():
+    notch = [(0, 0), (3, 0), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)]
+    straight = [(0, 0), (1, 0), (2, 0), (2, 1), (0, 1), (0, 1)]
+    for corners, area in ((notch, 5.0), (straight, 2.0)):
+        drawn = extract(polygons([corners], 0.5), "x")
+        assert cell_areas(drawn).sum() == pytest.approx(area, rel=1e-12)
 
 
 def test_base_is_the_lowest_level():

@@ -11,7 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fenics_contact import LimitLoad, OutputOptions, Scene, SolveOptions, limit_load
+from fenics_contact import (
+    LimitLoad,
+    Load,
+    OutputOptions,
+    Scene,
+    SolveOptions,
+    SolverError,
+    limit_load,
+)
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CollapseState, History, LoadPath, LoadStep, Step
 from fenics_contact.analysis.joint_values import Contact
@@ -165,6 +173,93 @@ def test_no_capacity_curve():
     assert len(with_curve.trace_capacity()) == len(with_curve.capacity) == 3
     assert without.load_factor == pytest.approx(with_curve.load_factor, rel=1e-9)
     assert without.factorizations < with_curve.factorizations
+
+
+def test_result_is_one_line_and_a_summary_is_more(result):
+    assert repr(result) == f"<LimitLoad: limit, load factor {result.load_factor:.8g}," + (
+        f" load factor {result.load_factor_negative:.8g}>"
+    )
+    lines = limit_load(sliding_wall()).summary().splitlines()
+    assert lines[0].startswith("load factor = 0.3") and "between" in lines[0]
+    assert lines[1].startswith("verified")
+
+
+def test_joints_by_name(result):
+    joints, whole = result.joints, result.discretization.joints
+    points = len(whole.length)
+    assert {len(joints[name]) for name in joints} == {points}
+    ground = joints["group"] == "base"
+    assert np.array_equal(ground, joints["blocks"][:, 0] == -1)
+    assert set(joints["friction"][ground]) == {0.3}
+    weight = -result.blocks["dead_load"][:, 1].sum()
+    force = joints["force"][ground].sum(axis=0)
+    assert force == pytest.approx([-0.3 * weight, weight], rel=1e-6)
+    normal = joints["pressure"] * joints["length"]
+    assert np.sum(joints["force"] * joints["normal"], axis=1) == pytest.approx(normal)
+    assert repr(joints).startswith("<joints: position, normal")
+    with pytest.raises(KeyError, match="no 'presure' of joints; there is position, normal"):
+        joints["presure"]
+    with pytest.raises(ValueError, match="read-only"):
+        joints["length"][0] = 1.0
+    assert whole.length.flags.writeable
+
+
+def test_blocks_by_name(result):
+    blocks = result.blocks
+    bricks = [0.4 * 0.2] * 2 + [0.2 * 0.2] * 2
+    assert len(blocks["area"]) == len(blocks["centre"])
+    assert blocks["area"].sum() == pytest.approx(result.discretization.bodies_area(), rel=1e-12)
+    assert blocks["area"].max() == pytest.approx(max(bricks), rel=1e-9)
+    assert blocks["dead_load"][:, 1] == pytest.approx(-9.81 * 2000.0 * blocks["area"], rel=1e-9)
+    # All slide as one; the live load does work 1.
+    speed = 1.0 / blocks["live_load"][:, 0].sum()
+    assert blocks["mode"] == pytest.approx(
+        np.tile([speed, 0.0], (len(blocks["area"]), 1)), abs=1e-12
+    )
+    assert blocks["mode_rotation"] == pytest.approx(0.0, abs=1e-10)
+    assert {"displacement", "rotation"} < set(blocks)
+
+
+@pytest.mark.mpi
+def test_arrays_are_the_same_on_all_ranks():
+    found = limit_load(sliding_wall())
+    for arrays in (found.joints, found.blocks):
+        for name in arrays:
+            parts = found.scene.comm.allgather(arrays[name])
+            assert all(np.array_equal(part, parts[0]) for part in parts), name
+    turned = found.blocks["centre"] - found.blocks["centre"].mean(axis=0)
+    motion = found.discretization.rigid_motion(
+        np.column_stack([0.0 * turned, np.full(len(turned), 0.5)])
+    )
+    assert found.discretization.block_motions(motion)[:, 2] == pytest.approx(0.5)
+
+
+def test_pictures_return_their_axes(result):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("agg")
+    axes = pyplot.subplots()[1]
+    assert result.plot(axes) is axes
+    assert result.plot_forces().get_title().startswith("joint forces")
+    single = limit_load(sliding_wall(capacity=3))
+    assert single.capacity == () and len(single.plot_capacity().lines[0].get_xdata()) == 3
+    assert single.trace_capacity(points=2) == single.capacity and len(single.capacity) == 2
+    assert result._repr_png_().startswith(b"\x89PNG")
+    pyplot.close("all")
+
+
+def test_nothing_to_draw_without_a_collapse():
+    uplift = replace(sliding_wall(), live=Load((0.0, -9.81)))
+    found = limit_load(uplift)
+    assert (found.status, found._repr_png_()) == ("unbounded", None)
+    with pytest.raises(SolverError, match="no collapse to draw: the status is 'unbounded'"):
+        found.plot()
+
+
+def test_progress_is_printed_where_it_is_asked_for(capsys):
+    limit_load(sliding_wall())
+    assert capsys.readouterr().out == ""
+    limit_load(sliding_wall(), progress=True)
+    assert "positive: iteration   1  load factor 0.3" in capsys.readouterr().out
 
 
 def test_libraries_are_imported_where_they_are_used(tmp_path):

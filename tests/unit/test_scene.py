@@ -38,6 +38,10 @@ def mesh() -> BlockMesh:
         *((lambda x=x: Material(x, 0.2), "young = ") for x in (0.0, -1.0, NAN, INF)),
         *((lambda x=x: Material(1e9, x), "poisson = ") for x in (0.5, -1.0, NAN)),
         *((lambda x=x: Material(1e9, 0.2, x), "density = ") for x in (-1.0, NAN)),
+        *((lambda x=x: Material(1e9, 0.2, 0.0, x), "compressive_strength = .* must be a positive")
+          for x in (0.0, -1.0, NAN)),
+        (lambda: Material(1e9, 0.2, 0.0, INF), "compressive_strength = inf must be finite"),
+        (lambda: JointLaw("frictionless", compressive_strength=-1.0), "strength = -1.0 must be"),
         (lambda: JointLaw("sticky"), "law = 'sticky' must be one of coulomb, tresca, frictionless"),
         (lambda: JointLaw("coulomb"), "law 'coulomb' needs friction"),
         (lambda: JointLaw("tresca"), "law 'tresca' needs bound"),

@@ -1,0 +1,215 @@
+"""From a drawing to a load factor: gmsh models as users draw them, and DXF files."""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fenics_contact.mesh import gmsh_session
+from tests.drawing import rectangle
+from tests.system.program import changed, files, result, run, run_here, toml
+
+ezdxf = pytest.importorskip("ezdxf")
+
+
+def write_fragments(path: Path, *boxes: tuple[float, float, float, float]) -> None:
+    """Draw rectangles (x, y, length, height) as gmsh surfaces that share curves; "base", "bed"."""
+    with gmsh_session(MeshSizeMax=0.25) as gmsh:
+        gmsh.model.add("fragments")
+        occ = gmsh.model.occ
+        occ.fragment([(2, occ.addRectangle(x, y, 0, a, b)) for x, y, a, b in boxes], [])
+        occ.synchronize()
+        surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, surfaces), "blocks")
+        for name, level in (("base", 0.0), ("bed", 0.5)):
+            strip = (-1.0, level - 0.01, -1.0, 10.0, level + 0.01, 1.0)
+            curves = [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*strip, dim=1)]
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, curves), name)
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+        gmsh.model.remove()
+
+
+#: Two blocks of 1 m x 0.5 m under a long one; the bed joint between them is the weakest.
+TABLE = ((0, 0, 1, 0.5), (1, 0, 1, 0.5), (0, 0.5, 2, 0.5))
+WEAK_BED = {"joints.bed": {"friction": 0.2}, "foundations.base.friction": 0.6}
+
+
+@pytest.mark.parametrize(
+    ("blocks", "code", "load_factor"), [("surfaces", 0, 0.2), ("connected", 2, None)]
+)
+def test_fragments_slide_on_the_joint_between_them(blocks, code, load_factor, folder, capsys):
+    write_fragments(folder / "block.msh", *TABLE)
+    scene = {**WEAK_BED, "mesh.blocks": blocks}
+    (folder / "scene.toml").write_text(toml(changed(scene)))
+    found = run_here(["solve", folder / "scene.toml", "-o", folder / "out"], capsys)
+    assert found.code == code, found.err
+    if load_factor:
+        assert result(folder / "out")["load_factor"] == pytest.approx(load_factor, rel=1e-6)
+    else:
+        assert "group 'bed'" in found.err and 'mesh.blocks = "surfaces"' in found.err
+
+
+# ---- DXF
+
+SQUARE = rectangle(0, 0, 1000, 1000)
+#: The blocks of `TABLE` in mm, with their bed joint and the ground as lines.
+TABLE_MM = [(1000.0 * np.array(rectangle(x, y, x + a, y + b)), "stone") for x, y, a, b in TABLE]
+
+
+def write_dxf(path: Path, blocks, lines=(), unit: int = 4, **options) -> Path:
+    """Write closed polylines (corners, layer) and lines (start, end, layer)."""
+    document = ezdxf.new()
+    document.units = unit
+    space = document.modelspace()
+    for corners, layer in blocks:
+        space.add_lwpolyline(corners, dxfattribs={"layer": layer}, **{"close": True, **options})
+    for start, end, layer in lines:
+        space.add_line(start, end, dxfattribs={"layer": layer})
+    document.saveas(path)
+    return path
+
+
+def test_from_a_dxf_drawing_to_a_load_factor(folder, capsys):
+    lines = [((0, 0), (2000, 0), "base"), ((0, 500), (2000, 500), "bed"), ((0, 9), (5, 9), "axis")]
+    write_dxf(folder / "table.dxf", TABLE_MM, lines)
+    found = run_here(["mesh", "table.dxf", "-o", "block.msh", "--size", "0.25"], capsys)
+    assert (found.code, found.err) == (0, "")
+    for text in ("3 blocks, 2 m x 1 m", "stone 3", "base 2 m, bed 4 m", "layer 'axis'", "next: "):
+        assert text in found.out
+    assert files(folder) == {"table.dxf", "block.msh"}
+    (folder / "scene.toml").write_text(toml(changed(WEAK_BED)))
+    found = run_here(["solve", "scene.toml", "-o", "out"], capsys)
+    assert found.code == 0, found.err
+    assert result(folder / "out")["load_factor"] == pytest.approx(0.2, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "arguments", "width"),
+    [(4, [], "1 m"), (6, [], "1000 m"), (1, [], "25.4 m"), (0, ["--unit", "cm"], "10 m")],
+)
+def test_unit_of_the_drawing(unit, arguments, width, folder, capsys):
+    write_dxf(folder / "block.dxf", [(SQUARE, "stone")], unit=unit)
+    found = run_here(["mesh", "block.dxf", *arguments], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert f"1 blocks, {width} x {width}" in found.out
+    assert 'the group "base" is the lowest level' in found.out
+    assert files(folder) == {"block.dxf", "block.msh"}
+
+
+BOW_TIE = [(0, 0), (1000, 1000), (1000, 0), (0, 1500)]
+BAD_DRAWINGS = {
+    "no blocks": ([], [((0, 0), (1, 0), "base")], ("no closed polyline", "1 lines")),
+    "crossing": ([(BOW_TIE, "stone")], [], ("layer 'stone'", "crosses itself at (600, 600)")),
+    "no area": ([([(0, 0), (1, 1), (2, 2)], "flat")], [], ("layer 'flat'", "no area")),
+    "twice": ([(SQUARE, "a"), (SQUARE, "b")], [], ("blocks overlap at",)),
+    "inside": ([(SQUARE, "a"), (rectangle(300, 300, 600, 600), "b")], [], ("blocks overlap at",)),
+    "overlap": ([(SQUARE, "a"), (rectangle(900, 0, 2000, 1000), "a")], [], ("blocks overlap at",)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_DRAWINGS)
+def test_bad_drawing(name, folder, capsys):
+    blocks, lines, names = BAD_DRAWINGS[name]
+    write_dxf(folder / "bad.dxf", blocks, lines)
+    refused(["mesh", "bad.dxf", "-o", "wall.msh"], ("bad.dxf", *names), folder, capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        (["nowhere.dxf"], ("nowhere.dxf", "does not exist")),
+        (["text.dxf"], ("text.dxf", "save the drawing as DXF")),
+        (["short.dxf"], ("short.dxf", "save the drawing as DXF")),
+        (["unitless.dxf"], ("unitless.dxf", "--unit mm")),
+        (["good.dxf", "--size", "0"], ("size = 0",)),
+        (["good.dxf", "--size", "nan"], ("size = nan",)),
+        (["good.dxf", "--size", "1e-6"], ("cells", "--size")),
+        (["good.dxf", "-o", "wall.vtk"], ("wall.vtk", ".msh")),
+        (["good.dxf", "-o", "nowhere/wall.msh"], ("nowhere/wall.msh", "No such file")),
+        (["good.dxf", "-o", "folder.msh"], ("folder.msh", "folder")),
+    ],
+)
+def test_bad_arguments(arguments, names, folder, capsys):
+    good = write_dxf(folder / "good.dxf", [(SQUARE, "stone")])
+    write_dxf(folder / "unitless.dxf", [(SQUARE, "stone")], unit=0)
+    (folder / "text.dxf").write_text("closed polyline")
+    (folder / "short.dxf").write_bytes(good.read_bytes()[:3000])
+    (folder / "folder.msh").mkdir()
+    refused(["mesh", *arguments], names, folder, capsys)
+
+
+def refused(arguments, names, folder, capsys) -> None:
+    """Exit code 2, one message that says what is wrong, nothing written."""
+    before = files(folder)
+    found = run_here(arguments, capsys)
+    assert (found.code, found.out) == (2, ""), found.err
+    assert found.err.count("\n") == 1
+    for name in names:
+        assert name in found.err
+    assert files(folder) == before
+
+
+def test_missing_ezdxf_is_said(folder, capsys, monkeypatch):
+    write_dxf(folder / "good.dxf", [(SQUARE, "stone")])
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    refused(["mesh", "good.dxf"], ("python3-ezdxf", "pip install ezdxf"), folder, capsys)
+
+
+def test_gaps_between_blocks_are_warned_of(folder, capsys):
+    write_dxf(folder / "gap.dxf", [(SQUARE, "a"), (rectangle(1000.2, 0, 2000, 1000), "a")])
+    found = run_here(["mesh", "gap.dxf"], capsys)
+    assert found.code == 0
+    assert "warning: 4 corners lie beside another block" in found.out and "0.0002 m" in found.out
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
+    write_dxf(tmp_path / "block.dxf", [(SQUARE, "stone")])
+    found = run(["mesh", "block.dxf", "-q"], tmp_path, ranks)
+    assert (found.code, found.out) == (0, ""), found.err
+    assert files(tmp_path) == {"block.dxf", "block.msh"}
+    found = run(["mesh", "nowhere.dxf"], tmp_path, ranks)
+    assert found.code == 2
+    assert found.err.count("fenics-contact: ") == 1
+
+
+# ---- the same facade, drawn in both ways
+
+
+def facade_boxes() -> list[tuple[float, float, float, float]]:
+    """Rectangles (x, y, length, height) of a facade of two storeys with six windows, m."""
+    boxes = []
+    for y in (0.0, 3.0):
+        boxes += [(x, y, 3.5, 1.0) for x in (0.0, 3.5)]
+        boxes += [(2.0 * k, y + 1.0, 1.0, 1.25) for k in range(4)]
+        ends = [0.0, 0.75, 2.25, 2.75, 4.25, 4.75, 6.25, 7.0]  # lintels and what is between them
+        boxes += [(a, y + 2.25, b - a, 0.25) for a, b in pairwise(ends)]
+        boxes += [(x, y + 2.5, 3.5, 0.5) for x in (0.0, 3.5)]
+    return boxes
+
+
+@pytest.mark.slow
+def test_facade_with_six_windows_by_gmsh_and_by_dxf(folder, capsys):
+    write_fragments(folder / "block.msh", *facade_boxes())
+    blocks = [(1e3 * np.array(rectangle(x, y, x + a, y + b)), "a") for x, y, a, b in facade_boxes()]
+    write_dxf(folder / "facade.dxf", blocks, [((0, 0), (7000, 0), "base")])
+    assert run_here(["mesh", "facade.dxf", "-o", "facade.msh", "--size", "0.25"], capsys).code == 0
+    rough = {"joints.default.friction": 0.9, "foundations.base.friction": 0.9}
+    by_gmsh = {**rough, "mesh.blocks": "surfaces"}
+    results = []
+    for name, changes in (("gmsh", by_gmsh), ("dxf", {**rough, "mesh.file": "facade.msh"})):
+        (folder / f"{name}.toml").write_text(toml(changed(changes)))
+        found = run_here(["solve", f"{name}.toml", "-o", name], capsys)
+        assert found.code == 0, found.err
+        assert "30 blocks" in found.out
+        results.append(result(folder / name))
+    one, other = results
+    assert one["bounds"] == pytest.approx(other["bounds"], rel=1e-9)
+    assert one["load_factor"] == pytest.approx(other["load_factor"], rel=1e-3)  # other triangles
+    limits = [found["discretization"]["load_factor_point_hinges"] for found in results]
+    assert limits[0] == pytest.approx(limits[1], rel=1e-5)

@@ -1,0 +1,23 @@
+"""Mechanisms whose load factor statics alone give."""
+
+from __future__ import annotations
+
+import pytest
+
+from fenics_contact import limit_load
+from fenics_contact.analysis.determinate import is_determinate
+from tests.bank import BANK
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        *((name, True) for name in ("block 0.2", "block 0.7", "arch 15 0.15", "wedge 0.3")),
+        *((name, True) for name in ("4x5 coulomb 0.4", "stack of 5 0.7", "trilith 0.1")),
+        *((name, False) for name in ("W3 coulomb 0.65", "W4 coulomb 0.65")),
+    ],
+)
+def test_determinate_mechanisms(name, expected):
+    result = limit_load(BANK[name].scene(error=False))
+    whole = result.discretization
+    assert is_determinate(whole.joints, result.positive.joints, whole.bodies) is expected
