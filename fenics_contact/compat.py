@@ -70,7 +70,8 @@ def create_mesh_in_place(
     `cells` count the points of all ranks, shape (cells, 3); `points` are coordinates, shape
     (points, 2).
     """
-    partitioner = _staying if _with_ghost_mode() else _given_partition(_stay(comm, len(cells)))
+    stay = _given_partition(np.full(len(cells), comm.rank, dtype=np.int32))
+    partitioner = _staying if _with_ghost_mode() else stay
     return _created(comm, "triangle", cells, points, partitioner)
 
 
@@ -118,10 +119,6 @@ def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
     return partitioner
 
 
-def _stay(comm: MPI.Comm, cells: int) -> npt.NDArray[np.int32]:
-    return np.full(cells, comm.rank, dtype=np.int32)
-
-
 def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:
     """Every cell to its own rank, and to those of its neighbours, as dolfinx 0.5 wants it.
 
@@ -135,7 +132,7 @@ def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> A
     away = rank != comm.rank
     ghosts = np.unique(cell[away] * size + rank[away])
     order = np.argsort(np.append(np.arange(count), ghosts // size), kind="stable")
-    ranks = np.append(_stay(comm, count), ghosts % size)[order].astype(np.int32)
+    ranks = np.append(np.full(count, comm.rank), ghosts % size)[order].astype(np.int32)
     offsets = np.append(0, np.cumsum(1 + np.bincount(ghosts // size, minlength=count)))
     return cpp.graph.AdjacencyList_int32(ranks, offsets.astype(np.int32))
 
@@ -210,21 +207,13 @@ def add_ghosts(vector: Any) -> None:
     vector.scatter_reverse(modes.add)
 
 
-def with_ghosts(index_map: Any, owned: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Whole numbers of owned entities followed by those of ghosts."""
+def summed(index_map: Any, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Sums over ranks of values by entity; those at ghosts may be left out."""
     vector = la.vector(index_map, 1)
-    vector.array[: len(owned)] = owned
-    vector.scatter_forward()
-    return np.rint(vector.array).astype(np.int64)
-
-
-def summed(index_map: Any, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Sums over ranks of values by entity, ghosts among them, shape (entities, columns)."""
-    vector = la.vector(index_map, values.shape[1])
-    vector.array[:] = values.ravel()
+    vector.array[: len(values)] = values
     add_ghosts(vector)
     vector.scatter_forward()
-    return np.array(vector.array).reshape(values.shape)
+    return np.array(vector.array)
 
 
 def interpolation_points(space: Any) -> Any:

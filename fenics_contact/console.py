@@ -113,6 +113,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    lines += map(_pass_line, result.passes)
     if result.inaccurate:
         lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
@@ -146,16 +147,15 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_mesh_lines(end),
-        *map(_pass_line, end.passes),
     ]
 
 
 def _pass_line(one: Pass) -> str:
-    """A solve on the way to the accuracy wished."""
-    hinges = {"mesh": "", "points": ", point hinges", "strength": ", hinges by strength"}
+    """What was found on the way to the accuracy wished."""
+    hinges = ", point hinges" if one.hinges == "points" else ""
     estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
     return (
-        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges[one.hinges]}:"
+        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
         f" load factor {one.load_factor:.6g}, error {estimate}"
     )
 

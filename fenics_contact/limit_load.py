@@ -12,15 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
 from dolfinx import fem
 
-from fenics_contact.analysis.accuracy import (
-    cells_to_refine,
-    finer_scene,
-    reached,
-    with_passes,
-)
+from fenics_contact.analysis.accuracy import to_accuracy
 from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.hinges import with_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
@@ -35,7 +29,7 @@ from fenics_contact.analysis.work_control import find_collapse, find_lowest
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import SolverError
-from fenics_contact.mesh import Array, Flags
+from fenics_contact.mesh import Array
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.plotting import (
@@ -224,53 +218,21 @@ def limit_load(
     with Discretization(scene) as discretization:
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
-        result, cells = _on_mesh(discretization, monitor or _Silent(), None)
+        result = limit_load_of(discretization, monitor)
     if scene.solve.accuracy is not None and result.status == "limit":
-        result = _accurate(result, cells, monitor or _Silent())
+        result = to_accuracy(result, partial(_on_another_mesh, monitor))
     result.seconds["total"] = time.perf_counter() - start
     return result
 
 
-def _accurate(result: LimitLoad, cells: Flags | None, monitor: Monitor) -> LimitLoad:
-    """The limit load on finer meshes than that of a result, as accurate as its scene wishes."""
-    meshes = 1
-    while not reached(result.ends.values(), result.scene):
-        size = result.discretization.size
-        finer = finer_scene(result.scene, size, meshes, cells)
-        if isinstance(finer, str):
-            result.inaccurate = finer
-            break
-        with Discretization(finer) as discretization:
-            new, cells = _on_mesh(discretization, monitor, result)
-        meshes += 1
-        new.add_costs(result)
-        if new.status != "limit":
-            result.inaccurate = f"no limit load was found on mesh {meshes}"
-            break
-        result = new
-    if result.inaccurate and result.scene.comm.rank == 0:
-        _log.warning("warning: the accuracy wished is not reached: %s", result.inaccurate)
-    return result
+def _on_another_mesh(monitor: Monitor | None, scene: Scene) -> LimitLoad:
+    with Discretization(scene) as discretization:
+        return limit_load_of(discretization, monitor)
 
 
 def limit_load_of(discretization: Discretization, monitor: Monitor | None = None) -> LimitLoad:
-    """The limit load of a discretised scene on its mesh, see `limit_load`."""
-    result, _ = _on_mesh(discretization, monitor or _Silent(), None)
-    scene = discretization.scene
-    wished = scene.solve.accuracy is not None and result.status == "limit"
-    if wished and not reached(result.ends.values(), scene):
-        result.inaccurate = "no other mesh is tried here"
-    return result
-
-
-def _on_mesh(
-    discretization: Discretization, monitor: Monitor, before: LimitLoad | None
-) -> tuple[LimitLoad, Flags | None]:
-    """The limit load of a discretised scene, and cells to refine for the accuracy it wishes.
-
-    What was found on a coarser mesh is `before`.
-    """
-    began, scene = time.perf_counter(), discretization.scene
+    """The limit load of a discretised scene; see `limit_load`."""
+    scene, monitor = discretization.scene, monitor or _Silent()
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
@@ -278,7 +240,7 @@ def _on_mesh(
     fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
-        return _result(discretization, {}, seconds, fall), None
+        return _result(discretization, {}, seconds, fall)
     kind = strategy_of(scene).kind
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
@@ -299,20 +261,7 @@ def _on_mesh(
         found |= {name: _with_mesh_error(cases[name], found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
-    if scene.solve.accuracy is None:
-        return _result(discretization, ends, seconds), None
-    spent = discretization.seconds + time.perf_counter() - began
-    earlier = {} if before is None else {name: end.passes for name, end in before.ends.items()}
-    size = discretization.size
-    ends = {
-        name: with_passes(end, earlier.get(name, ()), scene, size, spent)
-        for name, end in ends.items()
-    }
-    result, cells = _result(discretization, ends, seconds), None
-    if scene.degree == 2 and result.status == "limit" and not reached(ends.values(), scene):
-        marked = [cells_to_refine(cases[name], found[name]) for name in asked]
-        cells = np.any(marked, axis=0)
-    return result, cells
+    return _result(discretization, ends, seconds)
 
 
 def _collapse(case: LoadCase) -> Collapse:
@@ -337,7 +286,7 @@ def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:
     tolerance = scene.solve.tolerance
     if case.problem.dot(case.problem.live, end.mode) < 0.0:  # the dead load does the work
         found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
-        return replace(end, mesh_error=found.mesh_error, other_hinges=found.other_hinges)
+        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
     return with_mesh_error(case, end, tolerance)
 
 

@@ -20,7 +20,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.mesh import Array, BlockMesh, Flags, Indices
 
-#: Facets coincide when their middles agree to this fraction of their length.
+#: Facets coincide when their middles and lengths agree to this fraction of their length.
 COINCIDING = 1e-4
 #: Sides are equally long up to this, relative; the first one is then the longest.
 EQUALLY_LONG = 1e-9
@@ -47,153 +47,113 @@ def refine(mesh: BlockMesh, cells: Flags) -> BlockMesh:
         mesh, parent = _triangles(mesh)
         cells = cells[parent]
     table = _Sides.of(mesh)
-    cut = _closed(table, mesh.comm, cells)
-    nodes, middles, points = _numbered(table, cut)
-    turned = (table.longest[:, None] + np.arange(3)) % 3  # of corners and of the sides opposite
-    sides = np.take_along_axis(table.of_cell, turned, axis=1)
-    corners = nodes[np.take_along_axis(table.corners, turned, axis=1)]
-    numbers, state = np.hstack([corners, middles[sides]]), cut[sides]
+    cut = _closed(table, cells)
+    index_map = mesh.domain.topology.index_map(1)
+    mine = np.flatnonzero(cut[: index_map.size_local])
+    nodes, points, first = _node_numbers(mesh.domain, len(mine))
+    numbers = np.zeros(index_map.size_local)
+    numbers[mine] = first + np.arange(len(mine))
+    middles = np.where(cut, compat.summed(index_map, numbers).astype(np.int64), -1)
+    points = np.concatenate([points, table.points[mine].mean(axis=1)])
+    around, state = np.hstack([nodes[table.corners], middles[table.of_cell]]), cut[table.of_cell]
     children, parents = [], []
     for key, pattern in CHILDREN.items():
         rows = np.flatnonzero(np.all(state == key, axis=1))
-        children.append(numbers[rows][:, pattern].reshape(-1, 3))
+        children.append(around[rows][:, pattern].reshape(-1, 3))
         parents.append(np.repeat(rows, len(pattern)))
-    parent = np.concatenate(parents)
-    order = np.argsort(parent, kind="stable")
-    made, _ = _remade(mesh, np.concatenate(children)[order], points, parent[order])
-    inputs = np.asarray(mesh.domain.geometry.input_global_indices)[table.ends]
-    return _with_facets(made, inputs, nodes[table.ends], middles)
+    made, _ = _remade(mesh, np.concatenate(children), points, np.concatenate(parents))
+    return _with_facets(made, mesh, table.ends, nodes, middles)
 
 
 @dataclass(frozen=True)
 class _Sides:
-    """Sides of this rank's triangles; nodes and sides are local numbers, side i is opposite to i.
+    """Sides of this rank's triangles; nodes and sides are local numbers.
 
     Attributes:
         domain: dolfinx mesh.
-        corners: Nodes of every cell, shape (cells, 3).
-        of_cell: Sides of every cell, shape (cells, 3).
-        longest: Which of them is the longest, shape (cells,).
+        corners: Nodes of every cell, that opposite to its longest side first, shape (cells, 3).
+        of_cell: Sides of every cell, each opposite to its corner, shape (cells, 3).
         ends: Nodes at the ends of every side, shape (sides, 2).
-        exterior: Sides at the blocks' boundaries.
     """
 
     domain: Any
     corners: Indices
     of_cell: Indices
-    longest: Indices
     ends: Indices
-    exterior: Indices
 
     @classmethod
     def of(cls, mesh: BlockMesh) -> _Sides:
         """Those of a mesh of triangles."""
         topology = mesh.domain.topology
-        corners = compat.geometry_dofs(mesh.domain).astype(np.int64)
         for dims in ((2, 1), (1, 2)):
             topology.create_connectivity(*dims)
+        corners = compat.geometry_dofs(mesh.domain).astype(np.int64)
         of_cell = topology.connectivity(2, 1).array.reshape(-1, 3)
-        pairs = corners[:, [[1, 2], [2, 0], [0, 1]]]
+        points = mesh.domain.geometry.x[corners]
+        length = np.linalg.norm(points[:, [2, 0, 1]] - points[:, [1, 2, 0]], axis=2)
+        far = length >= (1.0 - EQUALLY_LONG) * length.max(axis=1, keepdims=True, initial=0.0)
+        turned = (np.argmax(far, axis=1)[:, None] + np.arange(3)) % 3
+        corners, of_cell = (np.take_along_axis(old, turned, axis=1) for old in (corners, of_cell))
         index_map = topology.index_map(1)
         ends = np.zeros((index_map.size_local + index_map.num_ghosts, 2), dtype=np.int64)
-        ends[of_cell] = pairs
-        along = np.diff(mesh.domain.geometry.x[pairs], axis=2)
-        length = np.linalg.norm(along, axis=(2, 3))
-        far = length >= (1.0 - EQUALLY_LONG) * length.max(axis=1, keepdims=True, initial=0.0)
-        exterior = np.asarray(exterior_facet_indices(topology), dtype=np.int64)
-        return cls(mesh.domain, corners, of_cell, np.argmax(far, axis=1), ends, exterior)
+        ends[of_cell] = corners[:, [[1, 2], [2, 0], [0, 1]]]
+        return cls(mesh.domain, corners, of_cell, ends)
 
-    def end_points(self, sides: Indices) -> Array:
-        """Coordinates of the ends of sides, shape (sides, 2, 2), m."""
-        return np.asarray(self.domain.geometry.x[self.ends[sides], :2])
+    @property
+    def points(self) -> Array:
+        """Coordinates of the ends, shape (sides, 2, 2), m."""
+        return np.asarray(self.domain.geometry.x[self.ends, :2])
 
 
-def _closed(table: _Sides, comm: MPI.Comm, cells: Flags) -> Flags:
+def _closed(table: _Sides, cells: Flags) -> Flags:
     """Sides to cut: all of the marked cells, and those that follow, shape (sides,)."""
-    sides = np.arange(len(table.of_cell))
-    longest = table.of_cell[sides, table.longest]
-    partners = _Partners.of(table, comm)
-    index_map = table.domain.topology.index_map(1)
+    comm, topology = table.domain.comm, table.domain.topology
+    exterior = np.asarray(exterior_facet_indices(topology), dtype=np.int64)
+    opposite, mine = _opposite(table.points[exterior], comm)
+    on_boundaries = np.zeros(len(opposite), dtype=bool)
     cut = np.zeros(len(table.ends), dtype=bool)
     cut[table.of_cell[cells]] = True
     while True:
         before = cut.copy()
-        cut[longest[cut[table.of_cell].any(axis=1)]] = True
-        cut = compat.summed(index_map, cut[:, None].astype(float))[:, 0] > 0.0
-        partners.join(cut, table.exterior)
+        cut[table.of_cell[cut[table.of_cell].any(axis=1), 0]] = True
+        cut = compat.summed(topology.index_map(1), cut) > 0.0
+        on_boundaries[mine] = cut[exterior]
+        comm.Allreduce(MPI.IN_PLACE, on_boundaries, MPI.LOR)
+        cut[exterior] |= on_boundaries[opposite[mine]]
         if not comm.allreduce(bool(np.any(cut != before)), MPI.LOR):
             return cut
 
 
-@dataclass(frozen=True)
-class _Partners:
-    """Sides at boundaries, of all ranks in a row, that coincide.
+def _opposite(ends: Array, comm: MPI.Comm) -> tuple[Indices, slice]:
+    """For every side at boundaries, all ranks in a row, that which coincides with it, or itself.
 
-    Attributes:
-        comm: All ranks.
-        first: Number of this rank's first one.
-        partner: That opposite to each, or itself, shape (sides of all ranks,).
+    And which are this rank's, with these ends.
     """
+    from scipy.spatial import cKDTree
 
-    comm: MPI.Comm
-    first: int
-    partner: Indices
-
-    @classmethod
-    def of(cls, table: _Sides, comm: MPI.Comm) -> _Partners:
-        """Those that coincide with another one."""
-        from scipy.spatial import cKDTree
-
-        ends = table.end_points(table.exterior)
-        parts = comm.allgather(ends)
-        ends = np.concatenate(parts)
-        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        middle, near = ends.mean(axis=1), COINCIDING * length
-        pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
-        one, other = pairs.T
-        distance = np.linalg.norm(middle[one] - middle[other], axis=1)
-        unlike = np.abs(length[one] - length[other])
-        close = np.maximum(distance, unlike) <= np.minimum(near[one], near[other])
-        partner = np.arange(len(length))
-        partner[one[close]], partner[other[close]] = other[close], one[close]
-        return cls(comm, sum(map(len, parts[: comm.rank])), partner)
-
-    def join(self, cut: Flags, exterior: Indices) -> None:
-        """Mark, in `cut`, the sides of this rank that are cut on the other side of a joint."""
-        everywhere = np.zeros(len(self.partner), dtype=bool)
-        mine = slice(self.first, self.first + len(exterior))
-        everywhere[mine] = cut[exterior]
-        self.comm.Allreduce(MPI.IN_PLACE, everywhere, MPI.LOR)
-        cut[exterior] |= everywhere[self.partner[mine]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    parts = comm.allgather(np.column_stack([ends.mean(axis=1), length]))
+    sides = np.concatenate(parts)
+    near = COINCIDING * sides[:, 2]
+    one, other = cKDTree(sides).query_pairs(near.max(initial=0.0), output_type="ndarray").T
+    apart = np.linalg.norm(sides[one] - sides[other], axis=1)
+    close = apart <= np.minimum(near[one], near[other])
+    opposite = np.arange(len(sides))
+    opposite[one[close]], opposite[other[close]] = other[close], one[close]
+    first = sum(map(len, parts[: comm.rank]))
+    return opposite, slice(first, first + len(length))
 
 
-def _numbered(table: _Sides, cut: Flags) -> tuple[Indices, Indices, Array]:
-    """New numbers of nodes and of middles of sides (-1: none), and this rank's new points."""
-    index_map = table.domain.topology.index_map(1)
-    mine = np.flatnonzero(cut[: index_map.size_local])
-    nodes, points = _node_numbers(table.domain, len(mine))
-    numbers = np.full(index_map.size_local, -1)
-    first = _before(table.domain.comm, len(points) + len(mine)) + len(points)
-    numbers[mine] = first + np.arange(len(mine))
-    points = np.concatenate([points, table.end_points(mine).mean(axis=1)])
-    return nodes, compat.with_ghosts(index_map, numbers), points
-
-
-def _node_numbers(domain: Any, more: int) -> tuple[Indices, Array]:
-    """New numbers of this rank's nodes, and coordinates of those it owns, shape (nodes, 2).
+def _node_numbers(domain: Any, more: int) -> tuple[Indices, Array, int]:
+    """New numbers of this rank's nodes, coordinates of those it owns, and the number after them.
 
     Numbers count the points of all ranks: of each its nodes, then so many more.
     """
     index_map = domain.geometry.index_map()
     count = index_map.size_local
-    first = _before(domain.comm, count + more)
-    numbers = compat.with_ghosts(index_map, first + np.arange(count))
-    return numbers, domain.geometry.x[:count, :2]
-
-
-def _before(comm: MPI.Comm, count: int) -> int:
-    """Sum of the counts of the ranks before this one."""
-    return sum(comm.allgather(count)[: comm.rank])
+    first = sum(domain.comm.allgather(count + more)[: domain.comm.rank])
+    numbers = compat.summed(index_map, first + np.arange(count)).astype(np.int64)
+    return numbers, domain.geometry.x[:count, :2], first + count
 
 
 def _remade(
@@ -203,9 +163,8 @@ def _remade(
 
     Tagged facets are left as they are.
     """
-    comm = mesh.comm
-    domain = compat.create_mesh_in_place(comm, cells, points)
-    first = _before(comm, len(cells))
+    domain = compat.create_mesh_in_place(mesh.comm, cells, points)
+    first = sum(mesh.comm.allgather(len(cells))[: mesh.comm.rank])
     parent = parent[np.asarray(domain.topology.original_cell_index) - first]
     labels = {"body": mesh.body[parent], "cell_groups": mesh.cell_groups[parent]}
     return replace(mesh, domain=domain, **labels), parent
@@ -213,39 +172,35 @@ def _remade(
 
 def _triangles(mesh: BlockMesh) -> tuple[BlockMesh, Indices]:
     """Quadrilaterals cut along a diagonal, and the cell that each triangle came from."""
-    geometry, corners = mesh.domain.geometry, compat.geometry_dofs(mesh.domain)
-    nodes, points = _node_numbers(mesh.domain, 0)
+    corners = compat.geometry_dofs(mesh.domain).astype(np.int64)
+    nodes, points, _ = _node_numbers(mesh.domain, 0)
     # dolfinx numbers corners row by row, 0 1 / 2 3: both halves go round like the whole.
     halves = nodes[corners][:, [[0, 1, 3], [0, 3, 2]]].reshape(-1, 3)
     made, parent = _remade(mesh, halves, points, np.repeat(np.arange(len(corners)), 2))
     ends = corners[:, [[0, 1], [1, 3], [3, 2], [2, 0]]].reshape(-1, 2)
-    inputs = np.asarray(geometry.input_global_indices)[ends]
-    return _with_facets(made, inputs, nodes[ends], np.full(len(ends), -1)), parent
+    return _with_facets(made, mesh, ends, nodes, np.full(len(ends), -1)), parent
 
 
-def _with_facets(made: BlockMesh, inputs: Indices, ends: Indices, middles: Indices) -> BlockMesh:
-    """A mesh made of another one, with that one's tagged facets: what was cut as two.
+def _with_facets(
+    made: BlockMesh, mesh: BlockMesh, ends: Indices, nodes: Indices, middles: Indices
+) -> BlockMesh:
+    """A mesh made of another one with that one's tagged facets; what was cut is two facets.
 
     Args:
-        made: The mesh, with the facets of the other one.
-        inputs: Input nodes of the ends of this rank's sides in the other mesh, shape (sides, 2).
-        ends: Their input nodes in the new one, likewise.
-        middles: Input nodes at their middles in the new one; -1 where a side is not cut.
+        made: The new mesh.
+        mesh: The old one.
+        ends: Nodes at the ends of this rank's sides in the old one, shape (sides, 2).
+        nodes: New numbers of nodes.
+        middles: New numbers of the nodes at the middles of sides; -1 where a side is not cut.
     """
-    if not len(made.facets):
-        return made
-    stride = 1 + max(int(inputs.max(initial=0)), int(made.facets.max()))
-    tagged = made.facets[:, 0] * stride + made.facets[:, 1]
-    keys = inputs.min(axis=1) * stride + inputs.max(axis=1)
-    order = np.argsort(tagged)
-    where = np.minimum(np.searchsorted(tagged, keys, sorter=order), len(order) - 1)
-    row = order[where]
-    found = tagged[row] == keys
-    (one, other), middle, group = ends[found].T, middles[found], made.facet_groups[row[found]]
-    cut = middle >= 0
-    first = np.column_stack([one, np.where(cut, middle, other), group])
-    second = np.column_stack([middle, other, group])[cut]
-    rows = np.concatenate(made.comm.allgather(np.concatenate([first, second])))
-    rows[:, :2].sort(axis=1)
-    rows = np.unique(rows, axis=0)  # two ranks may have the same side
+    group = dict(zip(map(tuple, mesh.facets.tolist()), mesh.facet_groups.tolist(), strict=True))
+    inputs = np.asarray(mesh.domain.geometry.input_global_indices)[ends]
+    found = set()  # two ranks may have the same side
+    for pair, (one, other), middle in zip(
+        np.sort(inputs, axis=1).tolist(), nodes[ends].tolist(), middles.tolist(), strict=True
+    ):
+        if tuple(pair) in group:
+            parts = [(one, other)] if middle < 0 else [(one, middle), (middle, other)]
+            found |= {(min(part), max(part), group[tuple(pair)]) for part in parts}
+    rows = np.array(sorted(set().union(*made.comm.allgather(found))), dtype=np.int64).reshape(-1, 3)
     return replace(made, facets=rows[:, :2].copy(), facet_groups=rows[:, 2].astype(np.int32))

@@ -97,24 +97,9 @@ def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
     Raises:
         SolverError: If A is singular.
     """
-    linear = _at_state(kkt, state)
-    return linear.live_response / linear.flexibility
-
-
-def adjoint_mode(kkt: PerturbedKKT, state: State) -> Array:
-    """A^-T f_L: how nodal forces on the blocks change the load factor of a state, up to a factor.
-
-    With associative friction A is symmetric and this is the mode, a motion of rigid blocks.
-
-    Raises:
-        SolverError: If A is singular.
-    """
-    return _at_state(kkt, state).factor.solve_transposed(kkt.problem.live)
-
-
-def _at_state(kkt: PerturbedKKT, state: State) -> Linearization:
     near = kkt.on_central_path(state, OPTIONS.mu, COLD)
-    return Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
+    linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
+    return linear.live_response / linear.flexibility
 
 
 def _best_elastic_mode(

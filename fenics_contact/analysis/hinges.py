@@ -70,7 +70,7 @@ OPTIONS = ErrorOptions()
 
 
 def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
-    """A collapse with what its load factor owes to the mesh, and that with other hinges.
+    """A collapse with what its load factor owes to the mesh, and that with point hinges.
 
     Args:
         case: The load case.
@@ -87,16 +87,19 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     determinate = not case.problem.coulomb or is_determinate(joints, values, whole.bodies)
     if case.problem.comm.bcast(determinate):
         error = MeshError(length, end.load_factor, 0.0, 0.0)
-        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        return replace(end, mesh_error=error)
     before = whole.factorizations()
     way = _to_point_hinges(case, end, points, max(tolerance, OPTIONS.unchanged))
     if way is None:
         error = MeshError(length, math.nan, math.nan)
-        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        return replace(end, mesh_error=error)
     error = replace(_hinge_error(way, end), hinge_length=length)
     spent = whole.factorizations() - before
     error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
-    return _with_lengths(case, way, error, lengths)
+    error = _with_lengths(case, way, error, lengths)
+    return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
 
 
 def hinges(joints: Joints, values: JointValues) -> Indices:
@@ -224,37 +227,39 @@ def _with_algebraic_error(
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
 
 
-def _with_lengths(case: LoadCase, way: _Way, error: MeshError, lengths: ContactLengths) -> Collapse:
-    """The collapse with its error, and with hinges of the lengths that their strength leaves."""
+def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
+    """The last state of the way, with the error that is left; None where hinges change nothing."""
+    if len(way.states) == 1:
+        return None
+    found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
+    left = abs(error.load_factor_point_hinges - found.load_factor) / _size(way.states[0])
+    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
+
+
+def _with_lengths(
+    case: LoadCase, way: _Way, error: MeshError, lengths: ContactLengths
+) -> MeshError:
+    """With the load factor for hinges of the lengths that their compressive strength leaves."""
     end = way.states[0]
     if not lengths.given or end.joints is None:
-        soft = Softened(way.points[max(len(way.points) - 2, 0)], way.halvings[-1])
-        other = None if len(way.states) == 1 else on_mesh(case, way.states[-1], soft)
-        return replace(end, mesh_error=error, other_hinges=other)
+        return error
     if math.isnan(error.load_factor_point_hinges):
-        error = replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
-        return replace(end, mesh_error=error)
-    state, points, soft = end, way.points[0], Softened(way.points[0])
+        return replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
+    state, points = end, way.points[0]
     if len(way.states) > 1:
-        state, points, soft = _with_strength(case, way, lengths)
-    found = state is not end and math.isfinite(state.load_factor)
-    other = on_mesh(case, state, soft) if found else None
+        state, points = _with_strength(case, way, lengths)
     values = state.joints or end.joints
     length = lengths.by_strength(points, values.normal_force)
     factor = state.load_factor
     warnings = lengths.warnings(values, points)
-    error = replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
-    return replace(end, mesh_error=error, other_hinges=other)
+    return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
 
 
-def _with_strength(
-    case: LoadCase, way: _Way, lengths: ContactLengths
-) -> tuple[Collapse, Indices, Softened]:
-    """The collapse with lengths of hinges that its own forces give, its hinges, and theirs."""
+def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
+    """The collapse with lengths of hinges that its own forces give, and its hinges."""
     end, size = way.states[0], _size(way.states[0])
-    soft = Softened(way.points[0])
     if end.joints is None:
-        return end, way.points[0], soft
+        return end, way.points[0]
     halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
     # Start from the stiffest hinges that are not stiffer than most of them.
     start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
@@ -265,14 +270,14 @@ def _with_strength(
         new = collapse_next_to(case, state, soft)
         _log.info("  hinges by strength: load factor %.8g", new.load_factor)
         if new.status != "limit" or new.joints is None:
-            return replace(state, load_factor=math.nan), points, soft
+            return replace(state, load_factor=math.nan), points
         settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
         found = np.union1d(points, hinges(case.discretization.joints, new.joints))
         settled &= len(found) == len(points)
         state, points = new, found
         if settled:
             break
-    return state, points, soft
+    return state, points
 
 
 def _alike(one: Collapse, other: Collapse) -> bool:

@@ -56,18 +56,21 @@ class MeshError:
 
 @dataclass(frozen=True)
 class Pass:
-    """A solve on the way to the accuracy wished; nan: not known.
+    """A load factor on the way to the accuracy wished; nan: not known.
 
     Attributes:
+        direction: Of the live load, "positive" or "negative".
         displacements: Their number.
-        degree: Of the displacements.
-        hinges: Whose length: "mesh", "points", or "strength" (the compressive one).
+        degree: Their degree.
+        hinges: Of the length of the "mesh", or almost "points".
         load_factor: lambda.
         hinge_error: See `MeshError`.
-        algebraic_error: See `MeshError`; else the change from the pass before on another mesh.
-        seconds: Wall time.
+        algebraic_error: See `MeshError`; not less than the change from the mesh before,
+            nor than a quarter of the error there.
+        seconds: Wall time on this mesh.
     """
 
+    direction: str
     displacements: int
     degree: int
     hinges: str
@@ -78,5 +81,5 @@ class Pass:
 
     @property
     def estimate(self) -> float:
-        """Error estimate, relative; nan if a part of it is not known."""
+        """Sum of both errors, relative; nan if one is not known."""
         return self.hinge_error + self.algebraic_error

@@ -116,7 +116,7 @@ def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
     Those of the state found are of the joints' side of the hinges: beside a node with the
     compliance of many halvings they would give stresses that no block has.
     """
-    if end.state is None or not soft.most > 0.0:
+    if end.state is None:
         return end
     hinge_nodes, halvings = _nodes_of(case.discretization, soft)
     forces = case.problem.joint_forces(end.state.pressure, end.state.shear)

@@ -52,9 +52,8 @@ class Collapse:
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
         mesh_error: Estimate of the discretisation error; None if it was not made.
-        other_hinges: The collapse with point hinges, or with those of the compressive strength,
-            from the same mesh; None where they change nothing, or were not looked for.
-        passes: What was done for the accuracy wished; empty where none was.
+        at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
+            where that changes nothing, or was not looked for.
     """
 
     status: str
@@ -71,8 +70,7 @@ class Collapse:
     reason: str = ""
     wedging: Array | None = None
     mesh_error: MeshError | None = None
-    other_hinges: Collapse | None = None
-    passes: tuple[Pass, ...] = ()
+    at_point_hinges: Collapse | None = None
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -123,8 +121,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
-            other_hinges=self.other_hinges and self.other_hinges.reversed(),
-            passes=tuple(map(_negated, self.passes)),
+            at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 
@@ -161,7 +158,8 @@ class Result:
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
         capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
-        inaccurate: Why the accuracy wished was not reached, for people; empty where it was.
+        passes: What was found on the way to the accuracy wished.
+        inaccurate: Why that accuracy was not reached, for people; empty where it was.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -174,6 +172,7 @@ class Result:
     mode_factorizations: int = 0
     capacity: tuple[CapacityPoint, ...] = ()
     fall: Array | None = None
+    passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
 
     def add_costs(self, other: Result) -> None:

@@ -17,13 +17,21 @@ from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
+from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.joints import GROUND
-from fenics_contact.discretization.stresses import cell_stresses, displacement_function
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.folder import writing
 
 #: Largest displacement of a collapse mode in pictures and files, over the structure's size.
 AMPLITUDE = 0.08
+
+
+def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
+    """Displacement field in x and y, from this rank's part in the supports' coordinates."""
+    function = fem.Function(discretization.elasticity.space, name=name)
+    function.x.array[: len(values)] = discretization.cartesian(values).ravel()
+    function.x.scatter_forward()
+    return function
 
 
 def at_nodes(discretization: Discretization, values: Array, nodes: Indices) -> Array:
@@ -58,6 +66,20 @@ def mode_scale(discretization: Discretization, mode: Array) -> float:
     fastest = np.linalg.norm(at_nodes(discretization, mode, boundary.nodes), axis=2).max()
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     return AMPLITUDE * size / (float(fastest) or 1.0)
+
+
+def cell_stresses(discretization: Discretization, displacement: Array) -> Array:
+    """sigma_xx, sigma_yy, sigma_xy and von Mises stress in this rank's cells, Pa, shape (cells, 4).
+
+    At the centres of the cells. In plane strain, von Mises has the stress out of the plane,
+    nu (sigma_x + sigma_y).
+    """
+    scene, lame = discretization.scene, discretization.elasticity.lame
+    function = displacement_function(discretization, displacement, "displacement")
+    expression, space = stress_expression(function, lame, scene.plane)
+    together = fem.Function(space)
+    together.interpolate(expression)
+    return together.x.array.reshape(-1, 4)[compat.cell_dofs(space)[:, 0]]
 
 
 def principal_stresses(stress: Array) -> tuple[Array, Array]:

@@ -176,7 +176,7 @@ def result_record(result: Result) -> Record:
         "error_estimate": None,
         "residuals": None,
         "discretization": None,
-        "passes": [],
+        "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
     if collapse is not None:
@@ -248,7 +248,6 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
-    record["passes"] = [vars(one) | {"estimate": one.estimate} for one in collapse.passes]
     return record | {"iterations": _iteration_record(collapse)}
 
 
@@ -278,8 +277,8 @@ def _mesh_error_record(error: MeshError) -> Record:
 
 def _mesh_warnings(result: Result) -> list[str]:
     """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
-    errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
     missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
+    errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
     return missed + list(dict.fromkeys(text for error in errors for text in error.warnings))
 
 

@@ -272,14 +272,6 @@ class Factor:
         self._stiffness._solver.solve(b, x)
         return x.array_r.copy()
 
-    def solve_transposed(self, right: Array) -> Array:
-        """A^-T b, this rank's part."""
-        self._factor_matrix()
-        x, b = self._stiffness._vectors
-        b.array[:] = right
-        self._stiffness._solver.solveTranspose(b, x)
-        return x.array_r.copy()
-
     def solve_all(self, rights: Sequence[Array]) -> list[Array]:
         """A^-1 b for several b at once, which reads the factor only once."""
         if len(rights) == 1:
