@@ -24,6 +24,7 @@ from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.service_state import service_state
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse, find_lowest
 from fenics_contact.console import Progress, summary
@@ -236,7 +237,7 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
     blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
-    stands_frictionless = blocks.stands(friction=False)
+    stands_frictionless = blocks.frictionless.stands()
     fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
@@ -247,13 +248,14 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     start = time.perf_counter()
     direction = scene.solve.direction
     asked = tuple(SIGNS) if direction == "both" else (direction,)
-    # Where the dead load needs friction to stand, the range of load factors must reach to either
-    # side of zero, whichever end of it was asked for.
     cases = {
         name: LoadCase.of(discretization, bonded, SIGNS[name], kind, partial(monitor.step, name))
-        for name in (asked if stands_frictionless else SIGNS)
+        for name in SIGNS
     }
-    found = {name: _collapse(case) for name, case in cases.items()}
+    # Where no state under the dead load alone is known, the range of load factors must reach to
+    # either side of zero, whichever end of it was asked for.
+    enough = stands_frictionless or direction == "both" or _stands(cases[direction])
+    found = {name: _collapse(cases[name]) for name in (asked if enough else SIGNS)}
     found = reaching_zero(cases, found, asked)
     seconds["solve"] = time.perf_counter() - start
     if scene.solve.error:
@@ -262,6 +264,12 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
         seconds["error"] = time.perf_counter() - start
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
+
+
+def _stands(case: LoadCase) -> bool:
+    """Whether a state under the dead load alone was found, and verified."""
+    scene = case.discretization.scene
+    return service_state(case, strategy_of(scene), scene.solve, 0.0, 1).status == "equilibrium"
 
 
 def _collapse(case: LoadCase) -> Collapse:

@@ -75,7 +75,7 @@ class GmshMesh(TaggedMesh):
     cell_surfaces: Labels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BlockMesh(TaggedMesh):
     """A distributed mesh whose bodies (connected sets of cells) share no node.
 
@@ -93,6 +93,9 @@ class BlockMesh(TaggedMesh):
     body_count: int
     cell_groups: Labels
     joined: int
+
+    def __repr__(self) -> str:
+        return f"<BlockMesh: {self.body_count} blocks, from {self.source}>"
 
     @property
     def comm(self) -> MPI.Comm:

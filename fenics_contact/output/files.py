@@ -66,7 +66,7 @@ def write_result(result: Result, folder: Path) -> None:
         with writing(comm):
             if result.capacity and comm.rank == 0:
                 _write_capacity(result, hidden)
-        if result.capacity and options.paraview:
+        if result.capacity and options.paraview and options.capacity:
             write_series(hidden / "capacity.pvd", result.discretization, result.capacity)
         result.seconds["write"] = time.perf_counter() - start
         record = strict(result_record(result))

@@ -65,7 +65,7 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         where, names, label = _places(parameters[along])
     others = [p.keys[0] for k, p in enumerate(parameters) if k != along]
     for number, curve in enumerate(curves):
-        given = ", ".join(f"{_name(key)} = {value_text(curve[0].values[key])}" for key in others)
+        given = ", ".join(f"{_name(key)} = {_short(curve[0].values[key])}" for key in others)
         colour = BLUE if len(curves) == 1 else f"C{number}"
         _draw_curve(axes, where, curve, colour, given if len(curves) > 1 else ONE_CURVE)
     _mark_worst(axes, where, curves)
@@ -108,9 +108,15 @@ def _draw_curve(axes: Any, where: Array, curve: Sequence[Point], colour: str, la
             continue
         axes.plot(x, shown, "o-", color=colour, markersize=4, label=None if suffix else label)
         known = np.isfinite(lower) & np.isfinite(upper)
-        style = {"color": colour, "alpha": 0.12, "lw": 0}
-        shade = None if suffix or label != ONE_CURVE else "bracket"
-        axes.fill_between(x, lower, upper, where=known, label=shade, **style)
+        alone = label == ONE_CURVE and not suffix
+        if np.any(known):
+            style = {"color": colour, "alpha": 0.12, "lw": 0}
+            label_of_both = "bracket" if alone else None
+            axes.fill_between(x, lower, upper, where=known, label=label_of_both, **style)
+        for bound, name in ((lower, "at least"), (upper, "at most")):
+            shown = np.where(np.isfinite(bound) & ~known, bound, np.nan)
+            if np.any(np.isfinite(shown)):
+                axes.plot(x, shown, ":", color=colour, label=name if alone else None)
     for k in np.flatnonzero([not point.solved for point in curve]):
         axes.plot(where[k], 0.0, "x", color=VERMILLION)
     for k in np.flatnonzero([point.status == "unbounded" for point in curve]):
@@ -128,7 +134,9 @@ def _mark_worst(axes: Any, where: Array, curves: Any) -> None:
     worst = curves[row][column]
     factor = worst.load_factor if worst.least == worst.load_factor else worst.load_factor_negative
     style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
-    axes.plot(where[column], factor, "o", label=f"lowest: {factor:.5g}", **style)
+    place = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
+    label = f"lowest: {factor:.5g} at {_drawn(place)}"
+    axes.plot(where[column], factor, "o", label=label, **style)
 
 
 def _draw_map(axes: Any, parameters: Sequence[Parameter], table: Any) -> None:
@@ -157,11 +165,16 @@ def picture_of_worst(family: Family, worst: Point, folder: Path) -> None:
         return
     sign = 1.0 if result.positive is not None else -1.0
     view = view_of(result.discretization, end.mode, end.joints, sign)
-    given = ", ".join(f"{_name(key)} = {value_text(v)}" for key, v in worst.values.items())
-    title = f"lowest load factor {end.load_factor:.6g}: {_drawn(given)}"
+    given = ", ".join(f"{_name(key)} = {_short(value)}" for key, value in worst.values.items())
+    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(given)}"
     with writing(family.comm):
         if family.comm.rank == 0:
             save_collapse(view, title, [folder / WORST])
+
+
+def _short(value: Any) -> str:
+    """A value as there is room for in a picture."""
+    return f"{value:.4g}" if isinstance(value, float) else value_text(value)
 
 
 def _name(key: str) -> str:

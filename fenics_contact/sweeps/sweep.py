@@ -48,8 +48,10 @@ class Sweep(Sequence[Point]):
 
     def __repr__(self) -> str:
         keys = ", ".join(key for parameter in self.parameters for key in parameter.keys)
-        worst = self.worst
-        found = "" if worst is None else f", lowest load factor {worst.least:.8g}"
+        found, worst = "", self.worst
+        if worst is not None:
+            place = ", ".join(dict.fromkeys(map(value_text, worst.values.values())))
+            found = f", lowest load factor {worst.least:.8g} at {place}"
         return f"<Sweep: {console.counted(len(self), 'point')} over {keys}{found}>"
 
     def column(self, name: str) -> Array:

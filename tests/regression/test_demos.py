@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.helpers import notebook_picture
 from tests.system.program import ROOT, launcher, run_command
 
 DEMOS = sorted((ROOT / "demos").glob("[0-9]*.py"))
@@ -37,14 +38,14 @@ def test_notebook(monkeypatch, capsys):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     monkeypatch.chdir(ROOT / "demos")
-    notebook = json.loads((ROOT / "demos" / "09_wall_w3.ipynb").read_text())
+    notebook = json.loads((ROOT / "demos" / "12_wall_w3.ipynb").read_text())
     cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
     names: dict[str, Any] = {}
     for cell in cells:
-        exec(compile(cell, "09_wall_w3.ipynb", "exec"), names)
+        exec(compile(cell, "12_wall_w3.ipynb", "exec"), names)
     pyplot.close("all")
     assert abs(names["result"].load_factor - 0.35582) < 1e-4
-    assert names["result"]._repr_png_().startswith(b"\x89PNG")
+    assert notebook_picture(names["result"]).startswith(b"\x89PNG")
     ground, loads = (
         [float(x) for x in re.findall(r"[-+.\de]+", line.split(":")[1])]
         for line in capsys.readouterr().out.splitlines()
