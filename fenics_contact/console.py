@@ -176,11 +176,10 @@ def _mesh_lines(end: Collapse) -> list[str]:
     else:
         lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
     for one in error.state_changes:
-        finer = one.halvings[0] != one.halvings[1]
-        lines.append(
-            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
-            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
-        )
+        where = "on a finer mesh" if one.halvings[0] == one.halvings[1] else "with shorter hinges"
+        known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        found = "not found: its load factor is not known" if np.isnan(one.after) else known
+        lines.append(f"mesh: another collapse state {where}, {found}")
     return lines + [f"warning: {text}" for text in error.warnings]
 
 
