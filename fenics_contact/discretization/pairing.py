@@ -188,11 +188,16 @@ def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretc
         _arc_heights(boundary)[facets].sum(axis=0),
     )
     least, gap = all_of.offset.min(axis=1), gaps.of_pairs(facets)
-    depth = OPTIONS.closed * shorter + height
     parallel = _against(boundary, *facets) > OPTIONS.parallel
-    within = (gap > 0.0) & (least >= -depth) & (least <= gap)
-    touching = ((far <= depth) & parallel) | within
-    doubtful = ~touching & (far <= OPTIONS.apart * shorter + height) & parallel
+    # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
+    exact = parallel & (far <= OPTIONS.matching * shorter)
+    part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
+    covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
+    alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
+    depth = OPTIONS.closed * shorter + height
+    touching = exact | (alone & parallel & (far <= depth))
+    touching |= alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
+    doubtful = alone & ~touching & parallel & (far <= OPTIONS.apart * shorter + height)
     return all_of.take(touching), all_of.take(doubtful)
 
 
