@@ -159,7 +159,7 @@ class _Search:
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.limit() == np.inf
-        if blocks.limit(friction=False) == np.inf:
+        if blocks.frictionless.limit() == np.inf:
             return True
         factors = np.array([one.load_factor for one in self.found[-3:]])
         if len(factors) < 3 or not np.all(factors > 0.0):
@@ -186,16 +186,14 @@ class _Search:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
                 _log.warning(text, best.gap)
             state, certificate = _at_onset(case, best.verified)
-        whole, mode = case.discretization, best.verified.mode
+        mode = best.verified.mode
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
             mode,
-            joint_values(
-                case.problem, whole.all_points, whole.joints.length, state, mode, whole.imposed
-            ),
+            joint_values(case.problem, case.discretization, state, mode),
             certificate,
             histories,
             best.ratio,
