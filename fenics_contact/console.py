@@ -205,6 +205,11 @@ def description(discretization: Discretization) -> str:
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
         x, y = forces[:, :2].sum(axis=0) + 0.0
         lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+    for name, movement in scene.dead.movement.items():
+        x, y = movement.displacement
+        lines.append(
+            f"{name} moves by ({x:.6g}, {y:.6g}) m, turns by {movement.rotation:g} degrees"
+        )
     lines += [f"skipped: {item}" for item in skipped(scene)]
     return "\n".join(lines)
 

@@ -355,7 +355,8 @@ def _gap_warning(drawing: Drawing) -> Iterator[str]:
         x, y, distance = gaps[0]
         yield (
             f"warning: {len(gaps)} corners lie beside another block without touching it, the first"
-            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; no joint is there, snap them together"
+            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; gaps above a"
+            " thousandth of an element's side are no closed joints: snap them together"
         )
 
 

@@ -156,11 +156,7 @@ def state_next_to(
             _log.info("  no state nearby: %s", error)
             state = from_afar(task)[0].state
         mode = elastic_mode(softer.coulomb(work, scales), state)
-        whole = case.discretization
-        length = whole.joints.length
-        return state.load_factor, joint_values(
-            softer.problem, whole.all_points, length, state, mode, whole.imposed
-        )
+        return state.load_factor, joint_values(softer.problem, case.discretization, state, mode)
 
 
 def same_mode(one: Array, other: Array) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,8 +31,12 @@ def test_there_are_demos():
     ids=lambda value: getattr(value, "stem", value),
 )
 def test_demo(demo, ranks, tmp_path):
+    start = time.time()
     found = run_command([*launcher(ranks), sys.executable, str(demo)], tmp_path, time_out=300.0)
     assert found.code == 0, found.out + found.err
+    said = re.findall(rf"{ROOT}/demos/output/[\w-]+", found.out.splitlines()[-1])
+    pictures = [path for folder in said for path in Path(folder).rglob("*.png")]
+    assert any(path.stat().st_mtime >= start for path in pictures), found.out
 
 
 def test_notebook(monkeypatch, capsys):
