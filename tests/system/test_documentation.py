@@ -102,7 +102,7 @@ def write_wall(path: Path) -> None:
     import gmsh
 
     courses = [rectangle(0, level, 4, level + 1) for level in range(3)]
-    edges = {"base": (0, 0, 4, 0), "bed": (0, 1, 4, 1), "top": (0, 3, 4, 3)}
+    edges = {"base": (0, 0, 2, 0), "right_pier": (3, 0, 4, 0), "bed": (0, 1, 4, 1), "top": (0, 3, 4, 3)}
     polygons(courses, 0.5, groups=sides(**edges, left=(0, 0, 0, 3), back=(4, 0, 4, 3)))
     gmsh.write(str(path))
     gmsh.model.remove()
@@ -128,7 +128,8 @@ def done(block: Block, shell: Path) -> Run:
         return run_command(["bash", "-ec", "\n".join(block.commands)], shell, time_out=300.0)
     write_wall(shell / "wall.msh")
     part = dict(by_dotted_key(tomllib.loads(block.text)))
-    (shell / "part.toml").write_text(toml(changed({"mesh.file": "wall.msh", **part})))
+    whole = {"mesh.file": "wall.msh", "foundations.right_pier.friction": 0.5, **part}
+    (shell / "part.toml").write_text(toml(changed(whole)))
     return run_command(["fenics-contact", "check", "part.toml"], shell)
 
 
