@@ -102,8 +102,9 @@ def write_wall(path: Path) -> None:
     import gmsh
 
     courses = [rectangle(0, level, 4, level + 1) for level in range(3)]
-    edges = {"base": (0, 0, 2, 0), "right_pier": (3, 0, 4, 0), "bed": (0, 1, 4, 1), "top": (0, 3, 4, 3)}
-    polygons(courses, 0.5, groups=sides(**edges, left=(0, 0, 0, 3), back=(4, 0, 4, 3)))
+    edges = {"base": (0, 0, 2, 0), "right_pier": (3, 0, 4, 0), "bed": (0, 1, 4, 1)}
+    faces = {"left": (0, 0, 0, 3), "back": (4, 0, 4, 3), "top": (0, 3, 4, 3)}
+    polygons(courses, 0.5, groups=sides(**edges, **faces))
     gmsh.write(str(path))
     gmsh.model.remove()
 
