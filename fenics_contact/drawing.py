@@ -326,7 +326,13 @@ def mesh_drawing(
         raise InputError(f"size = {size:g} must be a positive length, m")
     contents = read_dxf(path, unit)
     drawing = contents.drawing
+    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
     size = size or default_size(list(drawing.blocks))
+    if size > max(width, height):
+        raise InputError(
+            f"elements of {size:g} m are larger than the drawing, {width:g} m x {height:g} m; give"
+            " --size in m"
+        )
     # Two triangles or more for each square, and the squares of four elements by default.
     cells = 32.0 * len(drawing.blocks) * (default_size(list(drawing.blocks)) / size) ** 2
     if cells > LIMITS.cells:
@@ -335,7 +341,6 @@ def mesh_drawing(
     mesh = extract(model, f"'{path}'")
     check_apart(mesh.points, mesh.cells, bodies_of_cells(mesh), mesh.source)
     _write(output)
-    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
     lines = [
         f"{path}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({contents.unit})",
         f"blocks by layer: {_listed(Counter(drawing.names))}",
@@ -355,7 +360,8 @@ def _gap_warning(drawing: Drawing) -> Iterator[str]:
         x, y, distance = gaps[0]
         yield (
             f"warning: {len(gaps)} corners lie beside another block without touching it, the first"
-            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; no joint is there, snap them together"
+            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; gaps above a"
+            " thousandth of an element's side are no closed joints: snap them together"
         )
 
 

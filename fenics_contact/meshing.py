@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
+from fenics_contact.planar_cells import connected, sides_of
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
 Polygons = list[Array]
@@ -176,8 +177,8 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
     from scipy.spatial import cKDTree
 
-    facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    facets, count = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
+    facets = np.sort(sides_of(cells), axis=1)
+    facets, count = np.unique(facets, axis=0, return_counts=True)
     facets = facets[count == 1]  # of one cell only: blocks share no nodes
     ends = points[facets]
     middle = ends.mean(axis=1)
@@ -370,13 +371,9 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
 
 def _snapped(points: Array, near: float) -> Array:
     """Points, of which those that are near each other have the place of the first of them."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    pairs, count = cKDTree(points).query_pairs(near, output_type="ndarray"), len(points)
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    label = connected_components(graph, directed=False)[1]
+    label = connected(cKDTree(points).query_pairs(near, output_type="ndarray"), len(points))
     _, first = np.unique(label, return_index=True)
     return points[first[label]]
 

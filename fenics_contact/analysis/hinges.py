@@ -25,7 +25,7 @@ from fenics_contact.analysis.determinate import is_determinate
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.mesh_error import MeshError, StateChange
-from fenics_contact.analysis.nearby import Softened, collapse_next_to, rates, same_mode
+from fenics_contact.analysis.nearby import Softened, collapse_next_to, on_mesh, rates, same_mode
 from fenics_contact.analysis.other_degree import with_other_degree
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import COULOMB
@@ -69,8 +69,8 @@ class ErrorOptions:
 OPTIONS = ErrorOptions()
 
 
-def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> MeshError:
-    """What the load factor of a collapse owes to the mesh.
+def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
+    """A collapse with what its load factor owes to the mesh, and that with point hinges.
 
     Args:
         case: The load case.
@@ -78,7 +78,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
         tolerance: On the load factor, relative.
     """
     if end.joints is None:
-        return MeshError(math.nan, math.nan, math.nan)
+        return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
     whole = case.discretization
     joints, values = whole.joints, end.joints
     lengths = ContactLengths.of(whole)
@@ -87,16 +87,19 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
     determinate = not case.problem.coulomb or is_determinate(joints, values, whole.bodies)
     if case.problem.comm.bcast(determinate):
         error = MeshError(length, end.load_factor, 0.0, 0.0)
-        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        return replace(end, mesh_error=error)
     before = whole.factorizations()
     way = _to_point_hinges(case, end, points, max(tolerance, OPTIONS.unchanged))
     if way is None:
         error = MeshError(length, math.nan, math.nan)
-        return _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
+        return replace(end, mesh_error=error)
     error = replace(_hinge_error(way, end), hinge_length=length)
     spent = whole.factorizations() - before
     error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
-    return _with_lengths(case, way, error, lengths)
+    error = _with_lengths(case, way, error, lengths)
+    return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
 
 
 def hinges(joints: Joints, values: JointValues) -> Indices:
@@ -222,6 +225,15 @@ def _with_algebraic_error(
         jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
         return replace(error, state_changes=(*error.state_changes, jump))
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
+
+
+def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
+    """The last state of the way, with the error that is left; None where hinges change nothing."""
+    if len(way.states) == 1:
+        return None
+    found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
+    left = abs(error.load_factor_point_hinges - found.load_factor) / _size(way.states[0])
+    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
 
 
 def _with_lengths(

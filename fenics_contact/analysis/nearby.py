@@ -26,6 +26,7 @@ from fenics_contact.analysis.strategy import (
     next_to,
 )
 from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.hinge_nodes import HingeNodes
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import SolverError
@@ -102,16 +103,37 @@ def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
         yield silent
         return
     whole = case.discretization
+    hinge_nodes, halvings = _nodes_of(whole, soft)
+    with Owner() as owner:
+        problem = hinge_nodes.soften(case.problem, halvings, owner)
+        stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
+        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+
+
+def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
+    """A collapse with compliant hinges, with the displacements of the blocks' meshes.
+
+    Those of the state found are of the joints' side of the hinges: beside a node with the
+    compliance of many halvings they would give stresses that no block has.
+    """
+    if end.state is None:
+        return end
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    forces = case.problem.joint_forces(end.state.pressure, end.state.shear)
+    give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
+    u, elastic = end.state.displacement - give, end.state.elastic - case.problem.elastic_part(give)
+    return replace(end, state=replace(end.state, displacement=u, elastic=elastic))
+
+
+def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]:
+    """Nodes at hinges, and the halvings of each."""
     nodes = whole.joints.nodes[soft.points]
     used = nodes != GROUND
     each = np.broadcast_to(soft.halvings, len(nodes))[:, None] * np.ones(nodes.shape)
     hinge_nodes = HingeNodes.of(whole, nodes[used])
     halvings = np.zeros(len(hinge_nodes.nodes))
     np.maximum.at(halvings, np.searchsorted(hinge_nodes.nodes, nodes[used]), each[used])
-    with Owner() as owner:
-        problem = hinge_nodes.soften(case.problem, halvings, owner)
-        stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
-        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+    return hinge_nodes, halvings
 
 
 def collapse_next_to(
@@ -156,11 +178,7 @@ def state_next_to(
             _log.info("  no state nearby: %s", error)
             state = from_afar(task)[0].state
         mode = elastic_mode(softer.coulomb(work, scales), state)
-        whole = case.discretization
-        length = whole.joints.length
-        return state.load_factor, joint_values(
-            softer.problem, whole.all_points, length, state, mode, whole.imposed
-        )
+        return state.load_factor, joint_values(softer.problem, case.discretization, state, mode)
 
 
 def same_mode(one: Array, other: Array) -> bool:

@@ -18,6 +18,7 @@ from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
+from fenics_contact.discretization.imposed import ground_motion
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.folder import writing
@@ -48,16 +49,16 @@ def at_nodes(discretization: Discretization, values: Array, nodes: Indices) -> A
     return found
 
 
-def at_joints(discretization: Discretization, values: Array) -> Array:
+def at_joints(discretization: Discretization, values: Array, ground: Array | float = 0.0) -> Array:
     """Mean displacement of both sides at all joint points, on all ranks, shape (points, 2).
 
-    Zero on rigid ground. Collective; `values` as for `at_nodes`.
+    On rigid ground, that of `ground`. Collective; `values` as for `at_nodes`.
     """
     joints = discretization.joints
     of_nodes = at_nodes(discretization, values, joints.stencil.nodes)
     middle = np.einsum("psk,pskd->pd", 0.5 * joints.stencil.weights, of_nodes)
-    middle[joints.bodies[:, 0] == GROUND] = 0.0
-    return middle
+    on_ground = joints.bodies[:, :1] == GROUND
+    return np.where(on_ground, ground, middle)
 
 
 def mode_scale(discretization: Discretization, mode: Array) -> float:
@@ -191,7 +192,8 @@ def write_joints(
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
     points |= {"normal": joints.normal, "force": values.force(joints)}
-    points |= {"displacement": at_joints(discretization, displacement)}
+    ground = ground_motion(discretization.scene, discretization.boundary, joints)
+    points |= {"displacement": at_joints(discretization, displacement, ground)}
     points |= {"collapse_mode": scale * at_joints(discretization, mode)}
     law = joints.law[joints.segments[:, 0]]
     state = facet_contact(values, joints.segments)

@@ -73,6 +73,16 @@ class View:
         return float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
 
     @property
+    def rest(self) -> Array:
+        """Ends of the facets at rest, m, shape (facets, 2, 2)."""
+        return self.boundary.points[:, :2]
+
+    @property
+    def moved(self) -> Array:
+        """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
+        return self.rest + self.motion
+
+    @property
     def block_size(self) -> float:
         """Side of a square with the mean area of the blocks, m."""
         return float(np.sqrt(self.area / len(self.centre)))

@@ -44,7 +44,8 @@ def test_values_of_a_parameter(text, values):
 
 
 @pytest.mark.parametrize(
-    "text", ["a.b", "a.b=", "=1", "a..b=1", "a,=1", "a=1:2:0", "a=[0,1]:[2]:3", "a=1:2:999999"]
+    "text",
+    ["a.b", "a.b=", "=1", "a..b=1", "a,=1", "a=1:2:0", "a=[0,1]:[2]:3", "a=1:2:999999", "a=1:2"],
 )
 def test_parameter_is_refused(text):
     with pytest.raises(InputError, match=r"KEY|range|values"):
