@@ -105,7 +105,7 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
     if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
         return
     if scene.output.paraview:
-        state, mode = discretization.without_imposed(end.state), end.mode
+        state, mode = discretization.with_imposed(end.state), end.mode
         path = folder / f"blocks{suffix}.pvd"
         write_blocks(path, discretization, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
@@ -131,7 +131,7 @@ def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -
     if end.state is None or end.mode is None or end.joints is None:
         return
     view = view_of(discretization, end.mode, end.joints, sign)
-    raster = stress_raster(discretization, discretization.without_imposed(end.state).elastic)
+    raster = stress_raster(discretization, discretization.with_imposed(end.state).elastic)
     with writing(comm):
         if comm.rank == 0:
             title = _title(result.scene.title, end, reversal)
