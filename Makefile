@@ -6,6 +6,9 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
             libopenblas0-serial
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
+MKDOCS := mkdocs==1.6.1 mkdocstrings-python==2.0.11
+# What the site is made of. With --quiet, mkdocs counts no warnings and --strict lets them pass.
+PAGES := README.md CHANGELOG.md CITATION.cff LICENSE docs demos meshes benchmarks
 
 # Debian 13 in a folder: where, what it leaves out, its mirror (empty: that of this machine), and
 # which tests run in it (all: make test-debian13 TESTS13=).
@@ -26,7 +29,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages debootstrap debian13 demo test test-debian13 test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap debian13 demo gallery docs test test-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -50,9 +53,23 @@ packages debootstrap:
 .venv/bin/ruff: | .venv/installed
 	$(PYTHON) -m pip install --quiet $(RUFF)
 
+.venv/bin/mkdocs: | .venv/installed
+	$(PYTHON) -m pip install --quiet $(MKDOCS)
+
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
 	$(PYTHON) demos/03_wall_w3.py
-	@echo "pictures: demos/output/w3/collapse.png thrust.png stress.png capacity.png"
+	@echo "in demos/output/w3: report.html, collapse.png, thrust.png, stress.png, capacity.png"
+	@echo "all demos with their pictures: docs/gallery.md; to run them: make gallery"
+
+gallery: setup  ## run all demos; small copies of their pictures for docs/gallery.md (2 minutes)
+	for demo in demos/[0-9]*.py; do $(PYTHON) $$demo || exit 1; done
+	$(PYTHON) docs/gallery_pictures.py
+
+docs: setup .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in build/site; fails at links that lead nowhere
+	rm -rf build/pages && mkdir -p build/pages
+	ln -s $(addprefix $(CURDIR)/,$(PAGES)) build/pages/
+	.venv/bin/mkdocs build --strict
+	@echo "open build/site/index.html"
 
 test: setup  ## run the tests that take less than a few seconds each
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"

@@ -73,16 +73,16 @@ class Profile:
     @classmethod
     def of(cls, found: Equilibrium) -> Profile:
         """Pressure, shear and slip (Pa, m) of a state, shear and slip as motions to the right."""
-        if found.joints is None or found.status != "equilibrium":
+        if found.status != "equilibrium":
             raise RuntimeError(f"{found.status}: {found.reason}")
         joints = found.discretization.joints
         order = np.argsort(joints.position[:, 0])
         towards = np.sign(joints.tangent[:, 0])  # of the second side, which the first holds
         values = {
-            "pressure": found.joints.pressure,
-            "shear": towards * found.joints.shear,
-            "slip": towards * found.joints.slip,
-            "bound": joints.friction * found.joints.pressure,
+            "pressure": found.joints["pressure"],
+            "shear": towards * found.joints["shear"],
+            "slip": towards * found.joints["slip"],
+            "bound": joints.friction * found.joints["pressure"],
         }
         ordered = {name: value[order] for name, value in values.items()}
         return cls(joints.position[order, 0], joints.length[order], ordered)

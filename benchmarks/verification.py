@@ -88,7 +88,7 @@ def patch_errors(scene: Scene) -> tuple[float, float]:
         largest = problem.max(np.abs(problem.live))
         opened = problem.max(np.abs(problem.normal @ u)) / problem.max(np.abs(u))
         missed = max(problem.max(np.abs(rest)) / largest, opened)
-    found = equilibrium(scene).joints.pressure
+    found = equilibrium(scene).joints["pressure"]
     weight = joints.length
     return missed, float(np.sqrt(np.sum(weight * (found - exact) ** 2) / np.sum(weight * exact**2)))
 

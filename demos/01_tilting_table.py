@@ -5,11 +5,13 @@ in the ratio tan(angle); the block falls where that ratio reaches min(F, width /
 """
 
 import math
+from pathlib import Path
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons
 
 WIDTH, HEIGHT = 0.4, 1.0
+FOLDER = Path(__file__).parent / "output" / "tilting_table"
 
 
 def tilt(friction: float) -> float:
@@ -21,8 +23,11 @@ def tilt(friction: float) -> float:
         dead=Load(body=(0.0, -9.81)),
         live=Load(body=(9.81, 0.0)),
         foundations={"base": JointLaw("coulomb", friction)},
+        title=f"Tilting table, friction {friction}",
     )
-    return limit_load(scene).load_factor
+    result = limit_load(scene)
+    result.write(FOLDER / f"friction_{friction}")
+    return result.load_factor
 
 
 for friction in (0.2, 0.35, 0.45, 0.8):
@@ -31,3 +36,4 @@ for friction in (0.2, 0.35, 0.45, 0.8):
     if abs(found - exact) > 1e-6 * exact:
         raise SystemExit(f"friction {friction}: {found}, should be {exact}")
     print(f"friction {friction:4}: {how} at {math.degrees(math.atan(found)):.4f} degrees")
+print(f"pictures: {FOLDER}/*/collapse.png")

@@ -38,3 +38,4 @@ for friction in (0.1, 0.2, 0.3, 0.8):
     if result.status != status or not math.isclose(result.load_factor, exact, rel_tol=1e-6):
         raise SystemExit(f"friction {friction}: {result.status} {result.load_factor}, not {exact}")
     print(f"friction {friction}: {result.status}, P / W = {result.load_factor:.8f}")
+print(f"pictures: {FOLDER}/*/collapse.png")

@@ -34,3 +34,4 @@ if abs(away - exact) > 1e-6:
 if not 1.5 * abs(away) < towards <= result.positive.bounds.upper * (1.0 + 1e-9):
     raise SystemExit(f"towards the buttress: {towards}, should be near 0.536")
 print(f"towards the buttress {towards:.6f}, away from it {away:.6f} times the weight")
+print(f"pictures: {FOLDER}/*/collapse*.png")

@@ -5,12 +5,15 @@ as unknowns, the normal and tangential ones in turn ("splitting") or at once ("a
 the load factor raised from zero instead of the work of the live load ("auto, load").
 """
 
+from pathlib import Path
+
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, SolveOptions, limit_load
 from fenics_contact.meshing import running_bond
 
 AGREEMENT = 1e-5
+FOLDER = Path(__file__).parent / "output" / "methods"
 
 law = JointLaw("coulomb", friction=0.65)
 options = [
@@ -36,9 +39,11 @@ for solve in options:
         live=Load(body=(9.81, 0.0)),
         joints={"default": law},
         foundations={"base": law},
+        title="Wall in running bond",
         solve=solve,
     )
     result = limit_load(scene)
+    result.write(FOLDER / f"{solve.method}_{solve.control}")
     name = solve.method if solve.control == "work" else f"{solve.method}, load"
     if result.status != "limit":
         raise SystemExit(f"{name}: {result.status}")
@@ -49,3 +54,4 @@ for solve in options:
 
 if max(factors.values()) - min(factors.values()) > AGREEMENT * factors["auto"]:
     raise SystemExit(f"the methods disagree: {factors}")
+print(f"pictures: {FOLDER}/*/collapse.png")

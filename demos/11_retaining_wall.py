@@ -10,46 +10,40 @@ from pathlib import Path
 
 import numpy as np
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
+from fenics_contact import BlockMesh, EarthPressure, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.builders import retaining_wall
 
 FOLDER = Path(__file__).parent / "output" / "retaining_wall"
 HEIGHT, BASE, TOP, COURSES, FRICTION = 2.4, 1.2, 0.6, 8, 0.75
 EARTH, STONE, K, SURCHARGE = 17e3, 22e3, 0.3, 1e3  # N/m3, N/m3, 1, Pa
-levels = np.linspace(0.0, HEIGHT, COURSES + 1)
-pressure = K * EARTH * (HEIGHT - 0.5 * (levels[:-1] + levels[1:]))  # on every course, Pa
 
 
 def least_surcharge() -> float:
     """Factor on the surcharge at which through stones slide or tip at the weakest joint."""
     found = []
-    for k, level in enumerate(levels[:-1]):
+    for level in np.linspace(0.0, HEIGHT, COURSES, endpoint=False):
         depth, face = HEIGHT - level, (BASE - TOP) * level / HEIGHT
         # The part above: a rectangle at the back and a triangle at the face.
         weight = STONE * depth * np.array([TOP, 0.5 * (BASE - face - TOP)])
         centre = np.array([BASE - 0.5 * TOP, (face + 2.0 * (BASE - TOP)) / 3.0])
-        push = pressure[k:] * HEIGHT / COURSES
-        arm = 0.5 * (levels[k:-1] + levels[k + 1 :]) - level
-        found.append((FRICTION * weight.sum() - push.sum()) / (K * SURCHARGE * depth))
-        tipping = weight @ (centre - face) - push @ arm
-        found.append(tipping / (0.5 * K * SURCHARGE * depth**2))
+        push, surcharge = 0.5 * K * EARTH * depth**2, K * SURCHARGE * depth
+        found.append((FRICTION * weight.sum() - push) / surcharge)
+        found.append((weight @ (centre - face) - push * depth / 3.0) / (surcharge * depth / 2.0))
     return min(found)
 
 
 def limit(stones: int) -> float:
     """Factor on the surcharge of a wall with so many stones through its thickness."""
     drawing = retaining_wall(HEIGHT, BASE, TOP, COURSES, stones)
-    for k in range(COURSES):
-        drawing = drawing.with_group(f"back_{k}", ((BASE, levels[k]), (BASE, levels[k + 1])))
     law = JointLaw("coulomb", FRICTION)
     scene = Scene(
         mesh=BlockMesh.from_model(drawing.mesh(size=0.15)),
         materials={"default": Material(young=5e9, poisson=0.2, density=STONE / 9.81)},
-        dead=Load((0.0, -9.81), {f"back_{k}": (-p, 0.0) for k, p in enumerate(pressure)}),
+        dead=Load((0.0, -9.81), earth={"back": EarthPressure(HEIGHT, EARTH, coefficient=K)}),
         live=Load(traction={"back": (-K * SURCHARGE, 0.0)}),
         joints={"default": law},
         foundations={"base": law},
-        title=f"Retaining wall, {stones} stones thick",
+        title=f"Retaining wall, stones through its thickness: {stones}",
     )
     result = limit_load(scene)
     result.write(FOLDER / f"stones_{stones}")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from dolfinx import fem
 
 from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
 from fenics_contact.analysis.service_state import ServiceState, service_state
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
@@ -16,7 +17,7 @@ from fenics_contact.output.fields import displacement_function
 from fenics_contact.scene import Scene
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Equilibrium(ServiceState):
     """Result of `equilibrium`, with its fields.
 
@@ -25,6 +26,20 @@ class Equilibrium(ServiceState):
     """
 
     discretization: Discretization
+
+    def __repr__(self) -> str:
+        return f"<Equilibrium: {self.status}, load factor {self.load_factor:.8g}>"
+
+    @property
+    def joints(self) -> NamedArrays:
+        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
+        return joint_arrays(self.discretization, self.joint_values)
+
+    @property
+    def blocks(self) -> NamedArrays:
+        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`. Collective."""
+        moved = None if self.state is None else self.state.displacement
+        return block_arrays(self.discretization, moved, None)
 
     @property
     def displacement(self) -> fem.Function | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 STONE = Material(1e9, 0.2, 2000.0)
+
+#: The picture that a notebook shows of an object, by Jupyter's protocol.
+notebook_picture = methodcaller("_repr_png_")
 
 
 def mesh_of(model: Any) -> BlockMesh:

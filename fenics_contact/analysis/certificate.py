@@ -124,7 +124,6 @@ def certify(
     scales: Scales,
     rigid_limit: float,
     points: npt.NDArray[np.int64] | None = None,
-    tolerance: float = 0.0,
 ) -> Certificate:
     """Recompute all conditions of a collapse state, relative to `scales`.
 
@@ -135,7 +134,6 @@ def certify(
         scales: Typical sizes.
         rigid_limit: Limit load of the rigid blocks with the friction of the state; nan: unknown.
         points: Numbers of this rank's joint points, by which to name the worst.
-        tolerance: On the load factor, as asked for.
     """
     size = max(abs(state.load_factor), OPTIONS.small_factor * scales.load_factor)
     missed = abs(rigid_limit - state.load_factor)
@@ -146,7 +144,7 @@ def certify(
     }
     worst = None if points is None else worst_joint(problem, state, scales, points)
     kinematic = kinematic_factor(problem, state, mode)
-    return Certificate(residuals, missed, worst, kinematic, rigid_limit, size, tolerance)
+    return Certificate(residuals, missed, worst, kinematic, rigid_limit, size)
 
 
 def kinematic_factor(problem: ContactProblem, state: State, mode: Array) -> float:

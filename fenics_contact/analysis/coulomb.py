@@ -71,108 +71,111 @@ OPTIONS = FixedPointOptions()
 GivenFriction = Callable[[Array, State, float, float], Solution]
 
 
-def solve_fixed_point(
-    problem: ContactProblem,
-    solve: GivenFriction,
-    start: State,
-    bound: Array,
-    tolerance: float,
-    monitor: Callable[[Step], None],
-    factorizations: Callable[[], int],
-    options: FixedPointOptions = OPTIONS,
-) -> tuple[Solution, History]:
-    """State whose friction bound g is Coulomb's, and the history, which says if it converged.
+@dataclass(frozen=True)
+class FixedPoint:
+    """The iteration for one structure.
 
-    Args:
+    Attributes:
         problem: The structure.
-        solve: Finds states with given friction; its `SolverError` is raised for the first one.
-        start: State to start from.
-        bound: First g at this rank's points, N per metre of thickness.
+        solve: Finds states with given friction.
         tolerance: On the load factor and on the bound, relative.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
         options: Numbers of the iteration.
     """
-    relaxation = _Relaxation(problem.sum, options)
-    steps: list[Step] = []
-    change, converged = float(np.inf), False
-    while len(steps) < options.max_iterations and not converged:
-        before = factorizations()
-        try:
-            solution = _state(solve, bound, start, change, options)
-        except SolverError as error:
-            if not steps:
-                raise
-            _log.info("  fixed point stops: no state for the next bound (%s)", error)
-            break
-        start = solution.state
-        target = problem.bound(start.pressure)
-        change = _norm(problem, target - bound) / (_norm(problem, target) or 1.0)
-        omega = relaxation.next(target - bound, change)
-        spent = factorizations() - before
-        steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
-        monitor(steps[-1])
-        converged = _converged(steps, tolerance, options)
-        bound = np.maximum(bound + omega * (target - bound), 0.0)
-    return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
 
+    problem: ContactProblem
+    solve: GivenFriction
+    tolerance: float
+    monitor: Callable[[Step], None]
+    factorizations: Callable[[], int]
+    options: FixedPointOptions = OPTIONS
 
-def _state(
-    solve: GivenFriction, bound: Array, start: State, change: float, options: FixedPointOptions
-) -> Solution:
-    """State with given bound, as exact as the last change of the bound deserves."""
-    tolerance = options.precision * min(change, 1.0) ** options.order
-    tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
-    mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
-    while mu < 1.0:
-        try:
-            return solve(bound, start, mu, tolerance)
-        except SolverError:
-            mu *= options.further
-    return solve(bound, start, 1.0, tolerance)
+    def run(self, start: State, bound: Array) -> tuple[Solution, History]:
+        """State whose friction bound g is Coulomb's, and the history, which says if it converged.
 
+        Args:
+            start: State to start from.
+            bound: First g at this rank's points, N per metre of thickness.
 
-def _norm(problem: ContactProblem, values: Array) -> float:
-    return float(np.sqrt(problem.sum(values**2)))
+        Raises:
+            SolverError: If `solve` finds no state for the first bound.
+        """
+        problem, relaxation = self.problem, _Relaxation(self.problem.sum, self.options)
+        steps: list[Step] = []
+        change, converged = float(np.inf), False
+        while len(steps) < self.options.max_iterations and not converged:
+            before = self.factorizations()
+            try:
+                solution = self._state(bound, start, change)
+            except SolverError as error:
+                if not steps:
+                    raise
+                _log.info("  fixed point stops: no state for the next bound (%s)", error)
+                break
+            start = solution.state
+            target = problem.bound(start.pressure)
+            change = self._norm(target - bound) / (self._norm(target) or 1.0)
+            omega = relaxation.next(target - bound, change)
+            spent = self.factorizations() - before
+            steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
+            self.monitor(steps[-1])
+            converged = self._converged(steps)
+            bound = np.maximum(bound + omega * (target - bound), 0.0)
+        return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
 
+    def _state(self, bound: Array, start: State, change: float) -> Solution:
+        """State with given bound, as exact as the last change of the bound deserves."""
+        options = self.options
+        tolerance = options.precision * min(change, 1.0) ** options.order
+        tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
+        mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
+        while mu < 1.0:
+            try:
+                return self.solve(bound, start, mu, tolerance)
+            except SolverError:
+                mu *= options.further
+        return self.solve(bound, start, 1.0, tolerance)
 
-def _converged(steps: Sequence[Step], tolerance: float, options: FixedPointOptions) -> bool:
-    """Whether neither bound nor load factor will change by more than the tolerance."""
-    last = steps[-1]
-    if last.bound_change * max(1.0, _series(steps, options)) > tolerance:
-        return False
-    return _load_factor_error(steps, options) <= tolerance * abs(last.load_factor)
+    def _norm(self, values: Array) -> float:
+        return float(np.sqrt(self.problem.sum(values**2)))
 
+    def _converged(self, steps: Sequence[Step]) -> bool:
+        """Whether neither bound nor load factor will change by more than the tolerance."""
+        last = steps[-1]
+        if last.bound_change * max(1.0, self._series(steps)) > self.tolerance:
+            return False
+        return self._load_factor_error(steps) <= self.tolerance * abs(last.load_factor)
 
-def _series(steps: Sequence[Step], options: FixedPointOptions) -> float:
-    """Sum of all further changes over the last: a geometric series, by changes and by secants."""
-    contraction = History(tuple(steps)).contraction
-    contraction = min(contraction or 0.5, options.slowest)
-    secant = min(step.secant for step in steps[len(steps) // 2 :])
-    slow = options.safety * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
-    return max(slow, contraction / (1.0 - contraction))
+    def _series(self, steps: Sequence[Step]) -> float:
+        """Sum of all further changes over the last: a geometric series, by changes and secants."""
+        options, contraction = self.options, History(tuple(steps)).contraction
+        contraction = min(contraction or 0.5, options.slowest)
+        secant = min(step.secant for step in steps[len(steps) // 2 :])
+        slow = options.safety * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
+        return max(slow, contraction / (1.0 - contraction))
 
+    def _load_factor_error(self, steps: Sequence[Step]) -> float:
+        """Estimate of the error of the load factor from its last changes.
 
-def _load_factor_error(steps: Sequence[Step], options: FixedPointOptions) -> float:
-    """Estimate of the error of the load factor from its last changes.
-
-    Changes of one sign are a series of their own, which may creep where the bound converges fast.
-    """
-    last = steps[-4:]
-    changes = np.diff([step.load_factor for step in last])
-    if len(changes) == 0:
-        return float(np.inf)
-    largest = float(np.abs(changes).max())
-    if len(changes) == 1:
-        return largest
-    series = largest * _series(steps, options)
-    if not (np.all(changes > 0.0) or np.all(changes < 0.0)):
-        return series
-    omega = np.array([step.relaxation for step in last[:-1]])
-    rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
-    secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-    creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
-    return max(series, options.safety * creeps)
+        Changes of one sign are a series of their own, which may creep where the bound converges
+        fast.
+        """
+        options, last = self.options, steps[-4:]
+        changes = np.diff([step.load_factor for step in last])
+        if len(changes) == 0:
+            return float(np.inf)
+        largest = float(np.abs(changes).max())
+        if len(changes) == 1:
+            return largest
+        series = largest * self._series(steps)
+        if not (np.all(changes > 0.0) or np.all(changes < 0.0)):
+            return series
+        omega = np.array([step.relaxation for step in last[:-1]])
+        rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
+        secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
+        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
+        return max(series, options.safety * creeps)
 
 
 class _Relaxation:

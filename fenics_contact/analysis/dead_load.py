@@ -78,17 +78,7 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
         except SolverError as error:
             _log.info("  dead load alone: %s", error)
             return DeadLoadState(None, falls=False)
-    none = np.zeros_like(problem.dead)
-    displacement = work / problem.sum(np.abs(problem.dead))
-    scales = Scales(displacement, case.scales.force, 1.0, displacement)
-    alone = replace(
-        case,
-        problem=replace(problem, dead=none, live=problem.dead),
-        bonded=replace(bonded, dead=none, live=bonded.dead, live_pressure=bonded.dead_pressure),
-        scales=scales,
-        monitor=lambda step: None,
-    )
-    task, falls = Task(alone, work, scales, tolerance), False
+    task, falls = _under_the_dead_load(case, work, tolerance), False
     for attempt in strategy.attempts:
         try:
             state = attempt(task)[0].state
@@ -103,6 +93,21 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
             return DeadLoadState(found, falls=False)
         falls = True
     return DeadLoadState(None, falls)
+
+
+def _under_the_dead_load(case: LoadCase, work: float, tolerance: float) -> Task:
+    """State in which the dead load, in place of the live load, does some work."""
+    problem, bonded, none = case.problem, case.bonded, np.zeros_like(case.problem.dead)
+    displacement = work / problem.sum(np.abs(problem.dead))
+    scales = Scales(displacement, case.scales.force, 1.0, displacement)
+    alone = replace(
+        case,
+        problem=replace(problem, dead=none, live=problem.dead),
+        bonded=replace(bonded, dead=none, live=bonded.dead, live_pressure=bonded.dead_pressure),
+        scales=scales,
+        monitor=lambda step: None,
+    )
+    return Task(alone, work, scales, tolerance)
 
 
 def reaching_zero(
@@ -137,19 +142,21 @@ def reaching_zero(
         return {**found, **changed}
     ends = dict(found)
     for name in (short | lost).intersection(asked):
-        problem, state = cases[name].problem, dead.state
-        start = problem.state(state.displacement, 0.0, state.pressure, state.shear)
         # From afar nothing was found before.
         near = replace(strategy, attempts=()) if name in lost else strategy
-        end = raise_load(cases[name], near, options, find_collapse, start)
-        if end.path is not None and (end.load_factor < margin or end.status == "not_converged"):
-            reason = (
-                "under a rising load equilibrium was found up to a load factor of"
-                f" {SIGNS[name] * end.path.lower:.6g}, and no collapse there"
-            )
-            end = replace(end, status="not_converged", reason=reason)
-        ends[name] = end
+        ends[name] = _raised_from(dead.state, cases[name], near, margin)
     return ends
+
+
+def _raised_from(state: State, case: LoadCase, strategy: Strategy, margin: float) -> Collapse:
+    """The collapse under a load that rises from a state under the dead load alone."""
+    start = case.problem.state(state.displacement, 0.0, state.pressure, state.shear)
+    end = raise_load(case, strategy, case.discretization.scene.solve, find_collapse, start)
+    if end.path is not None and (end.load_factor < margin or end.status == "not_converged"):
+        reached = f"{case.sign * end.path.lower:.6g}, and no collapse there"
+        reason = f"under a rising load equilibrium was found up to a load factor of {reached}"
+        end = replace(end, status="not_converged", reason=reason)
+    return end
 
 
 def _without_equilibrium(found: Mapping[str, Collapse]) -> str:

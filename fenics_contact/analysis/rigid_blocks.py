@@ -212,33 +212,45 @@ class _Program:
 class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
-    def __init__(self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm) -> None:
-        """Take all joint points, the bodies' motions and loads, and the ranks to share results."""
+    def __init__(
+        self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm, faces: Faces | None = None
+    ) -> None:
+        """Take all joint points, the bodies' motions and loads, and the ranks to share results.
+
+        Faces have the friction of the scene where none are given.
+        """
+        faces = faces or straight_faces(joints, joints.shear_strength)
         self._joints, self._bodies, self._comm = joints, bodies, comm
-        self._limits: dict[bool, float | None] = {}
-        self._falls: dict[bool, Array | None] = {}
+        self._program = _Program(joints, bodies, faces)
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
         self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
 
-    def limit(self, friction: bool = True) -> float | None:
+    @cached_property
+    def frictionless(self) -> RigidBlocks:
+        """The same blocks without friction."""
+        none = np.zeros_like(self._program.faces.friction)
+        faces = replace(self._program.faces, friction=none, strength=none)
+        return RigidBlocks(self._joints, self._bodies, self._comm, faces)
+
+    def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
 
-        With the scene's friction, Coulomb's taken as associative, or without any.
+        Coulomb's friction is taken as associative.
         """
-        return self._on_root(lambda: self._limit(friction))
+        return self._on_root(lambda: self._limit)
 
-    def stands(self, friction: bool = True) -> bool:
+    def stands(self) -> bool:
         """Whether the dead load alone has an equilibrium."""
-        return self.fall(friction) is None
+        return self.fall() is None
 
-    def fall(self, friction: bool = True) -> Array | None:
+    def fall(self) -> Array | None:
         """Rigid motions (a, b, c) of the bodies by which the dead load falls; None if it stands.
 
-        Shape (bodies, 3), about their centres. No joint resists them, with associative friction or
-        without any: they prove that there is no equilibrium.
+        Shape (bodies, 3), about their centres. No joint resists them, with associative friction:
+        they prove that there is no equilibrium.
         """
-        return self._on_root(lambda: self._fall(friction))
+        return self._on_root(lambda: self._fall)
 
     def wedging(self) -> Array | None:
         """Forces (normal, shear) at all joint points that balance the live load alone, or None.
@@ -246,7 +258,7 @@ class RigidBlocks:
         Shape (2, points), N/m for a load factor of 1, on all ranks. Any multiple of them may be
         added, with associative friction, so that nothing limits the load.
         """
-        return self._on_root(lambda: self._wedging(self._program(friction=True)))
+        return self._on_root(lambda: self._wedging(self._program))
 
     def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
         """Limit load as `limit` gives it, and collapse mode, with given friction.
@@ -257,7 +269,7 @@ class RigidBlocks:
         """
         faces = straight_faces(self._joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
-        found = self._on_root(lambda: self._largest(_Program(self._joints, self._bodies, faces)))
+        found = self._on_root(lambda: self._largest(replace(self._program, faces=faces)))
         return found.factor, found.motion
 
     def associative_pressure(self) -> Array | None:
@@ -265,51 +277,46 @@ class RigidBlocks:
 
         They act at the ends of straight faces; None unless the load factor is finite.
         """
-        return self._on_root(lambda: self._largest(self._program(friction=True)).pressure)
+        return self._on_root(lambda: self._largest(self._program).pressure)
 
     def bounds(self) -> LimitBounds:
         """Both bounds, solved on this rank alone, where and when they are shown.
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
-        bare = self._fall(friction=False) is None
-        stands = bare or self._fall(friction=True) is None
-        lower = self._shown(friction=False) if bare else None
-        upper = self._shown(friction=True) if stands else np.inf
+        bare = self.frictionless._fall is None
+        stands = bare or self._fall is None
+        lower = self.frictionless._shown() if bare else None
+        upper = self._shown() if stands else np.inf
         return LimitBounds(None if lower is None else max(lower, 0.0), upper)
 
-    def _shown(self, friction: bool) -> float | None:
+    def _shown(self) -> float | None:
         """A load factor to be shown, no -0.0; None if the program fails."""
         try:
-            factor = self._limit(friction)
+            factor = self._limit
         except SolverError as error:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
         return None if factor is None else factor + 0.0
 
-    def _limit(self, friction: bool) -> float | None:
-        """Load factor of a program, solved once and on this rank alone."""
-        if friction not in self._limits:
-            self._limits[friction] = self._largest(self._program(friction)).factor
-        return self._limits[friction]
+    @cached_property
+    def _limit(self) -> float | None:
+        """Load factor, solved for on this rank alone."""
+        return self._largest(self._program).factor
 
-    def _fall(self, friction: bool) -> Array | None:
-        """Motions by which the dead load falls, solved for once and on this rank alone."""
-        if friction not in self._falls:
-            program = self._program(friction)
-            right, limits = (
-                -program.load(self._bodies.dead) / self._force,
-                program.limits(self._force),
-            )
-            none = np.zeros(len(limits))
-            # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
-            plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
-            missing, multipliers = 0.0, none
-            if _answer(none, program.forces, right, limits, "highs-ds", plain).status != 0:
-                missing, multipliers, _ = _least_missing(program.forces, right, limits)
-            falls = missing > OPTIONS.rounding
-            self._falls[friction] = program.motions(-multipliers) if falls else None
-        return self._falls[friction]
+    @cached_property
+    def _fall(self) -> Array | None:
+        """Motions by which the dead load falls, solved for on this rank alone."""
+        program = self._program
+        right = -program.load(self._bodies.dead) / self._force
+        limits = program.limits(self._force)
+        # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
+        plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
+        none = np.zeros(len(limits))
+        if _answer(none, program.forces, right, limits, "highs-ds", plain).status == 0:
+            return None
+        missing, multipliers, _ = _least_missing(program.forces, right, limits)
+        return program.motions(-multipliers) if missing > OPTIONS.rounding else None
 
     def _wedging(self, program: _Program) -> Array | None:
         """Forces that balance the live load alone, N/m for a load factor of 1: small and few."""
@@ -326,9 +333,8 @@ class RigidBlocks:
         """The largest load factor of a program."""
         from scipy.sparse import hstack
 
-        right, live = (
-            program.load(load) / self._force for load in (-self._bodies.dead, self._bodies.live)
-        )
+        loads = -self._bodies.dead, self._bodies.live
+        right, live = (program.load(load) / self._force for load in loads)
         columns = hstack([self._load * live[:, None], program.forces]).tocsr()
         limits = [(None, None), *program.limits(self._force)]
         cost = -np.eye(1, len(limits)).ravel()
@@ -336,11 +342,9 @@ class RigidBlocks:
         for method in ("highs-ipm", "highs-ds"):
             answer = _answer(cost, columns, right, limits, method)
             if answer.status == 0:
-                factor, motion = (
-                    float(answer.x[0]) * self._load,
-                    program.motions(answer.eqlin.marginals),
-                )
-                work = float(np.sum(program.load(self._bodies.live) * answer.eqlin.marginals))
+                factor, multipliers = float(answer.x[0]) * self._load, answer.eqlin.marginals
+                motion = program.motions(multipliers)
+                work = float(program.load(self._bodies.live) @ multipliers)
                 pressure = program.point_forces(answer.x[1:] * self._force)[0]
                 return _Optimum(factor, motion / work if work else None, pressure)
         if _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
@@ -348,13 +352,6 @@ class RigidBlocks:
         if self._wedging(program) is not None:
             return _Optimum(np.inf)
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
-
-    def _program(self, friction: bool) -> _Program:
-        """The program with the scene's friction, or without any."""
-        faces = straight_faces(self._joints, self._joints.shear_strength)
-        none = np.zeros_like(faces.friction)
-        faces = faces if friction else replace(faces, friction=none, strength=none)
-        return _Program(self._joints, self._bodies, faces)
 
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""

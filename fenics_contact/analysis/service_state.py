@@ -29,8 +29,8 @@ class ServiceState:
             friction prove that there is none; else "not_converged".
         load_factor: As asked for.
         state: State found, in the supports' coordinates; None if there is none.
-        joints: Forces, openings and slips of the joints; its rates are those of a motion along
-            the displacements.
+        joint_values: Forces, openings and slips of the joints; its rates are those of a motion
+            along the displacements.
         residuals: What the state misses of equilibrium and joint laws, by name, relative.
         reason: Why there is no verified state, for people.
     """
@@ -38,7 +38,7 @@ class ServiceState:
     status: str
     load_factor: float
     state: State | None = None
-    joints: JointValues | None = None
+    joint_values: JointValues | None = None
     residuals: Mapping[str, float] = field(default_factory=dict)
     reason: str = ""
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fenics_contact.analysis import coulomb
 from fenics_contact.analysis.certificate import state_residuals
-from fenics_contact.analysis.coulomb import FixedPointOptions, GivenFriction, solve_fixed_point
+from fenics_contact.analysis.coulomb import FixedPoint, FixedPointOptions, GivenFriction
 from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.errors import SolverError
@@ -182,10 +182,9 @@ def along_falling_products(task: Task) -> Solution:
 def along_block_modes(task: Task) -> Solution:
     """State by continuation in block modes: the work rises to T, then the products fall."""
     case = task.case
-    modes, tally = case.discretization.block_modes, case.discretization.mode_tally
-    with modes.stiffness(GENERAL, tally) as stiffness:
-        problem = modes.under(case.problem)
-        kkt = PerturbedKKT.coulomb(problem, stiffness, task.scales, task.work)
+    modes = case.discretization.block_modes.changed(case.problem)
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
         start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
         path = rising(kkt)
         point = path.follow(path.begin(start, task.rising_mu), task.work)
@@ -291,13 +290,13 @@ def _iterated(
     more: Callable[[], int] = lambda: 0,
 ) -> Answer:
     """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
-    case, tolerance = task.case, task.tolerance
+    case = task.case
 
     def count() -> int:
         return case.discretization.factorizations() + more()
 
     told = case.monitor, count, options
-    return solve_fixed_point(case.problem, solve, start, bound, tolerance, *told)
+    return FixedPoint(case.problem, solve, task.tolerance, *told).run(start, bound)
 
 
 def joint_forces(task: Task, minimise: Minimiser) -> Answer:

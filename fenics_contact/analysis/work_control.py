@@ -159,7 +159,7 @@ class _Search:
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.limit() == np.inf
-        if blocks.limit(friction=False) == np.inf:
+        if blocks.frictionless.limit() == np.inf:
             return True
         factors = np.array([one.load_factor for one in self.found[-3:]])
         if len(factors) < 3 or not np.all(factors > 0.0):

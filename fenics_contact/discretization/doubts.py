@@ -11,7 +11,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.imposed import facet_motion
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.discretization.pairing import Gaps, facing_facets
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Material, Scene
 
@@ -99,7 +99,7 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
     if not scene.dead.traction and not scene.live.traction:
         return
     facing = np.zeros(len(boundary.length), dtype=bool)
-    facing[facing_facets(boundary, scene.mesh.source).facets] = True
+    facing[facing_facets(boundary, Gaps.of(scene, boundary)).facets] = True
     for kind, load in (("dead", scene.dead), ("live", scene.live)):
         for name in load.traction:
             if inside := np.count_nonzero(boundary.in_group(name) & facing):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
+from fenics_contact.output.plotting import rounded_alike
 from fenics_contact.output.report_words import (
     KEYS,
     MEANING,
@@ -32,8 +32,8 @@ RECORD, PAGE = "result.json", "report.html"
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Blocks that are listed by number.
 LISTED = 40
-#: Digits of a load factor.
-DIGITS = 6
+#: Values that are 0 where they are not used.
+UNUSED = {"body", "tilt", "cohesion"}
 
 Record = Mapping[str, Any]
 
@@ -77,9 +77,11 @@ def report_page(record: Record, pictures: Mapping[str, str]) -> str:
         *_figures(pictures),
         *_scene(record),
         *_verification(record),
-        *_warnings(record),
+        _heading("Warnings"),
+        _list(record["warnings"]) if record["warnings"] else _paragraph("None."),
         *_computation(record),
-        *_notes(),
+        _heading("What to know when you use these numbers"),
+        _list(NOTES),
     ]
     title = _text(record["title"] or "Limit load")
     head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
@@ -162,10 +164,7 @@ def _alike(value: float | None, leading: float | None) -> str:
     """A load factor rounded to the decimals of the leading one."""
     if value is None:
         return "not known"
-    if not leading or not value:
-        return f"{value:.{DIGITS}g}"
-    decimals = DIGITS - 1 - math.floor(math.log10(abs(leading)))
-    return f"{value:.{decimals}f}" if 0 <= decimals <= 2 * DIGITS else f"{value:.{DIGITS}g}"
+    return rounded_alike([leading if leading else value, value])[1]
 
 
 def _counted(number: int, what: str) -> str:
@@ -338,15 +337,18 @@ def _rows(tables: Record, units: Record) -> Iterator[tuple[str, str, str]]:
     """Name, property and value of everything that was given in tables of one kind."""
     for name, table in tables.items():
         for key, value in table.items():
-            unit, label = units.get(key, ""), KEYS.get(key, key.replace("_", " "))
+            label = KEYS.get(key, key.replace("_", " "))
             if isinstance(value, dict):
                 for place, part in value.items():
-                    inner = part.items() if isinstance(part, dict) else [("", part)]
-                    for item, one in inner:
-                        text = f"{label} on {place}, {item.replace('_', ' ')}".rstrip(", ")
-                        yield name, text, _value(one, units.get(item, unit))
-            elif value is not None and value != [0.0, 0.0]:
-                yield name, label, _value(value, unit)
+                    inside = part if isinstance(part, dict) else {key: part}
+                    texts = (
+                        f"{KEYS.get(k, k.replace('_', ' '))} {_value(v, units.get(k, ''))}"
+                        for k, v in inside.items()
+                        if v is not None
+                    )
+                    yield name, f"{label} {place}", ", ".join(texts)
+            elif value is not None and not (key in UNUSED and value in (0.0, [0.0, 0.0])):
+                yield name, label, _value(value, units.get(key, ""))
 
 
 def _verification(record: Record) -> Iterator[str]:
@@ -368,23 +370,13 @@ def _verification(record: Record) -> Iterator[str]:
         rows = []
         for name, value in details["residuals"].items():
             good = value is not None and value <= allowed[name]
-            amount = "not known" if value is None else _residual(value)
+            # One below zero has room left.
+            amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
             label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
             rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
         yield _table(rows, ("condition", "what it means", "residual", "allowed", "passed"))
     if not shown:
         yield _paragraph("There is no collapse state to verify.")
-
-
-def _residual(value: float) -> str:
-    """A residual; one below zero has room left."""
-    return f"{value:.1e}" if value > 0.0 else "0"
-
-
-def _warnings(record: Record) -> Iterator[str]:
-    yield _heading("Warnings")
-    texts = record["warnings"]
-    yield _list(texts) if texts else _paragraph("None.")
 
 
 def _computation(record: Record) -> Iterator[str]:
@@ -407,8 +399,3 @@ def _computation(record: Record) -> Iterator[str]:
     yield _heading("Versions", 3)
     named = {"fenics-contact": record["version"], **record["versions"]}
     yield _table([(name, version or "not known") for name, version in named.items()])
-
-
-def _notes() -> Iterator[str]:
-    yield _heading("What to know when you use these numbers")
-    yield _list(NOTES)

@@ -3,18 +3,19 @@
 Joint forces act on a straight face between two bodies, so that their resultant passes through the
 centre of pressure, sum r_N x / sum r_N: shear forces have no moment about points of the face. Faces
 in one line that touch end to end are one *section*, as a bed joint through a pier is, or a radial
-joint through a ring; it ends at a face that opens over its whole length in the collapse mode, so
-that parts that move apart have lines of their own. Blocks on one side of a section are one *part*:
-a course of a pier, a voussoir.
+joint through a ring. It ends where blocks move apart in the collapse mode: parts that do so have
+lines of their own. Blocks on one side of a section are one *part*: a course of a pier, a voussoir.
 
-Through a part runs a straight line between the sections with the two largest forces, if these lie
-along it: the line of resistance of J. Heyman, The Stone Skeleton, Cambridge 1995. From other
-sections, as those of piers below one course, the resultant is shown along its line of action, up to
-the middle of the blocks next to it; so is that of a part on one section, where the line begins.
+A part that two sections hold carries the force of one to the other, and its own load. The line
+through it runs straight between their centres of pressure: the line of resistance of J. Heyman,
+The Stone Skeleton, Cambridge 1995. Where one section holds a part, the line begins in it, on the
+line of action. Where a third section carries much too, as below a lintel or in a wall whose blocks
+all turn by themselves, forces branch and there is no line.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,7 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Flags, Indices
+from fenics_contact.planar_cells import connected
 
 
 @dataclass(frozen=True)
@@ -34,14 +36,15 @@ class ThrustOptions:
         touching: Distance of the ends of two faces that touch, over the structure's size.
         parallel: Sine of the angle between two faces of one section, at most.
         loaded: A face without this part of the largest force of all carries none.
-        leading: A section with less than this part of the largest force of a part has no line.
+        aside: Forces branch where a third section has more than this part of the second largest
+            force on a part. Fill on a ring has less; piers below a lintel have more.
         along: Cosine of the angle between a force and the line through a part, at least.
     """
 
     touching: float = 1e-6
     parallel: float = 1e-3
     loaded: float = 1e-6
-    leading: float = 1e-2
+    aside: float = 0.5
     along: float = 0.7
 
 
@@ -59,7 +62,7 @@ class Resultants:
         centre: Centre of pressure, m, shape (faces, 2); the middle where no force acts.
         normal: Unit normal from first to second body, shape (faces, 2).
         ends: Ends of the faces, m, shape (faces, 2, 2).
-        parts: Whether they open over their whole length in the collapse mode, shape (faces,).
+        parts: Whether most points open in the collapse mode and none carries force, shape (faces,).
     """
 
     bodies: Indices
@@ -71,21 +74,21 @@ class Resultants:
     parts: Flags
 
     @property
-    def size(self) -> Array:
-        """Size of the resultants, N per metre of thickness, shape (faces,)."""
-        return np.linalg.norm(self.force, axis=1)
-
-    @property
     def loaded(self) -> Flags:
         """Faces that carry a force."""
-        return self.normal_force > OPTIONS.loaded * self.normal_force.max(initial=0.0)
+        return _loaded(self.normal_force)
+
+
+def _loaded(normal_force: Array) -> Flags:
+    """Which of some forces are not nothing beside the largest."""
+    return normal_force > OPTIONS.loaded * normal_force.max(initial=0.0)
 
 
 def face_resultants(joints: Joints, values: JointValues) -> Resultants:
     """Resultants of joint forces on all faces, loaded or not."""
     faces = straight_faces(joints, joints.length)
     count = len(faces.ends)
-    closed = np.bincount(faces.of_point, ~values.opens, count)
+    opens = np.bincount(faces.of_point, values.opens - 0.5, count) > 0.0
     normal_force, *sums = (
         np.bincount(faces.of_point, column, count).astype(float)
         for column in (
@@ -107,8 +110,30 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         centre=np.where(pressed[:, None], centre, ends.mean(axis=1)),
         normal=joints.normal[first],
         ends=ends,
-        parts=closed == 0,
+        parts=opens & ~_loaded(normal_force),
     )
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section that a line of thrust may cross.
+
+    Attributes:
+        force: Resultant, N per metre of thickness.
+        centre: Centre of pressure, m.
+        ends: Its ends, m, shape (2, 2).
+        parts: Parts on its two sides; `GROUND` for rigid ground.
+    """
+
+    force: Array
+    centre: Array
+    ends: Array
+    parts: tuple[int, int]
+
+    @property
+    def size(self) -> float:
+        """Size of the resultant."""
+        return float(np.linalg.norm(self.force))
 
 
 @dataclass(frozen=True)
@@ -118,7 +143,7 @@ class ThrustLines:
     Attributes:
         segments: Straight pieces inside the parts, m, shape (pieces, 2, 2).
         force: Resultant that every piece carries, N per metre of thickness, shape (pieces,).
-        centre: Centres of pressure of the loaded sections, m, shape (sections, 2).
+        centre: Centres of pressure of the sections crossed, m, shape (sections, 2).
         ends: Ends of these sections, m, shape (sections, 2, 2).
     """
 
@@ -129,78 +154,54 @@ class ThrustLines:
 
 
 def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
-    """Lines of thrust through all parts.
+    """Lines of thrust through all parts that carry one.
 
     `centre` is a point inside every body, m, shape (bodies, 2).
     """
     sections, part = _sections_and_parts(faces, len(centre))
-    loaded = [mine for mine in sections if np.any(faces.loaded[mine])]
-    crossed = [_crossing(faces, mine) for mine in loaded]
-    of_part: dict[int, list[tuple[_Crossing, Array]]] = {}
-    for one, mine in zip(crossed, loaded, strict=True):
-        for side in _sides(faces, mine):
-            if np.all(side != GROUND):
-                beside = faces.normal_force[mine] @ centre[side] / faces.normal_force[mine].sum()
-                of_part.setdefault(int(part[side[0]]), []).append((one, beside))
-    segments: list[Array] = []
-    forces: list[float] = []
-    for pairs in of_part.values():
-        pairs.sort(key=lambda pair: -pair[0].size)
-        through = len(pairs) > 1 and _passes(pairs[0][0], pairs[1][0])
-        if through:
-            segments.append(np.stack([pair[0].centre for pair in pairs[:2]]))
-            forces.append(0.5 * (pairs[0][0].size + pairs[1][0].size))
-        for one, beside in pairs[2 * through :]:
-            if one.size < OPTIONS.leading * pairs[0][0].size:
-                continue
-            along = one.force / one.size
-            inside = one.centre + ((beside - one.centre) @ along) * along
-            segments.append(np.stack([one.centre, inside]))
-            forces.append(one.size)
+    of_part: dict[int, list[Section]] = {}
+    for section in sections:
+        for number in section.parts:
+            of_part.setdefault(number, []).append(section)
+    of_part.pop(GROUND, None)
+    pieces: list[tuple[Array, list[Section]]] = []
+    for number, held in of_part.items():
+        held.sort(key=lambda section: -section.size)
+        if len(held) == 1:
+            (only,) = held
+            along = only.force / only.size
+            reach = (centre[part[:-1] == number].mean(axis=0) - only.centre) @ along
+            pieces.append((only.centre + reach * along, held))
+        elif _passes(held):
+            pieces.append((held[1].centre, held[:2]))
+    # A piece that no other one continues says less than the picture of forces.
+    uses = Counter(id(section) for _, held in pieces for section in held)
+    pieces = [
+        (end, held)
+        for end, held in pieces
+        if any(uses[id(section)] > 1 or GROUND in section.parts for section in held)
+    ]
+    crossed = {id(section): section for _, held in pieces for section in held}.values()
     return ThrustLines(
-        np.array(segments).reshape(-1, 2, 2),
-        np.array(forces),
-        np.array([one.centre for one in crossed]).reshape(-1, 2),
-        np.array([one.ends for one in crossed]).reshape(-1, 2, 2),
+        np.array([(held[0].centre, end) for end, held in pieces]).reshape(-1, 2, 2),
+        np.array([np.mean([section.size for section in held]) for _, held in pieces]),
+        np.array([section.centre for section in crossed]).reshape(-1, 2),
+        np.array([section.ends for section in crossed]).reshape(-1, 2, 2),
     )
 
 
-@dataclass(frozen=True)
-class _Crossing:
-    """Resultant of a section, its centre of pressure and the ends of the section."""
-
-    force: Array
-    centre: Array
-    ends: Array
-
-    @property
-    def size(self) -> float:
-        """Size of the resultant."""
-        return float(np.linalg.norm(self.force))
-
-
-def _passes(one: _Crossing, other: _Crossing) -> bool:
-    """Whether a force passes from one section to another: both lie along the line between."""
-    line = other.centre - one.centre
+def _passes(held: Sequence[Section]) -> bool:
+    """Whether a force passes through a part, from one to the other of its two leading sections."""
+    first, other = held[:2]
+    line = other.centre - first.centre
     reach = OPTIONS.along * float(np.linalg.norm(line))
-    return all(abs(float(each.force @ line)) > reach * each.size for each in (one, other))
+    if any(abs(float(section.force @ line)) < reach * section.size for section in (first, other)):
+        return False
+    return all(section.size <= OPTIONS.aside * other.size for section in held[2:3])
 
 
-def _crossing(faces: Resultants, mine: Indices) -> _Crossing:
-    """Resultant of the faces of one section."""
-    sign = np.sign(faces.normal[mine] @ faces.normal[mine[0]])
-    pressure = faces.normal_force[mine]
-    ends = faces.ends[mine].reshape(-1, 2)
-    along = (ends - ends[0]) @ np.array([-faces.normal[mine[0], 1], faces.normal[mine[0], 0]])
-    return _Crossing(
-        sign @ faces.force[mine],
-        pressure @ faces.centre[mine] / pressure.sum(),
-        ends[[np.argmin(along), np.argmax(along)]],
-    )
-
-
-def _sections_and_parts(faces: Resultants, count: int) -> tuple[list[Indices], Indices]:
-    """Faces of every section, and the part of every body, with that of the ground at the end.
+def _sections_and_parts(faces: Resultants, count: int) -> tuple[list[Section], Indices]:
+    """Sections that carry forces, and the part of every body, with that of the ground at the end.
 
     Sections with larger forces come first. One that would join blocks across another one before
     it is no section: its faces are taken one by one, and those within a part are left out.
@@ -224,7 +225,22 @@ def _sections_and_parts(faces: Resultants, count: int) -> tuple[list[Indices], I
         else:
             single += [np.array([face]) for face in mine]
     kept += [mine for mine in single if _separates(faces, part, mine)]
-    return kept, part
+    return [_section(faces, mine, part) for mine in kept if np.any(faces.loaded[mine])], part
+
+
+def _section(faces: Resultants, mine: Indices, part: Indices) -> Section:
+    """Resultant of the faces of one section."""
+    sign = np.sign(faces.normal[mine] @ faces.normal[mine[0]])
+    pressure = faces.normal_force[mine]
+    ends = faces.ends[mine].reshape(-1, 2)
+    along = (ends - ends[0]) @ np.array([-faces.normal[mine[0], 1], faces.normal[mine[0], 0]])
+    first, second = part[faces.bodies[mine[0]]].tolist()
+    return Section(
+        sign @ faces.force[mine],
+        pressure @ faces.centre[mine] / pressure.sum(),
+        ends[[np.argmin(along), np.argmax(along)]],
+        (first, second),
+    )
 
 
 def _sides(faces: Resultants, mine: Indices) -> Iterable[Indices]:
@@ -241,22 +257,32 @@ def _separates(faces: Resultants, part: Indices, mine: Indices) -> bool:
 
 
 def _in_line(faces: Resultants) -> Sequence[Indices]:
-    """Faces that touch end to end and have one direction, by the line they form."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
+    """Faces that touch end to end, have one direction and move together, by the line they form."""
     from scipy.spatial import cKDTree
 
-    count = len(faces.bodies)
-    if count == 0:
+    if not len(faces.bodies):
         return []
     points = faces.ends.reshape(-1, 2)
     near = OPTIONS.touching * float(np.ptp(points, axis=0).max())
     pairs = cKDTree(points).query_pairs(near, output_type="ndarray") // 2
-    one, other = faces.normal[pairs[:, 0]], faces.normal[pairs[:, 1]]
+    one, other = (faces.normal[side] for side in pairs.T)
     sine = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    apart = np.any(faces.parts[pairs], axis=1)
-    pairs = pairs[(np.abs(sine) <= OPTIONS.parallel) & ~apart]
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    label = connected_components(graph, directed=False)[1]
+    pairs = pairs[(np.abs(sine) <= OPTIONS.parallel) & ~_apart(faces, pairs)]
+    label = connected(pairs, len(faces.bodies))
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def _apart(faces: Resultants, pairs: Indices) -> Flags:
+    """Whether one of two faces parts, or that between the blocks beside each other."""
+    number = int(faces.bodies.max()) + 2
+    key = np.sort(faces.bodies, axis=1) @ [number, 1]
+    parting = np.setdiff1d(key[faces.parts], key[~faces.parts])
+    apart = np.any(faces.parts[pairs], axis=1)
+    one, other = faces.bodies[pairs[:, 0]], faces.bodies[pairs[:, 1]]
+    turned = np.sum(faces.normal[pairs[:, 0]] * faces.normal[pairs[:, 1]], axis=1) < 0.0
+    other = np.where(turned[:, None], other[:, ::-1], other)
+    for side in (0, 1):
+        beside = np.sort(np.column_stack([one[:, side], other[:, side]]), axis=1) @ [number, 1]
+        apart |= np.isin(beside, parting)
+    return apart

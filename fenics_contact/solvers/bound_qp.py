@@ -30,13 +30,6 @@ SOLVERS = (*TAO_SOLVERS, *SNES_SOLVERS)
 #: Options of the solvers are set under this prefix, and removed again.
 PREFIX = "fenics_contact_qp_"
 
-#: Bounds as large as this are none, for PETSc too.
-UNBOUNDED = 1e20
-
-#: "faces": part of the first-order descent that a projected step must bring, factor from one step
-#: to a shorter one, and the shortest one tried.
-DESCENT, SHORTER, LEAST_STEP = 1e-2, 0.7, 1e-14
-
 
 @dataclass(frozen=True)
 class BoundQPOptions:
@@ -46,11 +39,19 @@ class BoundQPOptions:
         solver: One of `SOLVERS`.
         tolerance: On the residual.
         max_iterations: Of the back end.
+        unbounded: Bounds as large as this are none, for PETSc too.
+        descent: "faces": part of the first-order descent that a projected step must bring.
+        shorter: "faces": factor from one step to a shorter one.
+        least_step: "faces": the shortest one tried.
     """
 
     solver: str = "faces"
     tolerance: float = 1e-10
     max_iterations: int = 400
+    unbounded: float = 1e20
+    descent: float = 1e-2
+    shorter: float = 0.7
+    least_step: float = 1e-14
 
 
 @dataclass(frozen=True)
@@ -123,21 +124,17 @@ class BoundQP(Closing):
             SolverError: If no back end has the name.
         """
         options = options or BoundQPOptions()
-        if options.solver not in SOLVERS:
-            known = ", ".join(SOLVERS)
-            raise SolverError(f"bound QP: unknown solver '{options.solver}'; known: {known}")
         b, low, high, x, _ = self._vectors
         b.array[:] = right * self._unit
         size = b.norm(PETSc.NormType.INFINITY) or 1.0
         b.scale(1.0 / size)
         scale = self._unit * size  # x = scale * scaled x
         lower, upper = lower / scale, upper / scale
-        low.array[:] = np.clip(lower, -UNBOUNDED, UNBOUNDED)
-        high.array[:] = np.clip(upper, -UNBOUNDED, UNBOUNDED)
+        low.array[:] = np.clip(lower, -options.unbounded, options.unbounded)
+        high.array[:] = np.clip(upper, -options.unbounded, options.unbounded)
         x.array[:] = np.clip(0.0 if start is None else start / scale, low.array_r, high.array_r)
-        run = self._tao if options.solver in TAO_SOLVERS else self._snes
         try:
-            iterations, reason = run(options)
+            iterations, reason = self._run(options)
         except PETSc.Error as error:  # a singular matrix, for instance
             iterations, reason = 0, -error.ierr
         # With the infinite bounds: what PETSc calls no bound is no place to come to rest.
@@ -145,6 +142,19 @@ class BoundQP(Closing):
         gradient = self._operator @ found - b.array_r
         residual = _largest_miss(found, gradient, lower, upper, self._operator.comm)
         return BoundSolution(found * scale, residual, iterations, reason)
+
+    def _run(self, options: BoundQPOptions) -> tuple[int, int]:
+        """Iterations and reason of a solver; its answer becomes x.
+
+        Raises:
+            SolverError: If no back end has the name.
+        """
+        if options.solver in TAO_SOLVERS:
+            return self._tao(options)
+        if options.solver in SNES_SOLVERS:
+            return self._snes(options)
+        known = ", ".join(SOLVERS)
+        raise SolverError(f"bound QP: unknown solver '{options.solver}'; known: {known}")
 
     def _tao(self, options: BoundQPOptions) -> tuple[int, int]:
         """Iterations and reason of a TAO solver; x becomes its answer."""
@@ -156,7 +166,9 @@ class BoundQP(Closing):
             tao = owner.own(PETSc.TAO().create(self._given.comm))
             tao.setOptionsPrefix(PREFIX)
             if options.solver == "faces":
-                tao.createPython(_Faces(self._operator, right.array_r, self._factor), tao.comm)
+                tao.createPython(
+                    _Faces(self._operator, right.array_r, self._factor, options), tao.comm
+                )
             else:
                 tao.setType(options.solver)
             tao.setObjective(self._objective)
@@ -216,8 +228,11 @@ class _Faces:
     release bounds after every Newton step take many times as many where A is badly conditioned.
     """
 
-    def __init__(self, operator: SparseMap, right: Array, factor: dict[str, str]) -> None:
-        self._operator, self._right, self._factor = operator, right, factor
+    def __init__(
+        self, operator: SparseMap, right: Array, factor: dict[str, str], options: BoundQPOptions
+    ) -> None:
+        self._operator, self._right = operator, right
+        self._factor, self._options = factor, options
 
     def solve(self, tao: PETSc.TAO) -> None:
         """Minimise from TAO's solution, which becomes the answer."""
@@ -245,16 +260,16 @@ class _Faces:
 
     def _projected_search(self, x: Array, gradient: Array, step: Array) -> tuple[Array, bool]:
         """New x along a projected step, and whether it meets bounds that x does not."""
-        low, high = self._box
+        (low, high), options = self._box, self._options
         part = 1.0
         while True:
             new = np.clip(x + part * step, low, high)
             change = new - x
             slope = self._dot(gradient, change)
             descent = slope + 0.5 * self._dot(change, self._operator @ change)
-            if not descent > DESCENT * slope or part < LEAST_STEP:
+            if not descent > options.descent * slope or part < options.least_step:
                 break
-            part *= SHORTER
+            part *= options.shorter
         met = (x > low) & (x < high) & ((new <= low) | (new >= high))
         return new, bool(self._operator.comm.allreduce(bool(np.any(met)), MPI.LOR))
 

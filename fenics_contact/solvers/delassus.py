@@ -71,7 +71,7 @@ class DelassusOperator(Closing):
         self.points = len(problem.friction)
         self._problem, self._rho = problem, rho
         self._last = problem.comm.rank == problem.comm.size - 1
-        self._programs: dict[tuple[tuple[int, ...], bool], tuple[Integers, BoundQP]] = {}
+        self._programs: dict[tuple[int, ...], tuple[Integers, BoundQP]] = {}
         with Owner() as owner:
             self._solver = _factored(problem.stiffness.matrix, rho, owner)
             self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
@@ -115,23 +115,21 @@ class DelassusOperator(Closing):
         comm = self._problem.comm
         return pressure, shear, comm.bcast(factor, root=comm.size - 1)
 
-    def program(self, kinds: tuple[int, ...], free: bool) -> tuple[Integers, BoundQP]:
-        """This rank's rows, and bound-constrained program, of some of the unknowns.
+    def program(self, kinds: tuple[int, ...]) -> tuple[Integers, BoundQP]:
+        """This rank's rows, and bound-constrained program, of the load factor and some forces.
 
         Args:
             kinds: Of joint forces: 0 normal, 1 tangential.
-            free: Whether the load factor is among the unknowns.
         """
-        if (kinds, free) not in self._programs:
-            factor = np.arange(2 * self.points, len(self.hold) if free else 2 * self.points)
+        if kinds not in self._programs:
             parts = [k * self.points + np.arange(self.points) for k in kinds]
-            rows = np.concatenate([*parts, factor])
+            rows = np.concatenate([*parts, np.arange(2 * self.points, len(self.hold))])
             with Owner() as owner:
                 chosen, comm = self.matrix.first_row + rows, self.matrix.matrix.comm
                 places = owner.own(PETSc.IS().createGeneral(chosen.astype(PETSc.IntType), comm))
                 block = owner.own(self.matrix.matrix.createSubMatrix(places, places))
-                self._programs[kinds, free] = rows, self._owner.enter_context(BoundQP(block))
-        return self._programs[kinds, free]
+                self._programs[kinds] = rows, self._owner.enter_context(BoundQP(block))
+        return self._programs[kinds]
 
     def _response(self, forces: Array) -> Array:
         """K_rho^-1 f, this rank's part."""

@@ -99,7 +99,6 @@ class ProximalStep:
         operator: A + D.
         right: b + D x', this rank's part like all arrays here.
         bounds: Lower and upper bounds on x.
-        free: Whether the load factor is unknown.
         change: Change of the displacements in the last step, relative.
         displacement: Typical displacement, m.
         options: Constants.
@@ -109,7 +108,6 @@ class ProximalStep:
     operator: DelassusOperator
     right: Array
     bounds: tuple[Array, Array]
-    free: bool
     change: float
     displacement: float
     options: JointForceOptions
@@ -117,7 +115,7 @@ class ProximalStep:
 
     def minimise(self, kinds: tuple[int, ...], x: Array) -> Array:
         """Minimiser over some kinds of forces, and the load factor, from x."""
-        rows, program = self.operator.program(kinds, self.free)
+        rows, program = self.operator.program(kinds)
         found = x.copy()
         found[rows] = 0.0
         rest = self.right - self.operator.matrix @ found
@@ -185,37 +183,27 @@ class JointForceSolver(Closing):
         self._operators: dict[float, DelassusOperator] = {}
 
     def solve(
-        self,
-        bound: Array,
-        work: float,
-        start: State,
-        scales: Scales,
-        tolerance: float,
-        load_factor: float | None = None,
+        self, bound: Array, work: float, start: State, scales: Scales, tolerance: float
     ) -> tuple[State, dict[str, float]]:
-        """State with friction bound g under given work, or under a given load factor.
+        """State with friction bound g under given work, and its residuals, recomputed.
 
         Args:
             bound: g at this rank's points, N per metre of thickness.
-            work: T, N m per metre of thickness; not used with a load factor.
+            work: T, N m per metre of thickness.
             start: State to start from.
             scales: Typical sizes.
             tolerance: On the residuals of the state.
-            load_factor: If given, lambda is prescribed, not the work.
-
-        Returns:
-            The state and its residuals, recomputed.
 
         Raises:
             SolverError: If neither the tolerance nor what is acceptable is reached.
         """
-        state = self._within(start, bound, work, load_factor)
+        state = self._within(start, bound, work)
         best: tuple[float, State, dict[str, float]] = np.inf, state, {}
         errors: list[float] = []
         level, last, patience = 0, 1.0, self._options.patience
         while not best[0] <= tolerance:
             near = state
-            state = self._step(level, near, bound, scales, last, load_factor is None)
+            state = self._step(level, near, bound, scales, last)
             residuals = dict(self._residuals(self._problem, state, scales, bound))
             errors.append(float(np.max(list(residuals.values()))))
             best = min(best, (errors[-1], state, residuals), key=lambda found: found[0])
@@ -223,12 +211,10 @@ class JointForceSolver(Closing):
                 break
             level, last = self._adapted(level, last, near, state, residuals)
         self.history.steps += len(errors)
-        _log.debug("joint forces: residual %.1e after %d steps", best[0], len(errors))
+        reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
+        _log.debug(reached)
         if not best[0] <= max(tolerance, self._options.acceptable):
-            raise SolverError(
-                f"joint forces: residual {best[0]:.1e} after {len(errors)} steps, asked"
-                f" {tolerance:.1e}"
-            )
+            raise SolverError(f"{reached}, asked {tolerance:.1e}")
         return best[1], best[2]
 
     def _adapted(
@@ -248,17 +234,13 @@ class JointForceSolver(Closing):
             level = min(level + 1, self._options.holds - 1)
         return level, min(change, last, joints + residuals["equilibrium"])
 
-    def _within(self, start: State, bound: Array, work: float, load_factor: float | None) -> State:
-        """A state with forces within bounds, at the work or load factor asked for."""
-        problem, u, factor = self._problem, start.displacement, load_factor
-        if factor is None:
-            u, factor = u * (work / problem.dot(problem.live, u)), start.load_factor
+    def _within(self, start: State, bound: Array, work: float) -> State:
+        """A state with forces within bounds, at the work asked for."""
+        u = start.displacement * (work / self._problem.dot(self._problem.live, start.displacement))
         pressure, shear = np.maximum(start.pressure, 0.0), np.clip(start.shear, -bound, bound)
-        return State(u, start.elastic, factor, pressure, shear, work)
+        return State(u, start.elastic, start.load_factor, pressure, shear, work)
 
-    def _step(
-        self, level: int, near: State, bound: Array, scales: Scales, change: float, free: bool
-    ) -> State:
+    def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
         options, history, size = self._options, self.history, scales.displacement
         operator = self._operator(options.hold * scales.force / size * options.hold_factor**level)
@@ -266,11 +248,11 @@ class JointForceSolver(Closing):
         held = operator.join(near.pressure, near.shear, near.load_factor)
         right, alone = operator.right(near.displacement, held, near.work)
         box = operator.join(0.0 * bound, -bound, -np.inf), operator.join(none, bound, np.inf)
-        step = ProximalStep(operator, right, box, free, change, size, options, history)
+        step = ProximalStep(operator, right, box, change, size, options, history)
         x = self._minimise(step, held)
         pressure, shear, factor = operator.split(x)
         state = self._problem.state(operator.displacement(x, alone), factor, pressure, shear)
-        return replace(state, work=near.work) if free else state
+        return replace(state, work=near.work)
 
     def _operator(self, rho: float) -> DelassusOperator:
         """A + D."""

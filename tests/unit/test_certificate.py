@@ -120,7 +120,7 @@ def test_wrong_states_fail_with_any_mode(collapse, name):
 
 def test_gap_and_numbers_that_are_none_fail(collapse):
     factor = collapse.state.load_factor
-    certificate = collapse.certificate(rigid_limit=1.1 * factor, tolerance=1e-3)
+    certificate = replace(collapse.certificate(rigid_limit=1.1 * factor), tolerance=1e-3)
     assert certificate.static_factor == 1.1 * factor and set(certificate.failures) == {"limit"}
     assert certificate.gap == pytest.approx(0.1) == certificate.error_estimate / factor
     certificate = collapse.certificate(state=collapse.at("shear", 0, np.nan))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError
-from fenics_contact.analysis.coulomb import FixedPointOptions, solve_fixed_point
+from fenics_contact.analysis.coulomb import FixedPoint, FixedPointOptions
 from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.strategy import Task, fixed_point
@@ -67,9 +67,8 @@ def iterated(
 
     bound, chosen = np.broadcast_to(first, 3).astype(float), FixedPointOptions(**options)
     told = (lambda step: None), (lambda: 0)
-    solution, history = solve_fixed_point(
-        case.problem, solve, state, bound, tolerance, *told, chosen
-    )
+    iteration = FixedPoint(case.problem, solve, tolerance, *told, chosen)
+    solution, history = iteration.run(state, bound)
     return friction * solution.state.pressure, history
 
 

@@ -97,5 +97,5 @@ def test_parts_of_the_unknowns(bond):
     assert np.array_equal(parts[0], pressure) and np.array_equal(parts[1], shear)
     assert parts[2] == 0.25
     points = problem.sum(np.ones_like(problem.friction))
-    for kinds, free, count in (((0, 1), True, 2 * points + 1), ((1,), False, points)):
-        assert problem.sum(np.ones(len(operator.program(kinds, free)[0]))) == count
+    for kinds, count in (((0, 1), 2 * points + 1), ((1,), points + 1)):
+        assert problem.sum(np.ones(len(operator.program(kinds)[0]))) == count

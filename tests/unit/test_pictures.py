@@ -80,12 +80,27 @@ def test_thrust_under_an_eccentric_load():
     assert upper[0, 0] == pytest.approx(exact, abs=1e-5)
 
 
+SMOOTH_BASE = {"base": JointLaw(friction=0.2)}
+
+
 def test_a_wall_has_one_line_and_its_sections_are_courses():
-    view, _ = solved(on_ground(running_bond(4, 5), JointLaw(friction=0.4)))
+    bond = [[1, 1, 1], [0.5, 1, 1, 0.5]] * 2
+    push = Load(traction={"left": (1e3, 0.0)})  # no part of the wall stays behind
+    scene = on_ground(wall(bond, (0.4, 0.2)), ROUGH, live=push, foundations=SMOOTH_BASE)
+    lines = thrust(solved(scene)[0])
+    assert len(lines.centre) == len(lines.segments) == 4
+    np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), 3 * 0.4, atol=1e-9)
+
+
+def test_columns_that_move_apart_have_a_line_each_down_to_the_ground():
+    pull = Load(traction={"left": (-1e3, 0.0)})
+    view, result = solved(on_ground(wall([[1, 1], [1, 1]], (0.5, 0.5)), ROUGH, live=pull))
+    assert result.load_factor == pytest.approx(0.5 * STONE_WEIGHT * 0.25 / (1e3 * 0.5), rel=1e-5)
     lines = thrust(view)
-    assert len(lines.centre) == 5  # all slides on the base: the joints above do not open
-    assert len(lines.segments) == 5
-    np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), 4 * 0.4, atol=1e-9)
+    np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), [0.5] * 4, atol=1e-9)
+    ground = lines.centre[np.abs(lines.centre[:, 1]) < 1e-9, 0]
+    # The left column turns about its toe; the right one stands.
+    np.testing.assert_allclose(np.sort(ground), [0.0, 0.75], atol=1e-4)
 
 
 @pytest.mark.mpi
@@ -96,6 +111,14 @@ def test_two_piers_have_a_line_each():
     assert len(lines.centre) == 6
     # No line crosses the opening from one pier to the other.
     assert np.ptp(lines.segments[:, :, 0], axis=1).max() < 0.3
+
+
+def test_a_line_does_not_branch():
+    rows = [[1, -1, 1], [1, -1, 1], [3], [3]]
+    view, _ = solved(on_ground(wall(rows, (0.4, 0.4)), ROUGH, foundations=SMOOTH_BASE))
+    heights = thrust(view).segments[:, :, 1]
+    # Two pieces in each pier; the lintel carries two piers, and the course above, alone, has none.
+    np.testing.assert_allclose(np.sort(heights.max(axis=1)), [0.4, 0.4, 0.8, 0.8], atol=1e-9)
 
 
 def test_line_of_thrust_of_an_arch_lies_in_the_ring():

@@ -27,7 +27,7 @@ from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.meshing import running_bond
 from fenics_contact.output.files import result_record, strict
-from tests.helpers import coulomb, on_ground
+from tests.helpers import coulomb, notebook_picture, on_ground
 
 
 def bounds() -> LimitBounds:
@@ -243,14 +243,14 @@ def test_pictures_return_their_axes(result):
     single = limit_load(sliding_wall(capacity=3))
     assert single.capacity == () and len(single.plot_capacity().lines[0].get_xdata()) == 3
     assert single.trace_capacity(points=2) == single.capacity and len(single.capacity) == 2
-    assert result._repr_png_().startswith(b"\x89PNG")
+    assert notebook_picture(result).startswith(b"\x89PNG")
     pyplot.close("all")
 
 
 def test_nothing_to_draw_without_a_collapse():
     uplift = replace(sliding_wall(), live=Load((0.0, -9.81)))
     found = limit_load(uplift)
-    assert (found.status, found._repr_png_()) == ("unbounded", None)
+    assert (found.status, notebook_picture(found)) == ("unbounded", None)
     with pytest.raises(SolverError, match="no collapse to draw: the status is 'unbounded'"):
         found.plot()
 

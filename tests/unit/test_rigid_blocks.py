@@ -64,7 +64,7 @@ def test_directions_of_the_live_load(friction, live, expected):
     with programs(block(coulomb(friction), live=Load(live))) as (blocks, _):
         bounds = blocks.bounds()
         assert blocks.limit() == bounds.upper == pytest.approx(expected, rel=1e-9)
-        assert blocks.stands() and blocks.stands(friction=False) and bounds.lower >= 0.0
+        assert blocks.stands() and blocks.frictionless.stands() and bounds.lower >= 0.0
         assert (blocks.associative_pressure() is None) == (expected == np.inf)
 
 
@@ -88,7 +88,7 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
     slope = bank.on_slope(degrees, (-GRAVITY, 0.0))
     with programs(block(coulomb(0.3), **slope)) as (blocks, _):
         assert blocks.bounds().lower is None and blocks.stands() == stands
-        assert not blocks.stands(friction=False)
+        assert not blocks.frictionless.stands()
     off = bank.on_slope(degrees, (0.0, GRAVITY))
     with programs(block(SMOOTH, **off)) as (blocks, _):
         assert blocks.limit() is None and blocks.associative_pressure() is None
@@ -111,7 +111,7 @@ def test_fall_is_a_motion_that_no_joint_resists():
         slip = np.sum(velocity * made.joints.tangent, axis=1)
         assert np.all(opening >= 0.3 * np.abs(slip) - 1e-9)
     with programs(block(coulomb(0.3), **bank.on_slope(16.0, (-GRAVITY, 0.0)))) as (blocks, made):
-        assert blocks.fall() is None and blocks.fall(friction=False) is not None
+        assert blocks.fall() is None and blocks.frictionless.fall() is not None
 
 
 @pytest.mark.mpi

@@ -96,21 +96,6 @@ def test_residuals_are_those_of_the_state(bond, minimise):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("minimise", WAYS)
-def test_load_factor_can_be_prescribed(bond, minimise):
-    """A state at the load factor does work; at the work done, that is its load factor."""
-    bound, scales = bond.problem.strength, replace(bond.scales, displacement=bond.scales.elastic)
-    u, *forces = 0.01 * bond.start.displacement, bond.start.pressure, bond.start.shear
-    start = bond.problem.state(u, 0.0, *forces)
-    with bond.solver(minimise) as solver:
-        state, residuals = solver.solve(bound, 0.0, start, scales, 1e-10, load_factor=0.02)
-        assert state.load_factor == 0.02
-        assert max(residuals.values()) <= 1e-8
-        again, _ = solver.solve(bound, state.work, start, scales, 1e-10)
-    assert again.load_factor == pytest.approx(0.02, rel=1e-5)
-
-
-@pytest.mark.mpi
 def test_slip_is_measured_from_its_origin(bond):
     """Residuals with the origin are small."""
     moved = replace(bond.problem, slip_origin=np.full_like(bond.problem.strength, 1e-6))
