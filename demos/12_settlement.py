@@ -87,4 +87,4 @@ if mesh.comm.rank == 0:
     below.legend()
     FOLDER.mkdir(parents=True, exist_ok=True)
     figure.savefig(FOLDER / "spread.png", dpi=120)
-    print(f"picture: {FOLDER}/spread.png")
+    print(f"pictures: {FOLDER}/spread.png")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint, Step
-from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
@@ -117,6 +117,9 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    lines += map(_pass_line, result.passes)
+    if result.inaccurate:
+        lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
     if bonded := seconds.get("bonded", 0.0):
         lines.append(
@@ -151,6 +154,16 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     ]
 
 
+def _pass_line(one: Pass) -> str:
+    """What was found on the way to the accuracy wished."""
+    hinges = ", point hinges" if one.hinges == "points" else ""
+    estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
+    return (
+        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
+        f" load factor {one.load_factor:.6g}, error {estimate}"
+    )
+
+
 def _mesh_lines(end: Collapse) -> list[str]:
     """What a load factor owes to the mesh, and other states that a finer one leads to."""
     error = end.mesh_error
@@ -163,11 +176,10 @@ def _mesh_lines(end: Collapse) -> list[str]:
     else:
         lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
     for one in error.state_changes:
-        finer = one.halvings[0] != one.halvings[1]
-        lines.append(
-            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
-            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
-        )
+        where = "on a finer mesh" if one.halvings[0] == one.halvings[1] else "with shorter hinges"
+        known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        found = "not found: its load factor is not known" if np.isnan(one.after) else known
+        lines.append(f"mesh: another collapse state {where}, {found}")
     return lines + [f"warning: {text}" for text in error.warnings]
 
 

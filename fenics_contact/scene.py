@@ -265,6 +265,7 @@ class SolveOptions:
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         error: Estimate how much of the load factor is due to the mesh.
+        accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
     """
 
     method: str = "auto"
@@ -274,6 +275,7 @@ class SolveOptions:
     slip: str = "stress-free"
     states: str = "first"
     error: bool = True
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -281,6 +283,11 @@ class SolveOptions:
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
         _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
+        wished = self.accuracy
+        if wished is not None:
+            _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
+            _require(self.error, "accuracy needs error = true, by which it is known")
+            _require(not by_load, "accuracy needs control = 'work'")
         _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 

@@ -176,6 +176,11 @@ class Discretization:
         points = self.operators.points
         return self.joints.friction[points], self.joints.shear_strength[points]
 
+    @property
+    def size(self) -> int:
+        """Number of displacements."""
+        return 2 * int(self.elasticity.space.dofmap.index_map.size_global)
+
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""
         return self.tally.count + self.mode_tally.count

@@ -172,6 +172,7 @@ def result_record(result: Result) -> Record:
         "error_estimate": None,
         "residuals": None,
         "discretization": None,
+        "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
     if collapse is not None:
@@ -188,12 +189,12 @@ def result_record(result: Result) -> Record:
             "bodies": mesh.body_count,
             "floating_bodies": int(discretization.bodies.floating.sum()),
             "cells": int(mesh.domain.topology.index_map(2).size_global),
-            "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
+            "dofs": discretization.size,
             "joint_points": len(discretization.joints.length),
         },
         "scene": scene_record(discretization),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
-        "warnings": [*discretization.warnings, *_strength_warnings(result)],
+        "warnings": [*discretization.warnings, *_mesh_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
@@ -270,10 +271,11 @@ def _mesh_error_record(error: MeshError) -> Record:
     return _record(error, *names) | {"state_changes": changes}
 
 
-def _strength_warnings(result: Result) -> list[str]:
-    """Where compressive strengths are exceeded, at any end."""
+def _mesh_warnings(result: Result) -> list[str]:
+    """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
+    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
     errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
-    return list(dict.fromkeys(text for error in errors for text in error.warnings))
+    return missed + list(dict.fromkeys(text for error in errors for text in error.warnings))
 
 
 def _iteration_record(collapse: Collapse) -> Record:

@@ -179,7 +179,7 @@ def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
     shade[blocks] = (0.93, 0.75, 0.45)
     draw_outlines(axes, view.boundary, view.rest, facecolor="none", edgecolor="0.7")
     draw_outlines(axes, view.boundary, view.moved, facecolor=shade)
-    style = {"fontsize": 8.0 * fineness(axes, view), "ha": "center", "va": "center"}
+    style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
     for block in blocks[:LEGIBLE]:
         place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
         axes.text(*place, str(block), **style)

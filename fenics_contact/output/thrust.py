@@ -74,11 +74,6 @@ class Resultants:
     parts: Flags
 
     @property
-    def size(self) -> Array:
-        """Size of the resultants, N per metre of thickness, shape (faces,)."""
-        return np.linalg.norm(self.force, axis=1)
-
-    @property
     def loaded(self) -> Flags:
         """Faces that carry a force."""
         return _loaded(self.normal_force)

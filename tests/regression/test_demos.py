@@ -44,11 +44,11 @@ def test_notebook(monkeypatch, capsys):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     monkeypatch.chdir(ROOT / "demos")
-    notebook = json.loads((ROOT / "demos" / "12_wall_w3.ipynb").read_text())
+    notebook = json.loads((ROOT / "demos" / "13_wall_w3.ipynb").read_text())
     cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
     names: dict[str, Any] = {}
     for cell in cells:
-        exec(compile(cell, "12_wall_w3.ipynb", "exec"), names)
+        exec(compile(cell, "13_wall_w3.ipynb", "exec"), names)
     pyplot.close("all")
     assert abs(names["result"].load_factor - 0.35582) < 1e-4
     assert notebook_picture(names["result"]).startswith(b"\x89PNG")
