@@ -44,7 +44,7 @@ class ThrustOptions:
     touching: float = 1e-6
     parallel: float = 1e-3
     loaded: float = 1e-6
-    aside: float = 0.5
+    aside: float = 0.3
     along: float = 0.7
 
 
