@@ -187,8 +187,6 @@ def _hinge_text(load_factor: float, error: MeshError) -> str:
     """Load factors for the lengths of hinges."""
     if error.load_factor_point_hinges == load_factor:
         return "the load factor does not depend on the length of hinges"
-    if error.hinge_length == 0.0:
-        return f"load factor {load_factor:.6g} with hinges almost points"
     parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
     if not np.isnan(error.load_factor_hinges):
         length = 1e3 * error.contact_length

@@ -73,15 +73,23 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
             break
         new = solve(finer)
         if new.status != "limit":
-            result.add_costs(new)
+            _add_costs(result, new)
             result.inaccurate = f"no limit load was found on mesh {meshes + 1}"
             break
-        new.add_costs(result)
+        _add_costs(new, result)
         new.passes = result.passes
         result = new
     if result.scene.comm.rank == 0:
         _log.warning("warning: the accuracy wished is not reached: %s", result.inaccurate)
     return result
+
+
+def _add_costs(result: Result, other: Result) -> None:
+    """Add the time and the factorisations of another result to those of one."""
+    result.factorizations += other.factorizations
+    result.mode_factorizations += other.mode_factorizations
+    for name, value in other.seconds.items():
+        result.seconds[name] = result.seconds.get(name, 0.0) + value
 
 
 def _report_most_accurate(result: Result) -> None:

@@ -66,9 +66,9 @@ def displacements(found) -> tuple[np.ndarray, np.ndarray]:
 
 def force_at(found, x: float) -> tuple[float, float, float]:
     """Force on the right of a section and its moment about the axis of a row."""
-    joints, force = found.discretization.joints, found.joints.force(found.discretization.joints)
-    here = np.abs(joints.position[:, 0] - x) < 1e-9
-    moment = (joints.position[here, 1] - 0.5 * HEIGHT) @ -force[here, 0]
+    position, force = found.joints["position"], found.joints["force"]
+    here = np.abs(position[:, 0] - x) < 1e-9
+    moment = (position[here, 1] - 0.5 * HEIGHT) @ -force[here, 0]
     return (*force[here].sum(axis=0), float(moment))
 
 
@@ -148,8 +148,8 @@ def test_simply_supported_row_turns_and_nothing_else(ground, degree):
     drops = 5e-3, 9e-3
     before, after = (equilibrium(beam_on_piers(drop, ground, degree), 0.0) for drop in drops)
     assert before.status == after.status == "equilibrium"
-    force = after.joints.normal_force
-    assert force == pytest.approx(before.joints.normal_force, abs=1e-9 * force.max())
+    force = after.joint_values.normal_force
+    assert force == pytest.approx(before.joint_values.normal_force, abs=1e-9 * force.max())
     joints = after.discretization.joints
     weight, arm = STONE.density * 9.81 * 3.0 * 0.4, 2.6
     # It rests on the inner edge of one pier and the outer one of the other.
@@ -179,7 +179,7 @@ def test_joint_on_a_settling_support_opens_by_the_settlement():
     )
     drops = 0.03, 0.05
     found = [equilibrium(moving(scene, bottom1=Movement((0.0, -drop))), 0.0) for drop in drops]
-    gaps, made = [one.joints.gap for one in found], found[0].discretization
+    gaps, made = [one.joints["gap"] for one in found], found[0].discretization
     pier = made.joints.position[:, 1] < 1.2
     assert gaps[0][pier].min() > 0.0
     assert (gaps[1] - gaps[0])[pier] == pytest.approx(np.full(pier.sum(), 0.02), rel=1e-9)
@@ -206,8 +206,10 @@ def test_structure_moved_as_a_whole_has_the_same_forces(degree):
         for d, t in zip(np.asarray(ends)[::-1], (0.0, np.degrees(turn)), strict=True)
     )
     assert moved.status == "equilibrium"
-    scale = np.abs(rest.joints.normal_force).max()
-    assert moved.joints.normal_force == pytest.approx(rest.joints.normal_force, abs=1e-9 * scale)
+    scale = np.abs(rest.joint_values.normal_force).max()
+    assert moved.joint_values.normal_force == pytest.approx(
+        rest.joint_values.normal_force, abs=1e-9 * scale
+    )
     place, u = displacements(moved)
     expected = displacements(rest)[1] + shift
     expected += turn * np.column_stack([-place[:, 1], place[:, 0]])
@@ -271,9 +273,7 @@ def test_arch_on_moving_springings_has_three_hinges(spread, degree):
     scene = arch(spread, degree)
     found = equilibrium(scene, 0.0)
     assert found.status == "equilibrium"
-    joints = found.discretization.joints
-    left = joints.law == joints.names.index("left")
-    thrust = found.joints.force(joints)[left, 0].sum()
+    thrust = found.joints["force"][found.joints["group"] == "left", 0].sum()
     assert thrust == pytest.approx(least_thrust(scene, np.sign(spread)), rel=1e-8)
 
 

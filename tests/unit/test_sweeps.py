@@ -173,7 +173,7 @@ def points(values: list[dict], factor: float = 0.5) -> list[Point]:
         ({"loads.at": "[0, 1]:[4, 1]:4"}, "at of loads, x"),
         ({"loads.at": "[0, 1]:[4, 2]:4"}, "at of loads, distance from the first"),
         ({"a": "0:1:4", "b": "0:1:3"}, "a"),
-        ({"a": "0:1:9", "b": "0:1:9"}, "b"),
+        ({"a": "0:1:9", "b": "0:1:9"}, "point"),
         ({"a": "0:1:3", "b": "0:1:3", "c": "0:1:3"}, "point"),
     ],
 )
