@@ -16,6 +16,4 @@ for name in re.findall(r"\(gallery/(\S+)\)", (DOCS / "gallery.md").read_text()):
     target = DOCS / "gallery" / name
     target.parent.mkdir(parents=True, exist_ok=True)
     # A step of k-means: without it shades of one colour are drawn as others.
-    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1).save(
-        target, optimize=True
-    )
+    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1).save(target, optimize=True)

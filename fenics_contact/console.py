@@ -85,7 +85,7 @@ class SweepProgress:
             self._start, self._before = time.perf_counter(), done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
-            values = ", ".join(f"{key} = {value}" for key, value in point.values.items())
+            values = ", ".join(f"{key} = {_short(value)}" for key, value in point.values.items())
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
@@ -98,6 +98,10 @@ class SweepProgress:
         if text:
             sys.stdout.write(text + "\n")
             sys.stdout.flush()
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def counted(number: int, noun: str) -> str:
@@ -172,11 +176,10 @@ def _mesh_lines(end: Collapse) -> list[str]:
     else:
         lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
     for one in error.state_changes:
-        finer = one.halvings[0] != one.halvings[1]
-        lines.append(
-            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
-            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
-        )
+        where = "on a finer mesh" if one.halvings[0] == one.halvings[1] else "with shorter hinges"
+        known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        found = "not found: its load factor is not known" if np.isnan(one.after) else known
+        lines.append(f"mesh: another collapse state {where}, {found}")
     return lines + [f"warning: {text}" for text in error.warnings]
 
 
@@ -218,6 +221,11 @@ def description(discretization: Discretization) -> str:
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
         x, y = forces[:, :2].sum(axis=0) + 0.0
         lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+    for name, movement in scene.dead.movement.items():
+        x, y = movement.displacement
+        lines.append(
+            f"{name} moves by ({x:.6g}, {y:.6g}) m, turns by {movement.rotation:g} degrees"
+        )
     lines += [f"skipped: {item}" for item in skipped(scene)]
     return "\n".join(lines)
 

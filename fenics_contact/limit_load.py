@@ -116,11 +116,11 @@ class LimitLoad(Result):
         Raises:
             SolverError: If there is no collapse to draw.
         """
-        return self._plotted(draw_mode, axes, "collapse mode (grey outline: at rest)")
+        return self._plotted(draw_mode, axes)
 
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces at collapse; as `plot`."""
-        return self._plotted(draw_forces, axes, "joint forces at collapse")
+        return self._plotted(draw_forces, axes)
 
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, traced if it was not yet; as `plot`."""
@@ -141,14 +141,12 @@ class LimitLoad(Result):
             save_collapse(view, repr(self)[1:-1], [file])
         return file.getvalue()
 
-    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any, title: str) -> Any:
+    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any) -> Any:
         """Axes with a picture of the collapse, on rank 0."""
         view = self._view()
         if self.scene.comm.rank != 0:
             return None
-        axes = draw(axes or new_axes(), view)
-        axes.set_title(title, fontsize=10)
-        return axes
+        return draw(axes or new_axes(), view)
 
     def _view(self) -> View:
         """What pictures show of the collapse. Collective."""

@@ -33,6 +33,8 @@ CHOICES = {
 
 #: Characters that a title can have.
 LONGEST_TITLE = 1000
+#: Degrees by which supports can turn: displacements are small.
+MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
 
@@ -192,8 +194,30 @@ class EarthPressure:
 
 
 @dataclass(frozen=True)
+class Movement:
+    """A small movement of a support or foundation: settlement, spreading, tilt.
+
+    Attributes:
+        displacement: Of the middle of its edges, m.
+        rotation: About this point, degrees, anticlockwise.
+    """
+
+    displacement: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_pair("displacement", self.displacement)
+        small = abs(self.rotation) <= MOST_TILT
+        _require(
+            small,
+            f"rotation = {self.rotation} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees",
+        )
+
+
+@dataclass(frozen=True)
 class Load:
-    """A body force, tractions, forces at places and earth pressure.
+    """A body force, tractions, forces at places, earth pressure and movements of supports.
 
     Attributes:
         body: Acceleration, m/s2, times density.
@@ -201,6 +225,7 @@ class Load:
         tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table.
         force: Forces at places, by any name.
         earth: Earth pressure by name of a one-dimensional group.
+        movement: Of supports and foundations by their names; of the dead load only.
     """
 
     body: tuple[float, float] = (0.0, 0.0)
@@ -208,6 +233,7 @@ class Load:
     tilt: float = 0.0
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
+    movement: Mapping[str, Movement] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -344,6 +370,8 @@ class Scene(_Shared):
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
             _require(law.gap == 0.0, f"foundations.{name} {needless}")
+        unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
+        _require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
         self._check_materials()
 
@@ -429,6 +457,12 @@ class Scene(_Shared):
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
+        held = sorted([*self.foundations, *self.supports])
+        for name in sorted(set(self.dead.movement) - set(held)):
+            raise InputError(
+                f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation; those"
+                f" of this scene are {_listed(held)}"
+            )
         roles = sorted([*self.joints, *self.foundations, *self.supports])
         for name in (a for a, b in pairwise(roles) if a == b != "default"):
             raise InputError(

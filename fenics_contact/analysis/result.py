@@ -195,7 +195,8 @@ class Result:
         end = self.collapse
         if end is None or end.state is None:
             return block_arrays(self.discretization, None, None)
-        return block_arrays(self.discretization, end.state.displacement, end.mode)
+        state = self.discretization.without_imposed(end.state)
+        return block_arrays(self.discretization, state.displacement, end.mode)
 
     @property
     def scene(self) -> Scene:

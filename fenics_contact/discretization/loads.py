@@ -102,7 +102,7 @@ def forces_on_facets(
         found.append((strips, strips.forces(boundary, _earth_traction(boundary, strips, earth))))
     if load.force:
         free = np.ones(len(boundary.length), dtype=bool)
-        free[facing_facets(boundary, key).facets] = False
+        free[facing_facets(boundary).facets] = False
         for name, force in load.force.items():
             found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
     return [(strips.facets, force) for strips, force in found]
