@@ -1,4 +1,4 @@
-# The program on Debian 12, with the packages that the Makefile lists. Untried.
+# The program on Debian 12, with the packages that the Makefile lists. What was tried: docs/platforms.md.
 #   docker build -t fenics-contact .
 #   docker run --rm -v "$PWD:/work" fenics-contact solve demos/03_wall_w3.toml -o out
 FROM debian:12-slim

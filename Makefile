@@ -7,7 +7,7 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 MKDOCS := mkdocs==1.6.1 mkdocstrings-python==2.0.11
-# What the site is made of.
+# What the site is made of. With --quiet, mkdocs counts no warnings and --strict lets them pass.
 PAGES := README.md CHANGELOG.md CITATION.cff LICENSE docs demos meshes benchmarks
 
 # Debian 13 in a folder: where, what it leaves out, its mirror (empty: that of this machine), and
@@ -59,10 +59,11 @@ packages debootstrap:
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
 	$(PYTHON) demos/03_wall_w3.py
 	@echo "in demos/output/w3: report.html, collapse.png, thrust.png, stress.png, capacity.png"
-	@echo "all demos: make gallery, then docs/gallery.md"
+	@echo "all demos with their pictures: docs/gallery.md; to run them: make gallery"
 
-gallery: setup  ## run all demos, and make docs/gallery.md of their pictures
-	$(PYTHON) docs/make_gallery.py
+gallery: setup  ## run all demos; small copies of their pictures for docs/gallery.md (2 minutes)
+	for demo in demos/[0-9]*.py; do $(PYTHON) $$demo || exit 1; done
+	$(PYTHON) docs/gallery_pictures.py
 
 docs: setup .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in build/site; fails at links that lead nowhere
 	rm -rf build/pages && mkdir -p build/pages

@@ -119,9 +119,10 @@ def whole_way(task: Task) -> tuple[list[Points], float]:
 
 def in_block_modes(task: Task, mu: float) -> tuple[Points, Points]:
     """Rising work with given products, and falling products under the whole work, short steps."""
-    case, modes, part = task.case, task.case.discretization.block_modes, task.scales.elastic_part
+    case, part = task.case, task.scales.elastic_part
+    modes = case.discretization.block_modes.changed(case.problem)
     with recorded() as recorder, modes.stiffness(GENERAL, Tally()) as stiffness:
-        kkt = PerturbedKKT.coulomb(modes.under(case.problem), stiffness, task.scales, task.work)
+        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
         rising = Continuation(kkt, RISING_WORK, FINE)
         start = modes.restricted(case.bonded_state(case.bonded_work))
         rising.follow(rising.begin(start, mu * part), task.work)

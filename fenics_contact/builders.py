@@ -20,6 +20,7 @@ import numpy.typing as npt
 from fenics_contact.drawing import Drawing
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array
+from fenics_contact.meshing import blocks_between
 
 Pair = tuple[float, float]
 
@@ -43,8 +44,13 @@ class _Parts:
         at = np.arange(count + 1.0)
         if shifted:
             at = np.concatenate([[0.0], np.arange(count) + 0.5, [count]])
-        joints = x[0] + (x[1] - x[0]) * at / count
-        self.add(name, *[_box(pair, y) for pair in itertools.pairwise(joints.tolist())])
+        self.row(name, x[0] + (x[1] - x[0]) * at / count, y)
+
+    def row(self, name: str, joints: npt.ArrayLike, y: Pair) -> None:
+        """Upright blocks with joints at x between two levels."""
+        x = np.asarray(joints, dtype=float)
+        low, high = (np.column_stack([x, np.full(len(x), level)]) for level in y)
+        self.add(name, *blocks_between(low, high))
 
     def side(self, name: str, *segments: npt.ArrayLike) -> None:
         """Sides of a group."""
@@ -114,8 +120,8 @@ def facade(
         parts.add("lintels", *[_box(x, top) for x in lintels])
         parts.add("piers", *[_box((a, b), top) for a, b in zip(ends[::2], ends[1::2], strict=True)])
         low = top[1] + block[1]
-        joints = [0.0, *(starts[1:-1] + 0.5 * pier).tolist(), length]
-        parts.add("floors", *[_box(x, (top[1], low)) for x in itertools.pairwise(joints)])
+        joints = [0.0, *(starts[1:-1] + 0.5 * pier), length]
+        parts.row("floors", joints, (top[1], low))
     return parts.frame((0.0, length), (0.0, low))
 
 
@@ -211,10 +217,9 @@ def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: Bridge
 def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
     """Rings between curves, each of shape (points, 2), from below; spandrels up to the road."""
     for low, high in itertools.pairwise(curves):
-        drawn.add("voussoirs", *np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
+        drawn.add("voussoirs", *blocks_between(low, high))
     above = np.column_stack([curves[-1][:, 0], np.full(len(curves[-1]), road)])
-    pairs = itertools.pairwise(zip(curves[-1], above, strict=True))
-    drawn.add("spandrels", *[(a, b, over_b, over_a) for (a, over_a), (b, over_b) in pairs])
+    drawn.add("spandrels", *blocks_between(curves[-1], above))
     drawn.side("intrados", *itertools.pairwise(curves[0]))
     drawn.side("springings", *[(curves[0][k], curves[-1][k]) for k in (0, -1)])
     for curve in curves[1:-1]:
@@ -262,21 +267,17 @@ def retaining_wall(
     _require(good, "retaining_wall: height and top must be positive, and top at most base")
     parts = _Parts()
     levels = height * np.arange(courses + 1) / courses
-    faces = (base - top) * levels / height
-    rows = zip(itertools.pairwise(levels.tolist()), itertools.pairwise(faces.tolist()), strict=True)
-    for k, (y, face) in enumerate(rows):
+    face = np.column_stack([(base - top) * levels / height, levels])
+    for k in range(courses):
         last = k == courses - 1
         count = 1 if last else stones
         at = np.arange(count) + 0.5 if k % 2 and count > 1 else np.arange(1.0, count)
-        joints = (base - (base - face[1]) * at / count)[::-1].tolist()
-        low, high = [face[0], *joints, base], [face[1], *joints, base]
-        outlines = [
-            [(a, y[0]), (b, y[0]), (d, y[1]), (c, y[1])]
-            for (a, b), (c, d) in zip(
-                itertools.pairwise(low), itertools.pairwise(high), strict=True
-            )
-        ]
-        parts.add("coping" if last else "stones", *outlines)
+        joints = (base - (base - face[k + 1, 0]) * at / count)[::-1]
+        low, high = (
+            np.array([(x, y), *((joint, y) for joint in joints), (base, y)])
+            for x, y in face[k : k + 2]
+        )
+        parts.add("coping" if last else "stones", *blocks_between(low, high))
     parts.side("base", ((0.0, 0.0), (base, 0.0)))
     parts.side("top", ((base - top, height), (base, height)))
     parts.side("back", ((base, 0.0), (base, height)))

@@ -55,17 +55,38 @@ def create_mesh(
     (points, 2); `destinations` is the rank of every cell given here, None for graph partitioning.
     """
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
-    given = list(inspect.signature(mesh.create_mesh).parameters)
-    with_ghost_mode = "ghost_mode" in given  # else it is the partitioner's
     if destinations is None:
-        partitioner = _graph_partition(() if with_ghost_mode else (mesh.GhostMode.none,))
+        partitioner = _graph_partition(() if _with_ghost_mode() else (mesh.GhostMode.none,))
     else:
         partitioner = _given_partition(destinations)
+    return _created(comm, cell_name, cells, points, partitioner)
+
+
+def create_mesh_in_place(
+    comm: MPI.Comm, cells: npt.NDArray[np.int64], points: npt.NDArray[np.float64]
+) -> mesh.Mesh:
+    """A mesh of triangles without ghost cells, every cell on the rank that gives it.
+
+    `cells` count the points of all ranks, shape (cells, 3); `points` are coordinates, shape
+    (points, 2).
+    """
+    stay = _given_partition(np.full(len(cells), comm.rank, dtype=np.int32))
+    partitioner = _staying if _with_ghost_mode() else stay
+    return _created(comm, "triangle", cells, points, partitioner)
+
+
+def _created(comm: MPI.Comm, cell_name: str, cells: Any, points: Any, partitioner: Any) -> Any:
     domain = ufl.Mesh(_coordinate_element(cell_name))
-    if with_ghost_mode:
+    if _with_ghost_mode():
         return mesh.create_mesh(comm, cells, points, domain, mesh.GhostMode.none, partitioner)
+    given = list(inspect.signature(mesh.create_mesh).parameters)
     geometry = (points, domain) if given[2] == "x" else (domain, points)
     return mesh.create_mesh(comm, cells, *geometry, partitioner)
+
+
+def _with_ghost_mode() -> bool:
+    """Whether meshes are asked for a ghost mode; else it is the partitioner's."""
+    return "ghost_mode" in inspect.signature(mesh.create_mesh).parameters
 
 
 def _coordinate_element(cell_name: str) -> Any:
@@ -96,6 +117,24 @@ def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
         return getattr(ranks, "_cpp_object", ranks)
 
     return partitioner
+
+
+def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:
+    """Every cell to its own rank, and to those of its neighbours, as dolfinx 0.5 wants it.
+
+    It finds the nodes that ranks share only where it has such ghosts, which it then removes.
+    """
+    count, size = cells.num_nodes, comm.size
+    ends = np.cumsum(comm.allgather(count))
+    graph = cpp.mesh.build_dual_graph(comm, cells, dim)
+    cell = np.repeat(np.arange(count), np.diff(graph.offsets))
+    rank = np.searchsorted(ends, graph.array, side="right")
+    away = rank != comm.rank
+    ghosts = np.unique(cell[away] * size + rank[away])
+    order = np.argsort(np.append(np.arange(count), ghosts // size), kind="stable")
+    ranks = np.append(np.full(count, comm.rank), ghosts % size)[order].astype(np.int32)
+    offsets = np.append(0, np.cumsum(1 + np.bincount(ghosts // size, minlength=count)))
+    return cpp.graph.AdjacencyList_int32(ranks, offsets.astype(np.int32))
 
 
 def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
@@ -162,10 +201,19 @@ def form_cache() -> Iterator[None]:
         yield
 
 
-def add_ghosts(function: fem.Function) -> None:
+def add_ghosts(vector: Any) -> None:
     """Add the values at ghosts to those at their owners."""
     modes = getattr(la, "InsertMode", None) or la.ScatterMode
-    function.x.scatter_reverse(modes.add)
+    vector.scatter_reverse(modes.add)
+
+
+def summed(index_map: Any, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Sums over ranks of values by entity; those at ghosts may be left out."""
+    vector = la.vector(index_map, 1)
+    vector.array[: len(values)] = values
+    add_ghosts(vector)
+    vector.scatter_forward()
+    return np.array(vector.array)
 
 
 def interpolation_points(space: Any) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint, Step
-from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
@@ -85,7 +85,7 @@ class SweepProgress:
             self._start, self._before = time.perf_counter(), done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
-            values = ", ".join(f"{key} = {value}" for key, value in point.values.items())
+            values = ", ".join(f"{key} = {_short(value)}" for key, value in point.values.items())
             passed = time.perf_counter() - self._start
             left = passed * (total - done) / max(done - self._before, 1)
             both = (point.load_factor, point.load_factor_negative)
@@ -98,6 +98,10 @@ class SweepProgress:
         if text:
             sys.stdout.write(text + "\n")
             sys.stdout.flush()
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def counted(number: int, noun: str) -> str:
@@ -113,6 +117,9 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    lines += map(_pass_line, result.passes)
+    if result.inaccurate:
+        lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
     if bonded := seconds.get("bonded", 0.0):
         lines.append(
@@ -145,6 +152,16 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_mesh_lines(end),
     ]
+
+
+def _pass_line(one: Pass) -> str:
+    """What was found on the way to the accuracy wished."""
+    hinges = ", point hinges" if one.hinges == "points" else ""
+    estimate = "not known" if np.isnan(one.estimate) else f"{one.estimate:.1e}"
+    return (
+        f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
+        f" load factor {one.load_factor:.6g}, error {estimate}"
+    )
 
 
 def _mesh_lines(end: Collapse) -> list[str]:
@@ -204,6 +221,11 @@ def description(discretization: Discretization) -> str:
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
         x, y = forces[:, :2].sum(axis=0) + 0.0
         lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+    for name, movement in scene.dead.movement.items():
+        x, y = movement.displacement
+        lines.append(
+            f"{name} moves by ({x:.6g}, {y:.6g}) m, turns by {movement.rotation:g} degrees"
+        )
     lines += [f"skipped: {item}" for item in skipped(scene)]
     return "\n".join(lines)
 

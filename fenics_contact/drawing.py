@@ -91,6 +91,8 @@ class Drawing:
 
         The columns are x, y and the distance, m; see `DrawingLimits.gap`.
         """
+        from matplotlib.path import Path as Outline
+
         blocks, near = divided_outlines(list(self.blocks), {})
         reach = 4.0 * LIMITS.gap * default_size(blocks)
         corners = np.unique(np.concatenate(blocks), axis=0)
@@ -108,7 +110,7 @@ class Drawing:
             within = np.flatnonzero(_in_box(middle, block, near))
             points = middle[within]
             on = np.linalg.norm(_way_to(points, block), axis=1) <= near
-            empty[within[on | _inside(points, block)]] = False
+            empty[within[on | Outline(block).contains_points(points)]] = False
         return rows[empty]
 
 
@@ -126,16 +128,6 @@ def _way_to(points: Array, outline: Array) -> Array:
     way = at[:, :, None] * along - arm
     nearest = np.argmin(np.linalg.norm(way, axis=2), axis=1)
     return way[np.arange(len(points)), nearest]
-
-
-def _inside(points: Array, outline: Array) -> Flags:
-    """Which points lie inside an outline: a ray from them crosses it an odd number of times."""
-    start, end = outline, np.roll(outline, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    spans = (start[:, 1] > y) != (end[:, 1] > y)
-    with np.errstate(divide="ignore", invalid="ignore"):  # level sides are not crossed
-        at = start[:, 0] + (y - start[:, 1]) * (end - start)[:, 0] / (end - start)[:, 1]
-    return np.count_nonzero(spans & (at > x), axis=1) % 2 == 1
 
 
 # ---- DXF
@@ -294,11 +286,14 @@ def _arc(start: Array, end: Array, bulge: float) -> Array:
     count = max(1, int(np.ceil(abs(angle) / np.radians(LIMITS.arc) - 1e-9)))
     if count == 1:
         return start[None]
-    chord = end - start
-    centre = 0.5 * (start + end) + 0.5 / np.tan(0.5 * angle) * np.array([-chord[1], chord[0]])
+    centre = 0.5 * (start + end) + 0.5 / np.tan(0.5 * angle) * _turned(end - start)
     turn = angle * np.arange(count)[:, None] / count
-    arm = start - centre
-    return centre + np.cos(turn) * arm + np.sin(turn) * np.array([-arm[1], arm[0]])
+    return centre + np.cos(turn) * (start - centre) + np.sin(turn) * _turned(start - centre)
+
+
+def _turned(arm: Array) -> Array:
+    """A vector turned by a right angle, anticlockwise."""
+    return np.array([-arm[1], arm[0]])
 
 
 # ---- from a file to a file
@@ -326,7 +321,13 @@ def mesh_drawing(
         raise InputError(f"size = {size:g} must be a positive length, m")
     contents = read_dxf(path, unit)
     drawing = contents.drawing
+    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
     size = size or default_size(list(drawing.blocks))
+    if size > max(width, height):
+        raise InputError(
+            f"elements of {size:g} m are larger than the drawing, {width:g} m x {height:g} m; give"
+            " --size in m"
+        )
     # Two triangles or more for each square, and the squares of four elements by default.
     cells = 32.0 * len(drawing.blocks) * (default_size(list(drawing.blocks)) / size) ** 2
     if cells > LIMITS.cells:
@@ -335,7 +336,6 @@ def mesh_drawing(
     mesh = extract(model, f"'{path}'")
     check_apart(mesh.points, mesh.cells, bodies_of_cells(mesh), mesh.source)
     _write(output)
-    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
     lines = [
         f"{path}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({contents.unit})",
         f"blocks by layer: {_listed(Counter(drawing.names))}",
@@ -355,7 +355,8 @@ def _gap_warning(drawing: Drawing) -> Iterator[str]:
         x, y, distance = gaps[0]
         yield (
             f"warning: {len(gaps)} corners lie beside another block without touching it, the first"
-            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; no joint is there, snap them together"
+            f" at ({x:g}, {y:g}) m, {distance:.2g} m away; gaps above a"
+            " thousandth of an element's side are no closed joints: snap them together"
         )
 
 

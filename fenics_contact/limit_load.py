@@ -14,8 +14,9 @@ from typing import Any, Protocol
 
 from dolfinx import fem
 
+from fenics_contact.analysis.accuracy import to_accuracy
 from fenics_contact.analysis.dead_load import reaching_zero
-from fenics_contact.analysis.hinges import estimate_mesh_error
+from fenics_contact.analysis.hinges import with_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
@@ -115,11 +116,11 @@ class LimitLoad(Result):
         Raises:
             SolverError: If there is no collapse to draw.
         """
-        return self._plotted(draw_mode, axes, "collapse mode (grey outline: at rest)")
+        return self._plotted(draw_mode, axes)
 
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces at collapse; as `plot`."""
-        return self._plotted(draw_forces, axes, "joint forces at collapse")
+        return self._plotted(draw_forces, axes)
 
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, traced if it was not yet; as `plot`."""
@@ -140,14 +141,12 @@ class LimitLoad(Result):
             save_collapse(view, repr(self)[1:-1], [file])
         return file.getvalue()
 
-    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any, title: str) -> Any:
+    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any) -> Any:
         """Axes with a picture of the collapse, on rank 0."""
         view = self._view()
         if self.scene.comm.rank != 0:
             return None
-        axes = draw(axes or new_axes(), view)
-        axes.set_title(title, fontsize=10)
-        return axes
+        return draw(axes or new_axes(), view)
 
     def _view(self) -> View:
         """What pictures show of the collapse. Collective."""
@@ -219,8 +218,15 @@ def limit_load(
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
         result = limit_load_of(discretization, monitor)
+    if scene.solve.accuracy is not None and result.status == "limit":
+        result = to_accuracy(result, partial(_on_another_mesh, monitor))
     result.seconds["total"] = time.perf_counter() - start
     return result
+
+
+def _on_another_mesh(monitor: Monitor | None, scene: Scene) -> LimitLoad:
+    with Discretization(scene) as discretization:
+        return limit_load_of(discretization, monitor)
 
 
 def limit_load_of(discretization: Discretization, monitor: Monitor | None = None) -> LimitLoad:
@@ -285,13 +291,9 @@ def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:
         return end
     tolerance = scene.solve.tolerance
     if case.problem.dot(case.problem.live, end.mode) < 0.0:  # the dead load does the work
-        found = _with_error(case.reversed(), end.reversed(), tolerance).reversed()
-        return replace(end, mesh_error=found.mesh_error)
-    return _with_error(case, end, tolerance)
-
-
-def _with_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
-    return replace(end, mesh_error=estimate_mesh_error(case, end, tolerance))
+        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
+        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
+    return with_mesh_error(case, end, tolerance)
 
 
 def _result(

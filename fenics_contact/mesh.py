@@ -17,7 +17,13 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.gmsh_reader import GmshContents, Tags, contents, read
-from fenics_contact.planar_cells import anticlockwise, check_apart, check_coordinates
+from fenics_contact.planar_cells import (
+    anticlockwise,
+    check_apart,
+    check_coordinates,
+    connected,
+    sides_of,
+)
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -233,12 +239,10 @@ def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
 
 def _coordinates(found: GmshContents, nodes: Tags, source: str) -> Array:
     """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
-    order = np.argsort(found.tags)
-    rows = np.searchsorted(found.tags, nodes, sorter=order)
-    rows = order[np.minimum(rows, max(len(order) - 1, 0))] if len(order) else rows
-    if len(order) == 0 or np.any(found.tags[rows] != nodes):
+    if not np.all(np.isin(nodes, found.tags)):
         raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
-    points = found.coordinates[rows]
+    order = np.argsort(found.tags)
+    points = found.coordinates[order[np.searchsorted(found.tags, nodes, sorter=order)]]
     check_coordinates(points, source)
     return points[:, :2].copy()
 
@@ -301,10 +305,10 @@ def with_split_surfaces(mesh: GmshMesh) -> GmshMesh:
     copies, cells = np.unique(surface[:, None] * count + mesh.cells, return_inverse=True)
     any_copy = np.zeros(count, dtype=np.int64)
     any_copy[copies % count] = np.arange(len(copies))
-    ends = np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    sides = np.column_stack([np.sort(ends, axis=1), np.repeat(surface, width)])
+    ends = np.sort(sides_of(mesh.cells), axis=1)
+    sides = np.column_stack([ends, np.repeat(surface, width)])
     sides = np.unique(sides, axis=0)  # once for each surface that has it
-    key, tagged = (table[:, 0] * count + table[:, 1] for table in (sides, mesh.facets))
+    key, tagged = (table[:, :2] @ [count, 1] for table in (sides, mesh.facets))
     order = np.argsort(tagged)
     found = np.isin(key, tagged)
     facet = order[np.searchsorted(tagged[order], key[found])]
@@ -325,8 +329,7 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
     Raises:
         InputError: If a body hangs together at a single node only, which would be a hinge.
     """
-    following = np.roll(mesh.cells, -1, axis=1)
-    key = np.minimum(mesh.cells, following) * len(mesh.points) + np.maximum(mesh.cells, following)
+    key = np.sort(sides_of(mesh.cells), axis=1) @ [len(mesh.points), 1]
     _, side = np.unique(key, return_inverse=True)
     by_node = _connected(mesh.cells)
     by_side = _connected(side.reshape(mesh.cells.shape))
@@ -349,14 +352,9 @@ def _joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
 
 def _connected(entities: Indices) -> Labels:
     """Number of the set of cells, connected through shared entities, that every cell is in."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     count, width = entities.shape
-    cell, entity = np.repeat(np.arange(count), width), count + entities.ravel()
-    size = int(entity.max()) + 1
-    graph = coo_matrix((np.ones(len(cell), np.int8), (cell, entity)), (size, size))
-    return np.unique(connected_components(graph, directed=False)[1][:count], return_inverse=True)[1]
+    pairs = np.column_stack([np.repeat(np.arange(count), width), count + entities.ravel()])
+    return np.unique(connected(pairs, int(pairs.max()) + 1)[:count], return_inverse=True)[1]
 
 
 def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:

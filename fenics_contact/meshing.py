@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices, extract, gmsh_session
+from fenics_contact.planar_cells import connected, sides_of
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
 Polygons = list[Array]
@@ -176,8 +177,8 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
     from scipy.spatial import cKDTree
 
-    facets = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    facets, count = np.unique(np.sort(facets, axis=1), axis=0, return_counts=True)
+    facets = np.sort(sides_of(cells), axis=1)
+    facets, count = np.unique(facets, axis=0, return_counts=True)
     facets = facets[count == 1]  # of one cell only: blocks share no nodes
     ends = points[facets]
     middle = ends.mean(axis=1)
@@ -370,13 +371,9 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
 
 def _snapped(points: Array, near: float) -> Array:
     """Points, of which those that are near each other have the place of the first of them."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    pairs, count = cKDTree(points).query_pairs(near, output_type="ndarray"), len(points)
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    label = connected_components(graph, directed=False)[1]
+    label = connected(cKDTree(points).query_pairs(near, output_type="ndarray"), len(points))
     _, first = np.unique(label, return_index=True)
     return points[first[label]]
 
@@ -430,13 +427,18 @@ def arch(
     angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
     inner, outer = (radius - 0.5 * thickness) * ray, (radius + 0.5 * thickness) * ray
-    corners = np.stack([inner[:-1], inner[1:], outer[1:], outer[:-1]], axis=1)
     groups = {
         "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
         "intrados": list(itertools.pairwise(inner)),
         "extrados": list(itertools.pairwise(outer)),
     }
-    return polygons(corners, thickness / elements, None, groups, quadrilaterals)
+    blocks = blocks_between(inner, outer)
+    return polygons(blocks, thickness / elements, None, groups, quadrilaterals)
+
+
+def blocks_between(low: Array, high: Array) -> Polygons:
+    """Blocks in a row between two lines, each of shape (blocks + 1, 2): four corners of each."""
+    return list(np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
 
 
 def wedge(

@@ -66,11 +66,14 @@ def anticlockwise(points: Array, cells: Indices, source: str) -> Indices:
     folded = np.any(turn * np.sign(area)[:, None] <= least[:, None], axis=1)
     _refuse(folded, corners, source, "cells are no convex quadrilaterals")
     turned = np.where((area < 0.0)[:, None], cells[:, ::-1], cells)
-    given = np.sort(cells, axis=1)
-    twice = _repeated(given)
-    _refuse(twice, corners, source, "cells are given twice", "; delete the copies")
-    ends = np.stack([turned, np.roll(turned, -1, axis=1)], axis=2).reshape(-1, 2)
-    same_side = _repeated(ends).reshape(cells.shape).any(axis=1)
+    _refuse(
+        _repeated(np.sort(cells, axis=1)),
+        corners,
+        source,
+        "cells are given twice",
+        "; delete the copies",
+    )
+    same_side = _repeated(sides_of(turned)).reshape(cells.shape).any(axis=1)
     _refuse(same_side, corners, source, "cells overlap others on the same nodes")
     return turned
 
@@ -130,12 +133,10 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
 
 def _outline(points: Array, cells: Indices) -> tuple[npt.NDArray[np.bool_], Array]:
     """Which cells have a node at their body's outline, and twice the heights of their arcs, m."""
-    ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    ordered = np.sort(ends, axis=1)
-    _, side, count = np.unique(
-        ordered[:, 0] * len(points) + ordered[:, 1], return_inverse=True, return_counts=True
-    )
-    free = np.flatnonzero(count[side.ravel()] == 1)
+    ends = sides_of(cells)
+    key = np.sort(ends, axis=1) @ [len(points), 1]
+    _, side, count = np.unique(key, return_inverse=True, return_counts=True)
+    free = np.flatnonzero(count[side] == 1)
     outside = np.zeros(len(points), dtype=bool)
     outside[ends[free]] = True
     along = points[ends[free, 1]] - points[ends[free, 0]]
@@ -189,7 +190,7 @@ def near_pairs(
 
     if not len(some) or not len(others):
         return
-    level = np.floor(np.log2(size / size.max())).astype(int)
+    level = np.ceil(np.log2(size / size.max())).astype(int)
     trees = []
     for k in np.unique(level[others]):
         partners = others[level[others] == k]
@@ -198,11 +199,25 @@ def near_pairs(
         cells = some[level[some] == j]
         portions = [cells[start : start + PORTION] for start in range(0, len(cells), PORTION)]
         for part, (k, partners, tree) in product(portions, trees):
-            reach = size.max() * (2.0 ** (j + 1) + 2.0 ** (k + 1))
+            reach = size.max() * (2.0**j + 2.0**k)
             table = cKDTree(centre[part]).sparse_distance_matrix(tree, reach, output_type="ndarray")
             one, two = part[table["i"]], partners[table["j"]]
             meet = table["v"] < size[one] + size[two]
             yield one[meet], two[meet]
+
+
+def connected(pairs: Indices, count: int) -> Indices:
+    """Number of the connected set that each of so many things is in, shape (count,)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def sides_of(cells: Indices) -> Indices:
+    """Nodes at the ends of the sides of cells, side after side, shape (sides, 2)."""
+    return np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _penetration(first: Array, second: Array) -> Array:

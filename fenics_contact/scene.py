@@ -33,6 +33,8 @@ CHOICES = {
 
 #: Characters that a title can have.
 LONGEST_TITLE = 1000
+#: Degrees by which supports can turn: displacements are small.
+MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
 
@@ -192,8 +194,30 @@ class EarthPressure:
 
 
 @dataclass(frozen=True)
+class Movement:
+    """A small movement of a support or foundation: settlement, spreading, tilt.
+
+    Attributes:
+        displacement: Of the middle of its edges, m.
+        rotation: About this point, degrees, anticlockwise.
+    """
+
+    displacement: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_pair("displacement", self.displacement)
+        small = abs(self.rotation) <= MOST_TILT
+        _require(
+            small,
+            f"rotation = {self.rotation} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees",
+        )
+
+
+@dataclass(frozen=True)
 class Load:
-    """A body force, tractions, forces at places and earth pressure.
+    """A body force, tractions, forces at places, earth pressure and movements of supports.
 
     Attributes:
         body: Acceleration, m/s2, times density.
@@ -201,6 +225,7 @@ class Load:
         tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table.
         force: Forces at places, by any name.
         earth: Earth pressure by name of a one-dimensional group.
+        movement: Of supports and foundations by their names; of the dead load only.
     """
 
     body: tuple[float, float] = (0.0, 0.0)
@@ -208,6 +233,7 @@ class Load:
     tilt: float = 0.0
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
+    movement: Mapping[str, Movement] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -239,6 +265,7 @@ class SolveOptions:
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         error: Estimate how much of the load factor is due to the mesh.
+        accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
     """
 
     method: str = "auto"
@@ -248,6 +275,7 @@ class SolveOptions:
     slip: str = "stress-free"
     states: str = "first"
     error: bool = True
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -255,6 +283,11 @@ class SolveOptions:
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
         _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
+        wished = self.accuracy
+        if wished is not None:
+            _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
+            _require(self.error, "accuracy needs error = true, by which it is known")
+            _require(not by_load, "accuracy needs control = 'work'")
         _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 
@@ -337,6 +370,8 @@ class Scene(_Shared):
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
             _require(law.gap == 0.0, f"foundations.{name} {needless}")
+        unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
+        _require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
         self._check_materials()
 
@@ -422,6 +457,12 @@ class Scene(_Shared):
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
+        held = sorted([*self.foundations, *self.supports])
+        for name in sorted(set(self.dead.movement) - set(held)):
+            raise InputError(
+                f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation; those"
+                f" of this scene are {_listed(held)}"
+            )
         roles = sorted([*self.joints, *self.foundations, *self.supports])
         for name in (a for a, b in pairwise(roles) if a == b != "default"):
             raise InputError(

@@ -62,7 +62,8 @@ def _read(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise InputError(f"file '{path}' has more than {DEEPEST} tables in tables") from None
     except ValueError as error:  # tomllib's own, and that of a whole number too long for Python
-        raise InputError(f"file '{path}' is not TOML: {error}") from None
+        hint = "" if path.suffix == ".toml" else "; give a scene file"
+        raise InputError(f"file '{path}' is not TOML: {error}{hint}") from None
 
 
 def _check_depth(tables: Any, source: str) -> None:
@@ -167,7 +168,7 @@ def _shown(value: Any) -> str:
 
 def _as_table(key: str, value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
-        raise InputError(f"{key} = {_shown(value)} must be a table, [{key}]")
+        raise InputError(f"{key} = {_shown(value)} must be a table, [{key}], in Python a dict")
     return value
 
 

@@ -102,27 +102,36 @@ class Drawing:
         return replace(self, cells={"odd": table[odd], "even": table[~odd]})
 
     def one_by_one(self, seed: int) -> Drawing:
-        """Every block drawn by its corners and meshed by itself, with a size of its own."""
+        """Every block meshed by itself, with a size of its own."""
+        random = np.random.default_rng(seed)
+        return self.meshed_again(lambda length: length * random.uniform(0.7, 1.4, len(length)))
+
+    def meshed_again(self, size_of: Callable[[Array], Any]) -> Drawing:
+        """Every block drawn by its corners and meshed again.
+
+        `size_of` mean lengths of the blocks' facets gives the size of elements: one, so that nodes
+        match, or one for every block.
+        """
         table = np.concatenate(list(self.cells.values()))
         names = [name for name, cells in self.cells.items() for _ in cells]
         groups: dict[tuple[int, int], frozenset[str]] = {}
         for name, facets in self.facets.items():
             for a, b in np.sort(facets, axis=1).tolist():
                 groups[a, b] = groups.get((a, b), frozenset()) | {name}
-        random, bodies = np.random.default_rng(seed), self.bodies()
-        outlines, sizes, of_block = [], [], []
+        bodies = self.bodies()
+        outlines, lengths, of_block = [], [], []
         segments: dict[str, list[tuple[Array, Array]]] = {name: [] for name in self.facets}
         for body in range(bodies.max() + 1):
             cells = np.flatnonzero(bodies == body)
             corners, sets, length = self._outline(table[cells], groups)
             outlines.append(corners)
             of_block.append(names[cells[0]])
-            sizes.append(length * random.uniform(0.7, 1.4))
+            lengths.append(length)
             for start, end, names_here in zip(corners, np.roll(corners, -1, 0), sets, strict=True):
                 for name in names_here:
                     segments[name].append((start, end))
-        quads = table.shape[1] == 4
-        return Drawing.of(polygons(outlines, sizes, of_block, segments, quads))
+        size, quads = np.asarray(size_of(np.array(lengths))).tolist(), table.shape[1] == 4
+        return Drawing.of(polygons(outlines, size, of_block, segments, quads))
 
     def _outline(
         self, cells: Indices, groups: dict[tuple[int, int], frozenset[str]]

@@ -29,6 +29,7 @@ from fenics_contact.analysis.nearby import (
     collapse_next_to,
     from_afar,
     near,
+    on_mesh,
     rates,
     same_mode,
 )
@@ -79,8 +80,8 @@ class ErrorOptions:
 OPTIONS = ErrorOptions()
 
 
-def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> MeshError:
-    """What the load factor of a collapse owes to the mesh.
+def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
+    """A collapse with what its load factor owes to the mesh, and that with point hinges.
 
     Args:
         case: The load case.
@@ -88,7 +89,7 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
         tolerance: On the load factor, relative.
     """
     if end.joints is None:
-        return MeshError(math.nan, math.nan, math.nan)
+        return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
     whole = case.discretization
     lengths = ContactLengths.of(whole)
     points = hinges(whole.joints, end.joints)
@@ -100,7 +101,8 @@ def estimate_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Mesh
     if way.complete:
         spent = whole.factorizations() - before
         error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
-    return _with_lengths(case, way, error, lengths)
+    error = _with_lengths(case, way, error, lengths)
+    return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
 
 
 def hinges(joints: Joints, values: JointValues) -> Indices:
@@ -243,6 +245,15 @@ def _with_algebraic_error(
         jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
         return replace(error, state_changes=(*error.state_changes, jump))
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
+
+
+def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
+    """The last state of the way, with the error that is left; None where hinges change nothing."""
+    if not way.ended or len(way.states) == 1:
+        return None
+    found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
+    left = abs(error.load_factor_point_hinges - found.load_factor) / _size(way.states[0])
+    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
 
 
 def _with_lengths(

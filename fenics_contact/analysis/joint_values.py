@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
@@ -91,20 +91,15 @@ class JointValues:
 
 
 def joint_values(
-    problem: ContactProblem,
-    gather: Callable[[Array], Array],
-    length: Array,
-    state: State,
-    mode: Array,
-    imposed: Array,
+    problem: ContactProblem, whole: Discretization, state: State, mode: Array
 ) -> JointValues:
-    """Joint values of a state and its mode, on all ranks together.
+    """Values at all joint points of a state and its mode, on all ranks together.
 
-    `gather` turns values at this rank's points into those at all; `length` is that of each, m;
-    `imposed` is u_g, a part of the state's displacements that is no slip.
+    Slips are those from the origin of slip of `whole`, whichever `problem` has.
     """
+    length, gather = whole.joints.length, whole.all_points
     normal, shear = gather(state.pressure), gather(state.shear)
-    gap, slip = problem.normal @ state.displacement, state.displacement - imposed
+    gap, slip = problem.normal @ state.displacement, problem.tangential @ state.displacement
     rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
-    moved = gather(gap), gather(problem.tangential @ slip)
+    moved = gather(gap), gather(slip - whole.problem.slip_origin)
     return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

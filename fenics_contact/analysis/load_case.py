@@ -56,8 +56,10 @@ class LoadCase:
         """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only."""
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
-        loads = replace(discretization.problem, dead=discretization.elasticity.dead)
-        scales = typical_sizes(loads, bonded)
+        scales = typical_sizes(discretization.sizing, bonded)
+        if discretization.scene.dead.movement:
+            moved = problem.max(np.abs(discretization.imposed))
+            scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
         stiffness = discretization.stiffness(kind)
@@ -73,7 +75,7 @@ class LoadCase:
     def written(self, state: State) -> State:
         """A state with its displacements u in place of u + u_g, and the work on these."""
         state = self.discretization.without_imposed(state)
-        if not np.any(self.discretization.joints.gap):
+        if not self.discretization.imposes:
             return state
         return replace(state, work=self.problem.dot(self.problem.live, state.displacement))
 

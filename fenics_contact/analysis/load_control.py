@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,7 +136,14 @@ def raise_load_to(
     """
     climb = _Climb(case, strategy, options, np.inf, None)
     climb.run_to(load_factor, steps)
-    return Reached(climb.problem, climb.state)
+    state, elastic = climb.state, case.scales.elastic
+    if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
+        scales = replace(case.scales, displacement=elastic)
+        near = replace(case, problem=climb.problem)
+        with suppress(SolverError):
+            task = Task(near, state.work, scales, options.tolerance)
+            state = strategy.equilibrium(task, state, load_factor)
+    return Reached(climb.problem, state)
 
 
 class _Climb:
@@ -203,8 +211,9 @@ class _Climb:
         Raises:
             SolverError: If no equilibrium is found there, or none on the way.
         """
-        dead = self.case.discretization.elasticity.dead
-        loaded = self.case.problem.max(np.abs(dead)) > 0.0
+        whole = self.case.discretization
+        loaded = self.case.problem.max(np.abs(whole.elasticity.dead)) > 0.0
+        loaded = loaded or bool(whole.scene.dead.movement)
         if loaded and not self._reached(0.0):
             raise SolverError("no equilibrium was found under the dead load")
         step, least = load_factor / steps, OPTIONS.width * load_factor / steps

@@ -52,3 +52,34 @@ class MeshError:
     def estimate(self) -> float:
         """Sum of both errors, relative; nan if one is not known."""
         return self.hinge_error + self.algebraic_error
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A load factor on the way to the accuracy wished; nan: not known.
+
+    Attributes:
+        direction: Of the live load, "positive" or "negative".
+        displacements: Their number.
+        degree: Their degree.
+        hinges: Of the length of the "mesh", or almost "points".
+        load_factor: lambda.
+        hinge_error: See `MeshError`.
+        algebraic_error: See `MeshError`; not less than the change from the mesh before,
+            nor than a quarter of the error there.
+        seconds: Wall time on this mesh.
+    """
+
+    direction: str
+    displacements: int
+    degree: int
+    hinges: str
+    load_factor: float
+    hinge_error: float
+    algebraic_error: float
+    seconds: float
+
+    @property
+    def estimate(self) -> float:
+        """Sum of both errors, relative; nan if one is not known."""
+        return self.hinge_error + self.algebraic_error

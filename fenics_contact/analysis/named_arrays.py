@@ -99,7 +99,7 @@ def block_arrays(
     bodies = discretization.bodies
     sources: dict[str, Callable[[], Values]] = {
         "centre": lambda: bodies.centre,
-        "area": discretization.areas,
+        "area": partial(discretization.boundary.areas, bodies.centre),
         "dead_load": lambda: bodies.dead[:, :2],
         "live_load": lambda: bodies.live[:, :2],
     }

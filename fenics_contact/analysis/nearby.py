@@ -25,6 +25,7 @@ from fenics_contact.analysis.strategy import (
     next_to,
 )
 from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.hinge_nodes import HingeNodes
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import SolverError
@@ -105,17 +106,39 @@ def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
     if not soft.most > 0.0:
         yield silent
         return
-    whole = case.discretization
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with Owner() as owner:
+        problem = hinge_nodes.soften(case.problem, halvings, owner)
+        stiffness = owner.enter_context(
+            case.discretization.stiffness_with(problem.stiffness, GENERAL)
+        )
+        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+
+
+def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
+    """A collapse with compliant hinges, with the displacements of the blocks' meshes.
+
+    Those of the state found are of the joints' side of the hinges: beside a node with the
+    compliance of many halvings they would give stresses that no block has.
+    """
+    if end.state is None:
+        return end
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    forces = case.problem.joint_forces(end.state.pressure, end.state.shear)
+    give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
+    u, elastic = end.state.displacement - give, end.state.elastic - case.problem.elastic_part(give)
+    return replace(end, state=replace(end.state, displacement=u, elastic=elastic))
+
+
+def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]:
+    """Nodes at hinges, and the halvings of each."""
     nodes = whole.joints.nodes[soft.points]
     used = nodes != GROUND
     each = np.broadcast_to(soft.halvings, len(nodes))[:, None] * np.ones(nodes.shape)
     hinge_nodes = HingeNodes.of(whole, nodes[used])
     halvings = np.zeros(len(hinge_nodes.nodes))
     np.maximum.at(halvings, np.searchsorted(hinge_nodes.nodes, nodes[used]), each[used])
-    with Owner() as owner:
-        problem = hinge_nodes.soften(case.problem, halvings, owner)
-        stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
-        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+    return hinge_nodes, halvings
 
 
 def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:

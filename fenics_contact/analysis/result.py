@@ -15,7 +15,7 @@ import numpy as np
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
 from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
@@ -52,6 +52,8 @@ class Collapse:
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
         mesh_error: Estimate of the discretisation error; None if it was not made.
+        at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
+            where that changes nothing, or was not looked for.
     """
 
     status: str
@@ -68,6 +70,7 @@ class Collapse:
     reason: str = ""
     wedging: Array | None = None
     mesh_error: MeshError | None = None
+    at_point_hinges: Collapse | None = None
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -118,6 +121,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
+            at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 
@@ -154,6 +158,8 @@ class Result:
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
         capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
+        passes: What was found on the way to the accuracy wished.
+        inaccurate: Why that accuracy was not reached, for people; empty where it was.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -166,6 +172,8 @@ class Result:
     mode_factorizations: int = 0
     capacity: tuple[CapacityPoint, ...] = ()
     fall: Array | None = None
+    passes: tuple[Pass, ...] = ()
+    inaccurate: str = ""
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
@@ -187,7 +195,8 @@ class Result:
         end = self.collapse
         if end is None or end.state is None:
             return block_arrays(self.discretization, None, None)
-        return block_arrays(self.discretization, end.state.displacement, end.mode)
+        state = self.discretization.without_imposed(end.state)
+        return block_arrays(self.discretization, state.displacement, end.mode)
 
     @property
     def scene(self) -> Scene:

@@ -60,19 +60,18 @@ def service_state(
 
 def _verified(case: LoadCase, reached: Reached) -> ServiceState:
     """A state held against the problem in which it was found, in the user's sign of the load."""
-    problem, state, whole = reached.problem, reached.state, case.discretization
+    problem, state = reached.problem, reached.state
     larger = max(1.0, state.load_factor / case.scales.load_factor)
-    sizes = case.scales.displacement, case.scales.force
+    sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
     residuals = state_residuals(problem, state, scales)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
-    u, length, sign = state.displacement, whole.joints.length, case.sign
-    written = case.written(state)
+    sign, written = case.sign, case.written(state)
     return ServiceState(
         "not_converged" if missed else "equilibrium",
         sign * state.load_factor,
         replace(written, load_factor=sign * state.load_factor, work=sign * written.work),
-        joint_values(problem, whole.all_points, length, state, u, whole.imposed),
+        joint_values(problem, case.discretization, state, state.displacement),
         residuals,
         f"not verified: {', '.join(missed)}" if missed else "",
     )

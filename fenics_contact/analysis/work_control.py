@@ -186,16 +186,14 @@ class _Search:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
                 _log.warning(text, best.gap)
             state, certificate = _at_onset(case, best.verified)
-        whole, mode = case.discretization, best.verified.mode
+        mode = best.verified.mode
         return Collapse(
             status,
             np.inf if status == "unbounded" else state.load_factor,
             case.blocks.bounds,
             state,
             mode,
-            joint_values(
-                case.problem, whole.all_points, whole.joints.length, state, mode, whole.imposed
-            ),
+            joint_values(case.problem, case.discretization, state, mode),
             certificate,
             histories,
             best.ratio,

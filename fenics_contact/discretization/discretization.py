@@ -17,11 +17,12 @@ from fenics_contact.discretization.elasticity import (
     Elasticity,
     assemble,
     displacement_space,
+    internal_forces,
     with_loads,
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
-from fenics_contact.discretization.imposed import gap_field
+from fenics_contact.discretization.imposed import facet_motion, ground_motion, imposed_field
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -105,11 +106,9 @@ class Discretization:
         self._owned = ExitStack()
         for operator in maps:
             self._owned.callback(operator.close)
-        owned = range(*made.stiffness.getOwnershipRange())
-        self.imposed = gap_field(self.joints, self.supports, owned)
-        loads, laws = (made.dead + stiffness @ self.imposed, made.live), self._laws()
-        origin = tangential @ self.imposed
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid, origin)
+        loads, laws = (made.dead, made.live), self._laws()
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
+        self.problem, self.imposed = _with_imposed(self)
         self.tally, self.mode_tally = Tally(), Tally()
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
@@ -150,15 +149,15 @@ class Discretization:
         start = time.perf_counter()
         new = copy(self)
         new.scene, new.compile_seconds = scene, 0.0
+        new.supports = find_supports(scene, self.boundary)
         new.joints = find_joints(scene, self.boundary)
         new.warnings = doubts(scene, self.boundary, new.joints)
-        new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, self.supports)
+        new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
         new.bodies = new._rigid_bodies()
         _check_live_load(made, new.bodies, scene)
         friction, strength = new._laws()
-        # Gaps are those of the matrices: the imposed displacements stay.
-        loads = {"dead": made.dead + self.problem.stiffness @ self.imposed, "live": made.live}
-        new.problem = replace(self.problem, **loads, friction=friction, strength=strength)
+        new.problem = replace(self.problem, live=made.live, friction=friction, strength=strength)
+        new.problem, new.imposed = _with_imposed(new)
         if "block_modes" in self.__dict__:
             new.block_modes = self.block_modes.changed(new.problem)
         for tally in (self.tally, self.mode_tally):
@@ -176,6 +175,11 @@ class Discretization:
         """Friction and given strength at this rank's rows."""
         points = self.operators.points
         return self.joints.friction[points], self.joints.shear_strength[points]
+
+    @property
+    def size(self) -> int:
+        """Number of displacements."""
+        return 2 * int(self.elasticity.space.dofmap.index_map.size_global)
 
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""
@@ -203,11 +207,17 @@ class Discretization:
         problem, stiffness = self.problem, self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
-        # Initial gaps do not count: typical sizes come from this.
-        dead, live = (factor.solve(load) for load in (self.elasticity.dead, problem.live))
+        dead, live = (factor.solve(load) for load in (self.sizing.dead, problem.live))
         of_dead, of_live = (np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live))
         seconds = self.seconds + time.perf_counter() - start
         return Bonded(dead, live, of_dead, of_live, seconds)
+
+    @property
+    def sizing(self) -> ContactProblem:
+        """The problem from which typical sizes come: u_g counts where no dead load acts else."""
+        dead = self.elasticity.dead
+        alone = self.scene.dead.movement and self.problem.max(np.abs(dead)) == 0.0
+        return self.problem if alone else replace(self.problem, dead=dead)
 
     @cached_property
     def block_modes(self) -> BlockModes:
@@ -224,16 +234,9 @@ class Discretization:
     def _first_node(self) -> int:
         return self.elasticity.space.dofmap.index_map.local_range[0]
 
-    def areas(self) -> Array:
-        """Area of every body, m2, from its boundary: 1/2 int x.n ds."""
-        boundary, centre = self.boundary, self.bodies.centre
-        arm = boundary.points[:, :2].mean(axis=1) - centre[boundary.body]
-        flux = np.sum(arm * boundary.normal, axis=1) * boundary.length
-        return 0.5 * np.bincount(boundary.body, flux, len(centre))
-
     def bodies_area(self) -> float:
         """Area of all bodies, m2."""
-        return float(self.areas().sum())
+        return float(self.boundary.areas(self.bodies.centre).sum())
 
     def block_motions(self, values: Array) -> Array:
         """Mean displacement, m, and rotation, rad, of every body, shape (bodies, 3). Collective.
@@ -255,9 +258,14 @@ class Discretization:
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
 
+    @property
+    def imposes(self) -> bool:
+        """Whether joints have initial gaps, or supports move."""
+        return bool(np.any(self.joints.gap)) or bool(self.scene.dead.movement)
+
     def without_imposed(self, state: State) -> State:
         """A state of the solvers with its displacements u in place of u + u_g, to write."""
-        if not np.any(self.joints.gap):
+        if not self.imposes:
             return state
         u, elastic = state.displacement - self.imposed, state.elastic - self.imposed
         return replace(state, displacement=u, elastic=elastic)
@@ -277,13 +285,29 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     """Collect what the scene's supports hold.
 
     Raises:
-        InputError: If a facet belongs to two supports.
+        InputError: If a facet belongs to two supports, or supports that meet move apart.
     """
     role = boundary.role(scene.supports)
     rows = np.flatnonzero(role >= 0)
     fixed = np.array([kind == "fixed" for kind in scene.supports.values()], bool)[role[rows]]
     nodes, points = boundary.nodes[rows], boundary.points[rows]
-    return supports_of(fixed, nodes, points, boundary.normal[rows], boundary.body[rows])
+    normal, motion = boundary.normal[rows], facet_motion(scene, boundary)[rows]
+    return supports_of(fixed, nodes, points, normal, boundary.body[rows], motion)
+
+
+def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
+    """The problem with the forces of u_g in its dead load, and its slips; u_g."""
+    problem, joints, supports = made.problem, made.joints, made.supports
+    ground = ground_motion(made.scene, made.boundary, joints)
+    owned = range(*problem.stiffness.matrix.getOwnershipRange())
+    u, slip = imposed_field(joints, supports, ground, owned)
+    force = problem.stiffness @ u
+    held = supports.held_displacements(owned)
+    if np.any(supports.motion):
+        force -= internal_forces(made.elasticity, supports, held)
+    origin = problem.tangential @ u - slip[made.operators.points]
+    dead = made.elasticity.dead + force
+    return replace(problem, dead=dead, slip_origin=origin), u - held
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

@@ -9,8 +9,9 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.imposed import facet_motion
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.discretization.pairing import Gaps, facing_facets
 from fenics_contact.mesh import BlockMesh
 from fenics_contact.scene import JointLaw, Material, Scene
 
@@ -24,12 +25,15 @@ class Usual:
         young: Smallest Young's modulus, Pa; that of soft brickwork is 1e8.
         poisson: Largest Poisson's ratio; closer to 0.5, linear cells lock in plane strain.
         offset: Largest gap of a joint as a fraction of the longest facet: rounding in files.
+        movement: Largest movement of a support over the side of a square with the area of the
+            smallest block: displacements are small.
     """
 
     friction: float = 2.0
     young: float = 1e6
     poisson: float = 0.49
     offset: float = 1e-6
+    movement: float = 0.05
 
 
 def doubts(
@@ -45,6 +49,7 @@ def doubts(
         *_of_weights(scene),
         *_of_tractions(scene, boundary),
         *_of_gaps(boundary, joints, usual),
+        *_of_movements(scene, boundary, usual),
     )
 
 
@@ -94,7 +99,7 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
     if not scene.dead.traction and not scene.live.traction:
         return
     facing = np.zeros(len(boundary.length), dtype=bool)
-    facing[facing_facets(boundary, scene.mesh.source).facets] = True
+    facing[facing_facets(boundary, Gaps.of(scene, boundary)).facets] = True
     for kind, load in (("dead", scene.dead), ("live", scene.live)):
         for name in load.traction:
             if inside := np.count_nonzero(boundary.in_group(name) & facing):
@@ -111,3 +116,20 @@ def _of_gaps(boundary: Boundary, joints: Joints, usual: Usual) -> Iterator[str]:
             f"joints have gaps or overlaps up to {joints.offset:.3g} m in the drawing; they are"
             " taken for closed"
         )
+
+
+def _of_movements(scene: Scene, boundary: Boundary, usual: Usual) -> Iterator[str]:
+    """Movements of supports that are not small beside the blocks."""
+    if not scene.dead.movement:
+        return
+    origin = np.tile(boundary.points[0, 0], (scene.mesh.body_count, 1))
+    side = float(np.sqrt(boundary.areas(origin).min()))
+    motion = facet_motion(scene, boundary)
+    for name in scene.dead.movement:
+        moved = float(np.linalg.norm(motion[boundary.in_group(name)], axis=-1).max(initial=0.0))
+        if moved > usual.movement * side:
+            yield (
+                f"loads.dead.movement.{name} moves it by up to {moved:.3g} m, more than"
+                f" {usual.movement:g} of the smallest block's size, {side:.3g} m; displacements"
+                " are taken for small"
+            )

@@ -106,6 +106,18 @@ def with_loads(
     return replace(elasticity, **dict(zip(names, [*loads, *resultants], strict=True)))
 
 
+def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Array) -> Array:
+    """K u where nothing is held, but zero in held entries; both in the supports' coordinates."""
+    space, count = elasticity.space, len(displacement)
+    first = space.dofmap.index_map.local_range[0]
+    u, force = fem.Function(space), fem.Function(space)
+    u.x.array[:count] = supports.to_cartesian(displacement, first)
+    u.x.scatter_forward()
+    fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.lame))
+    compat.add_ghosts(force)
+    return supports.constrain_vector(force.x.array[:count], first)
+
+
 def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
     """Function that is constant in every cell, from the local cells' values."""
     space = compat.function_space(mesh.domain, "DG", 0)

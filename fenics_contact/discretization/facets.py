@@ -54,6 +54,12 @@ class Boundary:
         member = np.array([name in groups for groups in self.facet_sets] + [False])
         return member[self.groups]
 
+    def areas(self, centre: Array) -> Array:
+        """Area of every body, m2, 1/2 int (x - centre).n ds, shape (bodies,)."""
+        arm = self.points[:, :2].mean(axis=1) - centre[self.body]
+        flux = np.sum(arm * self.normal, axis=1) * self.length
+        return 0.5 * np.bincount(self.body, flux, len(centre))
+
     def role(self, names: Iterable[str]) -> Indices:
         """Position in `names` of the group each facet is in, -1 where none, shape (facets,).
 

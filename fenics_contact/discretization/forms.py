@@ -43,6 +43,14 @@ def stiffness(space: Any, lame: tuple[fem.Function, fem.Function]) -> fem.Form:
     return fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
 
 
+def internal_forces(
+    displacement: fem.Function, lame: tuple[fem.Function, fem.Function]
+) -> fem.Form:
+    """Form of the nodal forces K u of a displacement field."""
+    v = ufl.TestFunction(displacement.function_space)
+    return fem.form(ufl.inner(stress(displacement, *lame), strain(v)) * ufl.dx)
+
+
 def body_load(space: Any, density: fem.Function, body: tuple[float, float]) -> fem.Form:
     """Form of the nodal forces of an acceleration, m/s2, times a density by cell, kg/m3."""
     force = fem.Constant(space.mesh, PETSc.ScalarType(body))
@@ -81,7 +89,12 @@ def compile_forms(scene: Scene) -> None:
 
     The compiler prints nothing. What an earlier run compiled is only looked up.
     """
-    kind = scene.mesh.domain.topology.cell_type.name, scene.degree, scene.plane
+    kind = (
+        scene.mesh.domain.topology.cell_type.name,
+        scene.degree,
+        scene.plane,
+        bool(scene.dead.movement),
+    )
     for turn in (True, False):  # ranks that share a cache must not write it at the same time
         if turn == (scene.comm.rank == 0):
             _compile(*kind)
@@ -89,7 +102,7 @@ def compile_forms(scene: Scene) -> None:
 
 
 @cache
-def _compile(cell: str, degree: int, plane: str) -> None:
+def _compile(cell: str, degree: int, plane: str, moved: bool) -> None:
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
     cells, ranks = np.arange(len(corners))[None, :], np.zeros(1, dtype=np.int32)
@@ -100,6 +113,8 @@ def _compile(cell: str, degree: int, plane: str) -> None:
         by_cell = compat.function_space(domain, "DG", 0)
         density, first, second = (fem.Function(by_cell) for _ in range(3))
         stiffness(space, (first, second))
+        if moved:
+            internal_forces(fem.Function(space), (first, second))
         body_load(space, density, (0.0, 0.0))
         edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
         stress_expression(fem.Function(space), (first, second), plane)

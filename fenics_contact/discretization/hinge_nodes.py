@@ -102,6 +102,20 @@ class HingeNodes:
             loads = [f - give.T @ f[rows] for f in (problem.dead, problem.live)]
         return replace(problem, stiffness=result, dead=loads[0], live=loads[1])
 
+    def indentation(self, forces: Array, halvings: Array | float, first: int) -> Array:
+        """By how much the nodes give way under forces on them with so many halvings, m.
+
+        Forces, N per metre of thickness, and displacements are this rank's part, in the supports'
+        coordinates; its nodes count from `first`.
+        """
+        given = forces.reshape(-1, 2)
+        result = np.zeros_like(given)
+        mine = (self.nodes >= first) & (self.nodes < first + len(given))
+        each = np.broadcast_to(halvings, len(self.nodes))[mine, None, None] * self.compliance[mine]
+        at = self.nodes[mine] - first
+        result[at] = np.einsum("nij,nj->ni", each, given[at])
+        return result.ravel()
+
     def _inner(self, between: PETSc.Mat, halvings: Array | float) -> Any:
         """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
         from scipy.sparse import bsr_matrix, csr_matrix, identity, vstack

@@ -13,23 +13,21 @@ rule, degree 2: Simpson's).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.mortar import (
-    NODES,
     SHARES,
     Pieces,
     Stencil,
     lagrange,
     pieces_of,
     stencil_of,
-    with_ground,
 )
-from fenics_contact.discretization.pairing import INSIDE, foundation_facets, joint_stretches
+from fenics_contact.discretization.pairing import INSIDE, joint_stretches
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, Indices, Labels
 from fenics_contact.planar_cells import SMOOTH_ANGLE, arc_heights
@@ -67,13 +65,9 @@ class Joints:
     names: tuple[str, ...]
     segments: Indices
     stencil: Stencil
-    middle: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    gap: Array = field(default_factory=lambda: np.zeros(0))
+    middle: Indices
+    gap: Array
     offset: float = 0.0
-
-    def __post_init__(self) -> None:
-        if len(self.gap) != len(self.length):
-            object.__setattr__(self, "gap", np.zeros(len(self.length)))
 
     @property
     def neighbours(self) -> Indices:
@@ -128,44 +122,37 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     Raises:
         InputError: As `joint_stretches` says.
     """
-    stretches, law = joint_stretches(scene, boundary)
-    facets, ground_law = foundation_facets(scene, boundary)
-    pieces = pieces_of(boundary, stretches, law)
-    pieces = with_ground(boundary, pieces, facets, len(scene.joints) + ground_law)
+    pieces = pieces_of(boundary, *joint_stretches(scene, boundary))
     per_piece = pieces.nodes.shape[2]
     piece, rows, point = _merge(boundary, pieces)
-    extent = pieces.span[:, 1] - pieces.span[:, 0]
-    share = SHARES[per_piece] * (boundary.length[pieces.facet] * extent)[:, None]
-    weight = share.ravel()
-    columns = (weight, *(weight[:, None] * pieces.normal[piece]).T)
+    share = pieces.length[:, None] * SHARES[per_piece]
+    columns = share.ravel(), *(share * pieces.normal.T[:, :, None]).reshape(2, -1)
     length, *mean = (np.bincount(point, column, len(rows)).astype(float) for column in columns)
-    places = pieces.span[:, :1] + extent[:, None] * NODES[per_piece]
-    position = lagrange(places, per_piece) @ boundary.points[pieces.facet]
-    first = np.take_along_axis(pieces.nodes, pieces.side[None, :, None], axis=0)[0]
-    second = np.take_along_axis(pieces.nodes, 1 - pieces.side[None, :, None], axis=0)[0]
-    point = point.reshape(-1, per_piece)
-    stencil = stencil_of(boundary, pieces, point)
-    laws = (*scene.joints.values(), *scene.foundations.values())
-    gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
     normal = np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None]
+    point = point.reshape(share.shape)
+    stencil = stencil_of(boundary, pieces, point)
+    position = lagrange(pieces.places, per_piece) @ boundary.points[pieces.facet]
+    nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
+    laws = (*scene.joints.values(), *scene.foundations.values())
+    law, gapped = pieces.law[piece[rows]], np.array([one.gap > 0.0 for one in laws], dtype=bool)
     gap = np.zeros(len(rows))
     if np.any(gapped):
-        gap = _distances(boundary, stencil, normal)
-        gap[~gapped[pieces.law[piece[rows]]]] = 0.0
+        gap = np.where(gapped[law], np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
+    closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
     return Joints(
-        nodes=np.column_stack([first.ravel(), second.ravel()])[rows],
+        nodes=nodes.reshape(2, -1).T[rows],
         bodies=pieces.bodies[piece[rows]],
         position=position.reshape(-1, 2)[rows],
         normal=normal,
         length=length,
-        law=pieces.law[piece[rows]],
+        law=law,
         laws=laws,
         names=(*scene.joints, *scene.foundations),
         segments=point[:, :2],
         middle=point[:, 2] if per_piece == 3 else point[:0, 0],
         stencil=stencil,
-        gap=np.maximum(gap, 0.0),
-        offset=float(np.abs(stretches.offset[~gapped[law]]).max(initial=0.0)),
+        gap=gap,
+        offset=float(np.abs(closed).max(initial=0.0)),
     )
 
 

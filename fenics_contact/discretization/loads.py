@@ -75,7 +75,7 @@ def nodal_forces(
     for name, traction in load.traction.items():
         facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
         fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
-    compat.add_ghosts(forces)
+    compat.add_ghosts(forces.x)
     index_map = space.dofmap.index_map
     mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
     first, last = index_map.local_range
@@ -102,7 +102,7 @@ def forces_on_facets(
         found.append((strips, strips.forces(boundary, _earth_traction(boundary, strips, earth))))
     if load.force:
         free = np.ones(len(boundary.length), dtype=bool)
-        free[facing_facets(boundary, key).facets] = False
+        free[facing_facets(boundary).facets] = False
         for name, force in load.force.items():
             found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
     return [(strips.facets, force) for strips, force in found]

@@ -17,7 +17,7 @@ exact, so that a uniform pressure passes through any joint; where nodes match th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Stencil:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Pieces of facets that carry joint points; the same on all ranks.
+    """Pieces of the slaves' facets that carry joint points; the same on all ranks.
 
     Attributes:
         facet: Facet of the slave.
@@ -63,9 +63,10 @@ class Pieces:
         side: 0 where the slave is the first side, 1 where the second.
         bodies: Bodies of the first and second side, shape (pieces, 2).
         law: Law of the joint.
-        normal: Mean normal from first to second side, shape (pieces, 2).
-        stretch_piece: Piece of every stretch.
-        stretches: Those, slave first and from start to end.
+        normal: Unit normal from first to second side, shape (pieces, 2).
+        length: m.
+        stretches: Those the pieces are joined of.
+        of_stretch: Piece of every stretch.
     """
 
     facet: Indices
@@ -75,106 +76,80 @@ class Pieces:
     bodies: Labels
     law: Indices
     normal: Array
-    stretch_piece: Indices
+    length: Array
     stretches: Stretches
+    of_stretch: Indices
+
+    @property
+    def places(self) -> Array:
+        """Parameters of the joint points on the slave's facets, shape (pieces, points)."""
+        extent = self.span[:, 1:] - self.span[:, :1]
+        return self.span[:, :1] + extent * NODES[self.nodes.shape[2]]
 
 
 def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
-    """Join the stretches of joints to pieces of facets of the slaves, in the order of these."""
-    bodies = boundary.body[stretches.facets].T
-    side = stretches.slave
-    made = _slave_first(stretches)
-    order = np.lexsort((made.span[0, :, 0], law, bodies[:, 1], bodies[:, 0], made.facets[0]))
-    made, side, law, bodies = made.take(order), side[order], law[order], bodies[order]
+    """Join stretches to pieces of facets of the slaves, in the order of these, on ground last."""
+    bodies, slave = stretches.bodies(boundary), stretches.facets[0]
+    keys = stretches.span[0, :, 0], law, bodies[:, 1], bodies[:, 0], slave, bodies[:, 0] == GROUND
+    order = np.lexsort(keys)
+    made, law, bodies = stretches.take(order), law[order], bodies[order]
     # A piece goes on where the next facet of the other side begins at the node of the last one.
-    joint = np.column_stack([made.facets[0], bodies, law])
-    node = made.nodes[1]
+    joint, node = np.column_stack([made.facets[0], bodies, law]), made.nodes[1]
     goes_on = np.all(joint[1:] == joint[:-1], axis=1) & (node[1:, 0] == node[:-1, 1])
     goes_on &= node[1:, 0] != INSIDE
-    bounds = np.concatenate([[True], ~goes_on, [True]])
-    if not len(law):
-        bounds = bounds[:1]
-    piece = np.cumsum(bounds[:-1]) - 1
-    first, last = np.flatnonzero(bounds[:-1]), np.flatnonzero(bounds[1:])
-    count = boundary.nodes.shape[1]
-    nodes = np.full((2, len(first), count), INSIDE)
-    nodes[:, :, 0], nodes[:, :, 1] = made.nodes[:, first, 0], made.nodes[:, last, 1]
-    # Before a slave's node is one of the other side only if it is in the same place.
-    gap = np.abs(np.column_stack([made.offset[first, 0], made.offset[last, 1]]))
-    apart = gap > OPTIONS.closed * boundary.length[made.facets[0, first]][:, None]
-    nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
-    if count == 3:  # mid nodes of whole facets
-        for at, facets in zip(nodes, made.facets, strict=True):
-            whole = np.all(at[:, :2] != INSIDE, axis=1) & (first == last)
-            at[whole, 2] = boundary.nodes[facets[first[whole]], 2]
-        whole = np.all(nodes[0, :, :2] != INSIDE, axis=1)
-        nodes[0, whole, 2] = boundary.nodes[made.facets[0, first[whole]], 2]
-    share = made.span[0, :, 1] - made.span[0, :, 0]
-    sums = np.zeros((len(first), 3))
-    np.add.at(sums, piece, share[:, None] * np.column_stack([np.ones(len(share)), made.normal]))
+    begins = np.concatenate([np.ones(min(1, len(law)), dtype=bool), ~goes_on])
+    first, last = np.flatnonzero(begins), np.flatnonzero(np.roll(begins, -1))
+    facet, side = made.facets[0, first], made.slave[first]
+    span = np.column_stack([made.span[0, first, 0], made.span[0, last, 1]])
     return Pieces(
-        facet=made.facets[0, first],
-        span=np.column_stack([made.span[0, first, 0], made.span[0, last, 1]]),
-        nodes=nodes,
-        side=side[first],
+        facet=facet,
+        span=span,
+        nodes=_nodes_at_points(boundary, made, first, last),
+        side=side,
         bodies=bodies[first],
         law=law[first],
-        normal=sums[:, 1:] / sums[:, :1],
-        stretch_piece=piece,
+        normal=(1.0 - 2.0 * side)[:, None] * boundary.normal[facet],
+        length=boundary.length[facet] * (span[:, 1] - span[:, 0]),
         stretches=made,
+        of_stretch=np.cumsum(begins) - 1,
     )
 
 
-def with_ground(boundary: Boundary, pieces: Pieces, facets: Indices, law: Indices) -> Pieces:
-    """Pieces of joints, then whole facets on rigid ground, which is their first side."""
-    ours = boundary.nodes[facets]
-    none = np.full_like(facets, GROUND)
-    ground = Pieces(
-        facet=facets,
-        span=np.tile([0.0, 1.0], (len(facets), 1)),
-        nodes=np.stack([ours, np.full_like(ours, GROUND)]),
-        side=np.ones_like(facets),
-        bodies=np.column_stack([none, boundary.body[facets]]),
-        law=law,
-        normal=-boundary.normal[facets],
-        stretch_piece=pieces.stretch_piece,
-        stretches=pieces.stretches,
-    )
-    columns = {
-        name: np.concatenate(
-            [getattr(pieces, name), getattr(ground, name)], axis=int(name == "nodes")
-        )
-        for name in ("facet", "span", "nodes", "side", "bodies", "law", "normal")
-    }
-    return Pieces(**columns, stretch_piece=pieces.stretch_piece, stretches=pieces.stretches)
+def _nodes_at_points(
+    boundary: Boundary, stretches: Stretches, first: Indices, last: Indices
+) -> Indices:
+    """Nodes of both sides at the joint points of pieces, from the first stretch to the last."""
+    facets, count = stretches.facets[:, first], boundary.nodes.shape[1]
+    nodes = np.full((*facets.shape, count), INSIDE)
+    nodes[:, :, 0], nodes[:, :, 1] = stretches.nodes[:, first, 0], stretches.nodes[:, last, 1]
+    # Before a slave's node is one of the other side only if it is in the same place.
+    gap = np.abs(np.column_stack([stretches.offset[first, 0], stretches.offset[last, 1]]))
+    apart = gap > OPTIONS.closed * boundary.length[facets[0], None]
+    nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
+    if count == 3:  # mid nodes of whole facets
+        whole = np.all(nodes[:, :, :2] != INSIDE, axis=2)
+        whole[1] &= first == last
+        nodes[whole, 2] = boundary.nodes[facets[whole], 2]
+    return nodes
 
 
 def stencil_of(boundary: Boundary, pieces: Pieces, point: Indices) -> Stencil:
     """Stencil of joint points; `point` is that of every place, shape (pieces, places)."""
     from scipy.sparse import coo_matrix
 
-    count = boundary.nodes.shape[1]
-    length = boundary.length[pieces.facet] * (pieces.span[:, 1] - pieces.span[:, 0])
-    weight = length[:, None] * SHARES[count]
-    places = pieces.span[:, :1] + (pieces.span[:, 1:] - pieces.span[:, :1]) * NODES[count]
-    slave = weight[:, :, None] * lagrange(places, count)
-    master = _mortar_integrals(pieces, length, count)
-    of = pieces.stretch_piece
-    entries = [(slave, point, pieces.side, boundary.nodes[pieces.facet])]
-    entries += [
-        (master, point[of], 1 - pieces.side[of], boundary.nodes[pieces.stretches.facets[1]])
-    ]
-    values = np.concatenate([table.ravel() for table, *_ in entries])
-    rows = np.concatenate(
-        [np.broadcast_to((2 * at + on[:, None])[:, :, None], t.shape).ravel()
-         for t, at, on, _ in entries]
-    )  # fmt: skip
-    columns = np.concatenate(
-        [np.broadcast_to(nodes[:, None], t.shape).ravel() for t, _, _, nodes in entries]
-    )
+    stretches, of, count = pieces.stretches, pieces.of_stretch, boundary.nodes.shape[1]
+    slave = pieces.length[:, None] * SHARES[count]
+    slave = slave[:, :, None] * lagrange(pieces.places, count)
+    values = np.concatenate([slave, _mortar_integrals(pieces, count)])
+    side = np.concatenate([pieces.side, 1 - pieces.side[of]])
+    rows = 2 * np.concatenate([point, point[of]]) + side[:, None]
+    facets = np.concatenate([pieces.facet, stretches.facets[1]])
     keep = np.abs(values) > NOTHING * values.max(initial=0.0)
+    keep[facets == GROUND] = False
+    rows = np.broadcast_to(rows[:, :, None], keep.shape)[keep]
+    columns = np.broadcast_to(boundary.nodes[facets, None], keep.shape)[keep]
     size = 2 * (int(point.max(initial=-1)) + 1), int(boundary.nodes.max(initial=-1)) + 1
-    table = coo_matrix((values[keep], (rows[keep], columns[keep])), size).tocsr()
+    table = coo_matrix((values[keep], (rows, columns)), size).tocsr()
     filled = np.diff(table.indptr)
     nodes = np.full((size[0], max(1, int(filled.max(initial=0)))), GROUND)
     weights = np.zeros(nodes.shape)
@@ -195,19 +170,19 @@ def lagrange(parameter: Array, count: int) -> Array:
     return np.concatenate([*ends, 4.0 * s * (1.0 - s)], axis=-1)
 
 
-def _mortar_integrals(pieces: Pieces, length: Array, count: int) -> Array:
+def _mortar_integrals(pieces: Pieces, count: int) -> Array:
     """Integrals of psi_j N_i over every stretch, N_i of the other side, m.
 
     Shape (stretches, points of a piece, nodes of a facet).
     """
-    stretches, of = pieces.stretches, pieces.stretch_piece
-    bounds, span = pieces.span[of], stretches.span
+    of, span = pieces.of_stretch, pieces.stretches.span
+    bounds, length = pieces.span[of], pieces.length[of]
     local = (span[0] - bounds[:, :1]) / (bounds[:, 1:] - bounds[:, :1])
     # One facet opposite: N_i are combinations of N_j, with their values at the points.
     other = span[1, :, :1] + (span[1, :, 1:] - span[1, :, :1]) * NODES[count]
-    integrals = length[of, None, None] * SHARES[count][:, None] * lagrange(other, count)
-    several = np.bincount(of, minlength=len(length))[of] > 1
-    local, span, size = local[several], span[1, several], length[of[several]]
+    integrals = length[:, None, None] * SHARES[count][:, None] * lagrange(other, count)
+    several = np.bincount(of, minlength=len(pieces.length))[of] > 1
+    local, span, size = local[several], span[1, several], length[several]
     gauss, weight = np.polynomial.legendre.leggauss(3)
     gauss, weight = 0.5 * (1.0 + gauss), 0.5 * weight
     here, there = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * gauss for ends in (local, span))
@@ -218,16 +193,3 @@ def _mortar_integrals(pieces: Pieces, length: Array, count: int) -> Array:
         "s,g,sgj,sgi->sji", size, weight, psi, lagrange(there, count), optimize=True
     )
     return integrals
-
-
-def _slave_first(stretches: Stretches) -> Stretches:
-    """Stretches with the slave's column first, run through from its first node on."""
-    swap = stretches.slave == 1
-    facets, span, nodes = stretches.facets.copy(), stretches.span.copy(), stretches.nodes.copy()
-    facets[:, swap] = facets[::-1, swap]
-    span[:, swap], nodes[:, swap] = span[::-1, swap], nodes[::-1, swap]
-    back = span[0, :, 0] > span[0, :, 1]
-    offset = stretches.offset.copy()
-    span[:, back], nodes[:, back] = span[:, back, ::-1], nodes[:, back, ::-1]
-    offset[back] = offset[back, ::-1]
-    return replace(stretches, facets=facets, span=span, nodes=nodes, offset=offset)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, Flags, Indices
+from fenics_contact.mesh import Array, Flags, Indices, Labels
 from fenics_contact.planar_cells import arc_heights, near_pairs
 from fenics_contact.scene import Scene
 
@@ -42,80 +42,78 @@ OPTIONS = PairingOptions()
 
 @dataclass(frozen=True)
 class Gaps:
-    """Distances up to which facets face each other by the laws of their joints, m.
+    """Distances up to which facets face each other by the laws of their joints.
 
     Attributes:
-        named: Of every facet in a joint group, -1 in none, shape (facets,).
-        default: Of facets in no group.
+        role: Joint group of every facet as an index into `gap`, -1 for none, shape (facets,).
+        gap: m, by joint group; the last is that of facets in no group.
     """
 
-    named: Array
-    default: float = 0.0
+    role: Indices
+    gap: Array
 
     @classmethod
     def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
         """Those of a scene's laws."""
-        order = [name for name in scene.joints if name != "default"]
-        gap = np.array([scene.joints[name].gap for name in order] + [-1.0])
-        default = scene.joints["default"].gap if "default" in scene.joints else 0.0
-        return cls(gap[boundary.role(order)], default)
+        named = [name for name in scene.joints if name != "default"]
+        laws = [scene.joints.get(name) for name in [*named, "default"]]
+        return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
 
     def of_pairs(self, facets: Indices) -> Array:
         """Of pairs of facets, shape (2, pairs), by the group that either is in."""
-        of_pair = self.named[facets].max(axis=0)
-        return np.where(of_pair < 0.0, self.default, of_pair)
+        return self.gap[self.role[facets].max(axis=0)]
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """Stretches on which one facet of a body faces one of another; the same on all ranks.
+    """Stretches on which a facet of one body faces one of another, or stands on rigid ground.
 
-    A facet's parameter is 0 at the first of its nodes and 1 at the second.
+    The nodes of one side, the slave, carry the joint points. A facet's parameter is 0 at the first
+    of its nodes and 1 at the second. The same on all ranks.
 
     Attributes:
-        facets: Facet of the lower body and of the other, shape (2, stretches).
-        span: Parameters at start and end of the stretch on either facet, shape (2, stretches, 2).
+        facets: Facet of the slave and of the other side, `GROUND` for rigid ground, shape
+            (2, stretches).
+        span: Parameters at start and end of the stretch on either facet, ascending on the slave's,
+            shape (2, stretches, 2).
         nodes: Nodes there, `INSIDE` for none, likewise.
-        normal: Unit normal of the slave, from the first side to the second, shape (stretches, 2).
-        offset: Distance from first to second at start and end, m, shape (stretches, 2).
-        slave: Side, 0 or 1, whose nodes carry the joint points, shape (stretches,).
+        offset: Distance of the other side at start and end, m, shape (stretches, 2).
+        slave: Side, 0 or 1, that is the slave; the body with the lower number is side 0, and rigid
+            ground is; shape (stretches,).
     """
 
     facets: Indices
     span: Array
     nodes: Indices
-    normal: Array
     offset: Array
     slave: Indices
 
     def take(self, rows: Indices | Flags) -> Stretches:
         """Some of them."""
         of_both = self.facets[:, rows], self.span[:, rows], self.nodes[:, rows]
-        return Stretches(*of_both, self.normal[rows], self.offset[rows], self.slave[rows])
+        return Stretches(*of_both, self.offset[rows], self.slave[rows])
 
-    def and_those(self, other: Stretches) -> Stretches:
-        """These and others, sorted by facets and start."""
-        two = ("facets", "span", "nodes")
-        both = {name: (getattr(self, name), getattr(other, name)) for name in self.__annotations__}
-        joined = {name: np.concatenate(pair, axis=int(name in two)) for name, pair in both.items()}
-        every = Stretches(**joined)
-        return every.take(np.lexsort((every.span[0].min(axis=1), *every.facets[::-1])))
+    def bodies(self, boundary: Boundary) -> Labels:
+        """Bodies of side 0 and side 1, shape (stretches, 2)."""
+        body = np.where(self.facets == GROUND, GROUND, boundary.body[self.facets])
+        return np.where(self.slave == 0, body, body[::-1]).T
 
 
 def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices]:
-    """Stretches of all joints, and their law as a position in `scene.joints`.
+    """Stretches of all joints and foundations, and their law: of the scene's joints, then others.
 
     Raises:
         InputError: If facets of a joint group have none opposite, have no law or two, almost touch,
             or if both sides of a joint carry a traction.
     """
     named = [name for name in scene.joints if name != "default"]
-    joint_role, ground_role = boundary.role(named), boundary.role(scene.foundations)
-    found = facing_facets(boundary, scene.mesh.source, Gaps.of(scene, boundary))
+    gaps, ground_role = Gaps.of(scene, boundary), boundary.role(scene.foundations)
+    found, doubtful = _facing(boundary, gaps)
+    _check_doubtful(scene.mesh.source, boundary, doubtful)
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
     for position, name in enumerate(named):
-        mine = joint_role == position
+        mine = gaps.role == position
         alone = np.flatnonzero(mine & ~paired)
         # With a gap, facets further apart are free.
         if len(alone) and (scene.joints[name].gap == 0.0 or not np.any(mine & paired)):
@@ -131,111 +129,83 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
                 " ground, make the group a joint"
             )
     _check_tractions(scene, boundary, found.facets)
-    return found, _laws(scene, boundary, found.facets, joint_role)
+    grounded = np.flatnonzero(ground_role >= 0)
+    law = _laws(scene, boundary, found.facets, gaps.role)
+    law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
+    return _with_ground(boundary, found, grounded), law
 
 
-def foundation_facets(scene: Scene, boundary: Boundary) -> tuple[Indices, Indices]:
-    """Facets on rigid ground, and their law as a position in `scene.foundations`."""
-    role = boundary.role(scene.foundations)
-    facets = np.flatnonzero(role >= 0)
-    return facets, role[facets]
-
-
-def facing_facets(boundary: Boundary, source: str, gaps: Gaps | None = None) -> Stretches:
-    """Stretches along which facets of two bodies touch, or face each other within a law's gap.
-
-    `source` is the mesh's, for messages.
-
-    Raises:
-        InputError: If three facets coincide, or facets almost touch.
-    """
-    gaps = gaps or Gaps(np.full(len(boundary.length), -1.0))
-    found = _coinciding(boundary)
-    alone = np.ones(len(boundary.length), dtype=bool)
-    alone[found.facets] = False
-    pairs = _candidates(gaps, boundary, np.flatnonzero(alone))
-    first_side = np.zeros(pairs.shape[1], dtype=np.int64)
-    partly, _ = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
-    # The side with more facets is the slave; stretches are then seen along its normals.
-    both = np.hstack([found.facets, partly.facets, pairs])
-    count = len(found.slave) + len(partly.slave)
-    slave = _slaves(boundary, both, count)
-    found = replace(found, slave=slave[: len(found.slave)])
-    every = _common_stretches(boundary, pairs, slave[count:])
-    partly, doubtful = _touching(gaps, boundary, every)
-    _check_doubtful(source, boundary, every, doubtful)
-    return found.and_those(partly)
-
-
-def _coinciding(boundary: Boundary) -> Stretches:
-    """Facets of two bodies that have their nodes in the same places."""
-    from scipy.spatial import cKDTree
-
-    near = OPTIONS.matching * boundary.length
-    middle = boundary.points[:, :2].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
-    first, second = pairs.T
-    ends, other = boundary.points[first, :2], boundary.points[second, :2]
-    straight, crossed = (
-        np.linalg.norm(ends - them, axis=2).max(axis=1) for them in (other, other[:, ::-1])
+def _with_ground(boundary: Boundary, found: Stretches, facets: Indices) -> Stretches:
+    """Stretches of joints, then those of facets that stand on rigid ground over their length."""
+    ours = boundary.nodes[facets, :2]
+    whole = np.broadcast_to([0.0, 1.0], (2, *ours.shape))
+    sides = np.stack([facets, np.full_like(facets, GROUND)])
+    return Stretches(
+        facets=np.hstack([found.facets, sides]),
+        span=np.hstack([found.span, whole]),
+        nodes=np.hstack([found.nodes, np.stack([ours, np.full_like(ours, INSIDE)])]),
+        offset=np.concatenate([found.offset, np.zeros(ours.shape)]),
+        slave=np.concatenate([found.slave, np.ones_like(facets)]),
     )
-    close = np.minimum(straight, crossed) <= np.minimum(near[first], near[second])
-    facing = np.sum(boundary.normal[first] * boundary.normal[second], axis=1) < 0.0
-    apart = boundary.body[first] != boundary.body[second]
-    keep = apart & facing & close
-    pairs, turned = pairs[keep], (crossed < straight)[keep]
-    swap = boundary.body[pairs[:, 0]] > boundary.body[pairs[:, 1]]
-    pairs[swap] = pairs[swap, ::-1]
-    seen, count = np.unique(pairs, return_counts=True)
-    if np.any(count > 1):
-        place = _place(boundary, seen[count > 1][0])
-        raise InputError(f"three or more facets coincide at {place}; blocks overlap there")
-    order = np.where(turned[:, None], [1, 0], [0, 1])
-    nodes = boundary.nodes[pairs.T, :2]
-    nodes[1] = np.take_along_axis(nodes[1], order, axis=1)
-    ends = boundary.points[pairs, :2]  # of both facets, first ends first
-    other = np.take_along_axis(ends[:, 1], order[:, :, None], axis=1)
-    normal = boundary.normal[pairs[:, 0]]
-    offset = np.einsum("nek,nk->ne", other - ends[:, 0], normal)
-    span = np.stack([np.broadcast_to([0.0, 1.0], order.shape), order.astype(float)])
-    return Stretches(pairs.T, span, nodes, normal, offset, np.zeros_like(pairs[:, 0]))
 
 
-def _candidates(gaps: Gaps, boundary: Boundary, alone: Indices) -> Indices:
+def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
+    """Stretches along which facets of two bodies touch, or face each other within a law's gap."""
+    return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1), np.zeros(1)))[0]
+
+
+def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
+    """Those of `facing_facets`, and others that almost touch."""
+    pairs = _candidates(gaps, boundary)
+    first_side = np.zeros(pairs.shape[1], dtype=np.int64)
+    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
+    # The side with more facets is the slave; stretches are seen along its normals.
+    count = len(found.slave)
+    slave = _slaves(boundary, np.hstack([found.facets, pairs]), count)[count:]
+    if np.any(slave):
+        found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
+    return found.take(np.lexsort((found.span[0].min(axis=1), *found.facets[::-1]))), doubtful
+
+
+def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
     """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
     middle, length = boundary.points[:, :2].mean(axis=1), boundary.length
-    gap = gaps.named.max(initial=gaps.default)
-    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gap
-    pairs = [np.empty((0, 2), dtype=np.int64)]
-    for one, other in near_pairs(middle, reach, alone, alone):
-        keep = boundary.body[one] < boundary.body[other]
-        one, other = one[keep], other[keep]
-        found = np.column_stack([one, other])
-        least = np.where(gaps.of_pairs(found.T) > 0.0, OPTIONS.facing, OPTIONS.parallel)
-        pairs.append(found[_against(boundary, one, other) > least])
-    return np.concatenate(pairs).T
+    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
+    pairs, every = [np.empty((2, 0), dtype=np.int64)], np.arange(len(length))
+    for found in near_pairs(middle, reach, every, every):
+        one, other = boundary.body[np.stack(found)]
+        facets = np.stack(found)[:, one < other]
+        least = np.where(gaps.of_pairs(facets) > 0.0, OPTIONS.facing, OPTIONS.parallel)
+        pairs.append(facets[:, _against(boundary, *facets) > least])
+    return np.hstack(pairs)
 
 
-def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Indices]:
-    """Stretches that touch or are within the gap of their law; and which almost touch."""
-    one, other = all_of.facets
-    arc, shorter = _arc_heights(boundary), np.minimum(boundary.length[one], boundary.length[other])
-    height, far = arc[one] + arc[other], np.abs(all_of.offset).max(axis=1)
-    least = all_of.offset.min(axis=1)
-    gap = gaps.of_pairs(all_of.facets)
+def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Stretches]:
+    """Stretches that touch or are within the gap of their law; and those that almost touch."""
+    facets, far = all_of.facets, np.abs(all_of.offset).max(axis=1)
+    shorter, height = (
+        boundary.length[facets].min(axis=0),
+        _arc_heights(boundary)[facets].sum(axis=0),
+    )
+    least, gap = all_of.offset.min(axis=1), gaps.of_pairs(facets)
+    parallel = _against(boundary, *facets) > OPTIONS.parallel
+    # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
+    exact = parallel & (far <= OPTIONS.matching * shorter)
+    part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
+    covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
+    alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
     depth = OPTIONS.closed * shorter + height
-    parallel = _against(boundary, one, other) > OPTIONS.parallel
-    within = (gap > 0.0) & (least >= -depth) & (least <= gap)
-    touching = ((far <= depth) & parallel) | within
-    doubtful = ~touching & (far <= OPTIONS.apart * shorter + height) & parallel
-    return all_of.take(touching), np.flatnonzero(doubtful)
+    touching = exact | (alone & parallel & (far <= depth))
+    touching |= alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
+    doubtful = alone & ~touching & parallel & (far <= OPTIONS.apart * shorter + height)
+    return all_of.take(touching), all_of.take(doubtful)
 
 
-def _check_doubtful(source: str, boundary: Boundary, all_of: Stretches, doubtful: Indices) -> None:
+def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> None:
     """Refuse blocks that almost touch."""
-    if not len(doubtful):
+    if not len(doubtful.slave):
         return
-    first, facets = all_of.offset[doubtful[0]], all_of.facets[:, doubtful[0]]
+    first, facets = doubtful.offset[0], doubtful.facets[:, 0]
     what = "overlap by" if first.min() < 0.0 else "are apart by"
     raise InputError(
         f"{source}: blocks {what} up to {np.abs(first).max():.3g} m at"
@@ -270,35 +240,31 @@ def _against(boundary: Boundary, one: Indices, other: Indices) -> Array:
     return -np.sum(boundary.normal[one] * boundary.normal[other], axis=1)
 
 
-def _common_stretches(boundary: Boundary, facets: Indices, slave: Indices) -> Stretches:
+def _common_stretches(boundary: Boundary, pairs: Indices, slave: Indices) -> Stretches:
     """Where pairs of facets lie before each other, seen along the slave's normal.
 
     So facets of the other side that follow each other do so on the slave.
     """
-    seen = np.take_along_axis(facets, slave[None], axis=0)[0]
-    normal = np.where(slave == 0, 1.0, -1.0)[:, None] * boundary.normal[seen]
-    along = np.column_stack([-normal[:, 1], normal[:, 0]])
+    facets = np.where(slave == 0, pairs, pairs[::-1])
     corners = boundary.points[facets, :2]  # of both sides, shape (2, pairs, 2 ends, 2)
+    along = (corners[0, :, 1] - corners[0, :, 0]) / boundary.length[facets[0], None]
     place = np.einsum("snek,nk->sne", corners - corners[0, :, :1], along)
-    turned = place[:, :, 0] > place[:, :, 1]
-    order = np.where(turned[:, :, None], [1, 0], [0, 1])
+    turned = place[:, :, :1] > place[:, :, 1:]
+    order = np.where(turned, [1, 0], [0, 1])
     place = np.take_along_axis(place, order, axis=2)
     nodes = np.take_along_axis(boundary.nodes[facets, :2], order, axis=2)
     near = OPTIONS.matching * _shortest_at_nodes(boundary)[nodes].min(axis=0)
     # Sides whose end is at the end of the stretch: the inner one, or both where nodes are close.
     inward = (place[0] - place[1]) * [1.0, -1.0]  # how far the first side ends further inside
     at_end = np.stack([inward >= -near, inward <= near])
-    start, stop = place[:, :, 0].max(axis=0), place[:, :, 1].min(axis=0)
-    keep = stop - start > near.min(axis=1)
-    extent = place[:, :, 1] - place[:, :, 0]
-    bounds = np.column_stack([start, stop])
-    span = (bounds - place[:, :, :1]) / extent[:, :, None]
+    bounds = np.column_stack([place[:, :, 0].max(axis=0), place[:, :, 1].min(axis=0)])
+    span = (bounds - place[:, :, :1]) / (place[:, :, 1:] - place[:, :, :1])
     span = np.where(at_end, [0.0, 1.0], span)
-    nodes = np.where(at_end, nodes, INSIDE)
-    span = np.where(turned[:, :, None], 1.0 - span, span)
+    span = np.where(turned, 1.0 - span, span)
     ends = corners[:, :, :1] + span[:, :, :, None] * (corners[:, :, 1:] - corners[:, :, :1])
-    offset = np.einsum("nek,nk->ne", ends[1] - ends[0], normal)
-    return Stretches(facets, span, nodes, normal, offset, slave).take(keep)
+    offset = np.einsum("nek,nk->ne", ends[1] - ends[0], boundary.normal[facets[0]])
+    keep = bounds[:, 1] - bounds[:, 0] > near.min(axis=1)
+    return Stretches(facets, span, np.where(at_end, nodes, INSIDE), offset, slave).take(keep)
 
 
 def _shortest_at_nodes(boundary: Boundary) -> Array:

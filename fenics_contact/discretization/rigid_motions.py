@@ -13,6 +13,7 @@ from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Labels
+from fenics_contact.planar_cells import connected
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
 FREE = 1e-13
@@ -86,20 +87,15 @@ def check_held(
     Raises:
         InputError: If some blocks touch nothing that holds them, or can move all together.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    on_ground, count = sides[:, 0] == GROUND, len(bodies.centre)
-    pairs = sides[~on_ground].T
-    touching = coo_matrix((np.ones(pairs.shape[1]), pairs), (count, count))
-    clusters, cluster = connected_components(touching, directed=False)
+    on_ground = sides[:, 0] == GROUND
+    cluster = connected(sides[~on_ground], len(bodies.centre))
     stands = position[on_ground]
     points = np.concatenate([supports.points, stands])
     body = np.concatenate([supports.body, sides[on_ground, 1]])
     frame = np.concatenate([supports.frame, np.tile(np.eye(2), (len(stands), 1, 1))])
     held = np.concatenate([supports.held, np.ones((len(stands), 2), dtype=bool)])
     motion = motions(points - bodies.centre.mean(axis=0), bodies.size)
-    gram = _held(motion, frame, held, cluster[body], clusters)
+    gram = _held(motion, frame, held, cluster[body], int(cluster.max()) + 1)
     loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
     if not len(loose):
         return

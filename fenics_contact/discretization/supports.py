@@ -12,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array, Flags, Indices, Labels
 from fenics_contact.planar_cells import SMOOTH_ANGLE
+
+#: Largest part of a movement by which supports that meet may contradict each other.
+PRECISION = 1e-9
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class Supports:
         held: Which of the new coordinates are held, shape (nodes, 2).
         body: Their bodies.
         points: Their coordinates, m, shape (nodes, 2).
+        motion: Held displacements in x and y, m, zero along rollers, shape (nodes, 2).
     """
 
     nodes: Indices
@@ -35,6 +40,7 @@ class Supports:
     held: Flags
     body: Labels
     points: Array
+    motion: Array
 
     @property
     def inclined(self) -> bool:
@@ -56,6 +62,13 @@ class Supports:
     def to_supports(self, values: Array, first: int) -> Array:
         """Displacements u' = Q^T u."""
         return self._times(np.swapaxes(self.frame, 1, 2), values, first)
+
+    def held_displacements(self, owned: range) -> Array:
+        """Held ones of the displacements that a rank owns, zero where nothing is held, m."""
+        first, values = owned.start // 2, np.zeros((len(owned) // 2, 2))
+        mine = (self.nodes >= first) & (self.nodes < first + len(values))
+        values[self.nodes[mine] - first] = self.motion[mine]
+        return self.to_supports(values.ravel(), first)
 
     def constrain_vector(self, values: Array, first: int) -> Array:
         """Forces Q^T f, with held entries zero."""
@@ -96,17 +109,42 @@ class Supports:
 
 
 def supports_of(
-    fixed: Flags, nodes: Indices, points: Array, normal: Array, body: Labels
+    fixed: Flags, nodes: Indices, points: Array, normal: Array, body: Labels, motion: Array
 ) -> Supports:
-    """What is held at nodes of facets, fixed or on rollers, given by columns of `Boundary`."""
+    """What is held at nodes of facets, fixed or on rollers, given by columns of `Boundary`.
+
+    `motion` is that of the support at the nodes, m, shape of `points`.
+
+    Raises:
+        InputError: If supports that meet at a node move apart.
+    """
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
     per_facet = nodes.shape[1]
     nodes, first, index = np.unique(nodes, return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
-    np.add.at(total, index.ravel(), np.repeat(gram, per_facet, axis=0))
+    gram, index = np.repeat(gram, per_facet, axis=0), index.ravel()
+    np.add.at(total, index, gram)
     body, points = np.repeat(body, per_facet)[first], points.reshape(-1, 2)[first]
-    return Supports(nodes, *_principal_directions(total), body, points)
+    frame, held = _principal_directions(total)
+    motion = _common_motion(gram, index, motion.reshape(-1, 2), total, points)
+    in_frame = np.einsum("nji,nj->ni", frame, motion) * held
+    return Supports(nodes, frame, held, body, points, np.einsum("nij,nj->ni", frame, in_frame))
+
+
+def _common_motion(gram: Array, node: Indices, motion: Array, total: Array, points: Array) -> Array:
+    """Displacement of every node that all supports there agree with."""
+    force = np.zeros(points.shape)
+    np.add.at(force, node, np.einsum("nij,nj->ni", gram, motion))
+    common = np.einsum("nij,nj->ni", np.linalg.pinv(total, rcond=1e-12, hermitian=True), force)
+    missed = np.abs(np.einsum("nij,nj->ni", gram, motion - common[node])).max(axis=1, initial=0.0)
+    if missed.max(initial=0.0) > PRECISION * np.abs(motion).max(initial=0.0):
+        x, y = np.round(points[node[np.argmax(missed)]], 9) + 0.0
+        raise InputError(
+            f"loads.dead.movement: supports that meet at ({x:g}, {y:g}) move apart; move them"
+            " alike there, or leave an edge between them"
+        )
+    return common
 
 
 def _principal_directions(gram: Array) -> tuple[Array, Flags]:

@@ -1,78 +1,71 @@
 """Parts of pictures: outlines, blocks by material, joints by what they do, loads, scales.
 
 Colours are those of M. Okabe and K. Ito, which the colour-blind tell apart; line widths and double
-lines tell the same in grey.
+lines tell the same in grey. Matplotlib is imported where it is used: that takes .4 s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.analysis.hinges import hinges
 from fenics_contact.analysis.joint_values import Contact
-from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.joints import Joints
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
 PALE_ORANGE = "#F2C766"
-#: Tints of the materials, repeated if there are more.
-TINTS = ("#c3d5e3", "#e8d7a8", "#aab9a0", "#d9bfcb", "#9fa3ab", "#f3efe0")
-#: Sum of the angles along an outline, radians, that is not drawn as a corner.
-STRAIGHT = 1e-3
+#: Tints of the materials, repeated if there are more; they differ in grey too.
+TINTS = ("#c3d5e3", "#faf0d2", "#a9b79b", "#b98f9d", "#80868f", "#d8bf94")
+#: Length of arrows over the structure's size: tractions, forces at places, body force.
+LENGTHS = 0.07, 0.11, 0.16
+#: Entries of a legend in one row.
+IN_A_ROW = 5
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What a picture of a structure covers, m.
-
-    Attributes:
-        low: Lower left corner.
-        high: Upper right corner.
-    """
-
-    low: Array
-    high: Array
-
-    @classmethod
-    def of(cls, view: View, *more: Array) -> Limits:
-        """The blocks at rest, with the arrows of loads, more points and a margin."""
-        points = [table.reshape(-1, 2) for table in (view.boundary.points[:, :2], *more)]
-        points += [np.concatenate(ends) for ends in _arrow_ends(view) if len(ends[0])]
-        both, margin = np.concatenate(points), 0.02 * view.size
-        return cls(both.min(axis=0) - margin, both.max(axis=0) + margin)
-
-    @property
-    def shape(self) -> Array:
-        """Width and height."""
-        return self.high - self.low
+def extent(view: View, *more: Array) -> Array:
+    """Corners, low and high, m, of the blocks at rest, arrows of loads, more points, a margin."""
+    tables = [view.rest, *more, *(end for ends in _arrow_ends(view) for end in ends)]
+    points, margin = np.concatenate([table.reshape(-1, 2) for table in tables]), 0.02 * view.size
+    return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
 
 
-def moved(view: View) -> Array:
-    """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
-    return view.boundary.points[:, :2] + view.motion
-
-
-def prepare(axes: Any, limits: Limits) -> None:
-    """Set the limits of axes, with one scale in x and y and without a frame."""
-    x, y = np.column_stack([limits.low, limits.high])
-    axes.set(aspect="equal", xlim=x, ylim=y, anchor="N")
+def frame(axes: Any, view: View, *more: Array) -> None:
+    """Show what `extent` says beside what axes showed before, with one scale in x and y."""
+    low, high = extent(view, *more)
+    if not axes.get_autoscalex_on():
+        x, y = axes.get_xlim(), axes.get_ylim()
+        low, high = np.minimum(low, [x[0], y[0]]), np.maximum(high, [x[1], y[1]])
+    axes.set(aspect="equal", anchor="N", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.axis("off")
 
 
-def draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> Any:
+def fineness(axes: Any, view: View) -> float:
+    """Factor on the width of lines: 1 where blocks are large in the picture, less for many."""
+    box = axes.get_window_extent()
+    points = 72.0 / axes.figure.dpi * np.array([box.width, box.height])
+    scale = np.min(points / np.abs([np.diff(axes.get_xlim())[0], np.diff(axes.get_ylim())[0]]))
+    return float(np.clip(scale * view.block_size / 30.0, 0.35, 1.0))
+
+
+def add_lines(axes: Any, segments: Array, **style: Any) -> None:
+    """Draw straight lines, shape (lines, 2, 2)."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(segments, **style))
+
+
+def draw_outlines(axes: Any, boundary: Boundary, ends: Array, **style: Any) -> None:
     """Closed paths around all bodies, for given ends of the facets, shape (facets, 2, 2)."""
     from matplotlib.collections import PathCollection
 
-    made = PathCollection(outlines(boundary, ends), **style)
-    return axes.add_collection(made)
+    style = {"edgecolor": "0.4", "linewidth": 0.5} | style
+    axes.add_collection(PathCollection(outlines(boundary, ends), **style))
 
 
 def outlines(boundary: Boundary, ends: Array) -> list[Any]:
@@ -94,27 +87,13 @@ def outlines(boundary: Boundary, ends: Array) -> list[Any]:
             row = leaving.pop(node)
             node = int(nodes[row, 1])
             corners.append(points[row, 1])
-        loop = _corners(np.array(corners))
-        loops[boundary.body[row]].append(Outline(np.vstack([loop, loop[:1]]), closed=True))
+        loops[boundary.body[row]].append(Outline([*corners, corners[0]], closed=True))
     return [Outline.make_compound_path(*of_body) for of_body in loops]
-
-
-def _corners(points: Array) -> Array:
-    """A closed line without the points at which it is straight, for small files."""
-    after = np.roll(points, -1, axis=0) - points
-    before = np.roll(after, 1, axis=0)
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    turn = np.abs(np.arctan2(cross, np.sum(before * after, axis=1)))
-    step = np.floor(np.cumsum(turn) / STRAIGHT)
-    kept = np.diff(step, prepend=0.0) > 0.0
-    return points[kept] if kept.sum() > 2 else points
 
 
 def draw_rest(axes: Any, view: View) -> None:
     """Outlines of the blocks at rest, by material."""
-    shade = _tints(view)
-    rest = view.boundary.points[:, :2]
-    draw_outlines(axes, view.boundary, rest, facecolor=shade, edgecolor="0.45", linewidth=0.5)
+    draw_outlines(axes, view.boundary, view.rest, facecolor=_tints(view))
 
 
 def draw_moved(axes: Any, view: View) -> None:
@@ -122,41 +101,31 @@ def draw_moved(axes: Any, view: View) -> None:
     size = np.zeros(len(view.centre))
     np.maximum.at(size, view.boundary.body, np.linalg.norm(view.motion, axis=2).max(axis=1))
     share = (size / (size.max() or 1.0))[:, None]
-    shade = _tints(view)
-    shade[:, :3] = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25) * (1.0 - shade[:, :3])
-    rest = view.boundary.points[:, :2]
-    draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
-    style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
-    draw_outlines(axes, view.boundary, moved(view), **style)
+    shade = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25) * (1.0 - _tints(view))
+    draw_outlines(axes, view.boundary, view.rest, facecolor="none", edgecolor="0.7")
+    draw_outlines(axes, view.boundary, view.moved, facecolor=shade)
 
 
 def _tints(view: View) -> Array:
-    """Colour of every block, RGBA."""
-    from matplotlib.colors import to_rgba_array
+    """Colour of every block, RGB."""
+    from matplotlib.colors import to_rgb
 
-    return to_rgba_array(TINTS)[view.material % len(TINTS)]
+    return np.array([to_rgb(tint) for tint in TINTS])[view.material % len(TINTS)]
 
 
-def material_handles(view: View) -> list[Any]:
+def material_entries(axes: Any, view: View) -> list[Any]:
     """Entries of a legend for the materials that occur, if there is more than one."""
-    from matplotlib.patches import Patch
-
     found = np.unique(view.material)
-    if len(found) == 1:
-        return []
-    tints = [TINTS[number % len(TINTS)] for number in found]
-    names = [view.materials[number] for number in found]
-    return [
-        Patch(facecolor=tint, edgecolor="0.45", label=name)
-        for tint, name in zip(tints, names, strict=True)
+    style = {"marker": "s", "ms": 10.0, "mec": "0.4", "ls": "none"}
+    entries = [
+        axes.plot([], [], color=TINTS[n % len(TINTS)], label=view.materials[n], **style)[0]
+        for n in found
     ]
+    return entries if len(found) > 1 else []
 
 
 def draw_joints(axes: Any, view: View) -> list[Any]:
     """Joint facets by what they do, between their displaced sides; entries of a legend."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.lines import Line2D
-
     if view.values is None:
         return []
     joints = view.joints
@@ -165,58 +134,39 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     opens = np.any(view.values.opens[joints.segments], axis=1) & (state == Contact.OPEN)
     fine = fineness(axes, view)
     thin, wide = 0.8 * max(fine, 0.5), max(2.6 * fine, 1.4)
-    handles = []
+    core = [("white", 0.3 * wide)] if fine > 0.7 else []  # two lines where they can be seen
+    entries: list[Any] = []
     for label, chosen, strokes in (
         ("closed", state == Contact.STICK, [(BLACK, thin)]),
         ("open, at rest", (state == Contact.OPEN) & ~opens, [(PALE_ORANGE, thin)]),
         ("opens", opens, [(ORANGE, wide)]),
-        ("slides", state == Contact.SLIP, [(BLUE, wide), ("white", 0.3 * wide)]),
+        ("slides", state == Contact.SLIP, [(BLUE, wide), *core]),
     ):
         if not np.any(chosen):
             continue
-        segments = position[_runs(joints, joints.segments[chosen])]
+        segments = position[joints.segments[chosen]]
         for colour, width in strokes:
-            axes.add_collection(LineCollection(segments, colors=colour, linewidths=width))
-        lines = [Line2D([], [], color=colour, lw=width) for colour, width in strokes]
-        handles.append((label, tuple(lines)))
+            add_lines(axes, segments, colors=colour, linewidths=width)
+        lines = [axes.plot([], [], color=colour, lw=width)[0] for colour, width in strokes]
+        entries.append((label, tuple(lines)))
     points = hinges(joints, view.values)
     if len(points):
-        size = max(4.5 * fine, 2.0)
-        rings = axes.plot(*position[points].T, "o", mfc="white", mec="black", mew=0.8, ms=size)
-        handles.append(("hinge", rings[0]))
-    return handles
+        style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
+        entries += axes.plot(*position[points].T, "o", label="hinge", **style)
+    return entries
 
 
-def _runs(joints: Joints, segments: Indices) -> Indices:
-    """Joint points at the ends of rows of facets that follow each other on a straight face."""
-    face = straight_faces(joints, joints.length).of_point
-    along = np.sum(joints.tangent * joints.position, axis=1)
-    order = np.argsort(along[segments], axis=1)
-    rising = np.take_along_axis(segments, order, axis=1)
-    rising = rising[np.lexsort((along[rising[:, 0]], face[rising[:, 0]]))]
-    starts = np.append(True, rising[1:, 0] != rising[:-1, 1])
-    return np.column_stack([rising[starts, 0], rising[np.roll(starts, -1), 1]])
-
-
-def legend(axes: Any, entries: Sequence[Any], columns: int = 4) -> None:
-    """A legend below axes, of artists with labels or pairs (label, artists)."""
+def legend(axes: Any, entries: Sequence[Any]) -> None:
+    """A legend below what axes show now, of artists with labels or pairs (label, artists)."""
     if not entries:
         return
     pairs = [one if isinstance(one, tuple) else (one.get_label(), one) for one in entries]
     labels, handles = zip(*pairs, strict=True)
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "ncols": min(columns, len(pairs))}
-    axes.legend(handles, labels, **place, fontsize=9, frameon=False, borderaxespad=0.2)
-
-
-def fineness(axes: Any, view: View) -> float:
-    """Factor on the width of lines: 1 where blocks are large in the picture, less for many."""
-    inches = axes.get_window_extent().width / axes.figure.dpi
-    block = 72.0 * inches * view.block_size / float(Limits.of(view).shape[0])
-    return float(np.clip(block / 30.0, 0.35, 1.0))
-
-
-#: Length of arrows over the structure's size: tractions, forces at places, body force.
-LENGTHS = 0.07, 0.11, 0.16
+    rows = -(-len(pairs) // IN_A_ROW)
+    place: dict[str, Any] = {"bbox_to_anchor": (0.5, axes.get_ylim()[0]), "loc": "upper center"}
+    place |= {"bbox_transform": axes.get_yaxis_transform(), "borderaxespad": 0.2}
+    style = {"ncols": -(-len(pairs) // rows), "fontsize": 9, "frameon": False}
+    axes.legend(handles, labels, **place, **style)
 
 
 def _arrow_ends(view: View) -> list[tuple[Array, Array]]:
@@ -225,18 +175,17 @@ def _arrow_ends(view: View) -> list[tuple[Array, Array]]:
     for arrows, length in zip((view.tractions, view.forces, view.body), LENGTHS, strict=True):
         largest = np.linalg.norm(arrows.vector, axis=1).max(initial=0.0) or 1.0
         reach = length * view.size * arrows.vector / largest
+        behind = np.where(arrows.pushes, 1.0, 0.0)
         if arrows is view.body:  # inside the structure: its middle is where it acts
-            ends.append((arrows.place - 0.5 * reach, arrows.place + 0.5 * reach))
-        else:
-            tail = arrows.place - np.where(arrows.pushes[:, None], reach, 0.0)
-            ends.append((tail, tail + reach))
+            behind[:] = 0.5
+        tail = arrows.place - behind[:, None] * reach
+        ends.append((tail, tail + reach))
     return ends
 
 
 def draw_live_load(axes: Any, view: View) -> list[Any]:
     """Arrows where the live load acts; entry of a legend."""
     from matplotlib import patheffects
-    from matplotlib.lines import Line2D
 
     ends = _arrow_ends(view)
     halo = [patheffects.withStroke(linewidth=4.0, foreground="white")]
@@ -247,8 +196,9 @@ def draw_live_load(axes: Any, view: View) -> list[Any]:
             axes.annotate("", tip, tail, arrowprops=arrow)
     if not sum(len(tails) for tails, _ in ends):
         return []
-    style = {"marker": r"$\rightarrow$", "markersize": 15, "linestyle": "none", "color": BLACK}
-    return [Line2D([], [], label="live load", **style)]
+    style = {"marker": r"$\rightarrow$", "ms": 15, "ls": "none", "color": BLACK}
+    entries: list[Any] = axes.plot([], [], label="live load", **style)
+    return entries
 
 
 def nice(value: float) -> float:
@@ -269,19 +219,15 @@ def force_scale(size: Array, view: View) -> float:
 
 def force_text(force: float) -> str:
     """A force in kN per metre of thickness, or in N or MN where that has fewer digits."""
-    factor, unit = next(
-        (pair for pair in ((1e6, "MN/m"), (1e3, "kN/m")) if force >= pair[0]), (1.0, "N/m")
-    )
-    return f"{force / factor:.4g} {unit}"
+    factor, prefix = (1e6, "M") if force >= 1e6 else (1e3, "k") if force >= 1e3 else (1.0, "")
+    return f"{force / factor:.4g} {prefix}N/m"
 
 
-def draw_scale(
-    axes: Any, view: View, corner: Array, per_metre: float, largest: float, colour: str
-) -> None:
+def draw_scale(axes: Any, view: View, per_metre: float, largest: float, colour: str) -> None:
     """A bar below the lower left corner of a picture that says how long forces are drawn."""
     force = nice(min(largest, 0.3 * view.size * per_metre))
     length = force / per_metre
-    x, y = corner + view.size * np.array([0.02, -0.02])
+    x, y = axes.get_xlim()[0] + 0.02 * view.size, axes.get_ylim()[0] - 0.02 * view.size
     axes.plot([x, x + length], [y, y], "|-", color=colour, lw=1.8, markersize=7, zorder=4)
     text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
     axes.text(x + length + 0.015 * view.size, y, text, va="center", fontsize=9)

@@ -7,6 +7,8 @@ import json
 import math
 import textwrap
 import time
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +23,20 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.output.plotting import (
+    Draw,
+    draw_forces,
+    draw_marked,
+    draw_mode,
+    draw_stress,
+    draw_thrust,
     rounded_alike,
+    save,
     save_capacity,
-    save_collapse,
-    save_marked,
-    save_stress,
-    save_thrust,
 )
 from fenics_contact.output.report import RECORD, write_report
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
-from fenics_contact.output.view import view_of
+from fenics_contact.output.view import View, view_of
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
@@ -57,10 +62,8 @@ def write_result(result: Result, folder: Path) -> None:
     with filled_at_once(folder, RECORD, comm) as hidden:
         if result.fall is not None and options.pictures:
             view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
-            title = f"{_opening(result.scene.title)}falls under its dead load"
-            with writing(comm):
-                if comm.rank == 0:
-                    save_marked(view, result.falling, title, _pictures(result, hidden, "collapse"))
+            marked = partial(draw_marked, blocks=result.falling)
+            _draw(result, view, "falls under its dead load", {hidden / "collapse": [marked]})
         for direction, end in result.ends.items():
             _write_collapse(result, direction, end, hidden)
         with writing(comm):
@@ -88,69 +91,62 @@ def _write_capacity(result: Result, folder: Path) -> None:
     if result.scene.output.pictures:
         limit = math.nan if result.collapse is None else result.collapse.load_factor
         title = _drawn(result.scene.title)
-        save_capacity(result.capacity, limit, title, _pictures(result, folder, "capacity"))
+        save_capacity(result.capacity, limit, title, _pictures(result, folder / "capacity"))
 
 
-def _pictures(result: Result, folder: Path, name: str) -> list[Path]:
+def _pictures(result: Result, path: Path) -> list[Path]:
     """Files of a picture, in all formats asked for."""
-    return [folder / f"{name}.{suffix}" for suffix in dict.fromkeys(result.scene.output.formats)]
+    formats = dict.fromkeys(result.scene.output.formats)
+    return [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
+
+
+def _draw(result: Result, view: View, title: str, pictures: Mapping[Path, Sequence[Draw]]) -> None:
+    """Pictures by file without its ending, each of panels side by side, on rank 0. Collective."""
+    comm, scene = result.scene.comm, _drawn(result.scene.title)
+    with writing(comm):
+        if comm.rank == 0:
+            for path, draws in pictures.items():
+                whole = f"{scene}\n{title}" if scene else title
+                save(view, whole, _pictures(result, path), *draws)
 
 
 def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
-    """ParaView files and picture of one end; the picture alone where nothing limits the load."""
-    discretization, scene = result.discretization, result.scene
+    """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
+    discretization, options = result.discretization, result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
-    if scene.output.pictures:
-        _write_pictures(result, direction, suffix, folder)
-    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
+    sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
+    if end.status == "unbounded":
+        if options.pictures:
+            view, title = view_of(discretization, sign=sign), f"these blocks wedge{reversal}"
+            marked = partial(draw_marked, blocks=result.wedged(end))
+            _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
         return
-    if scene.output.paraview:
-        state, mode = discretization.without_imposed(end.state), end.mode
+    if end.state is None or end.mode is None or end.joints is None:
+        return
+    state, mode = discretization.without_imposed(end.state), end.mode
+    if options.pictures:
+        stress = partial(draw_stress, raster=stress_raster(discretization, state.elastic))
+        panels: dict[str, list[Draw]] = {
+            "collapse": [draw_mode, draw_forces],
+            "thrust": [draw_thrust],
+            "stress": [stress],
+        }
+        pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
+        view = view_of(discretization, mode, end.joints, sign)
+        _draw(result, view, _title(end, reversal), pictures)
+    if options.paraview:
         path = folder / f"blocks{suffix}.pvd"
         write_blocks(path, discretization, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
         write_joints(path, discretization, end.joints, state.displacement, mode)
 
 
-def _write_pictures(result: Result, direction: str, suffix: str, folder: Path) -> None:
-    """Pictures of one end; the blocks that wedge alone where nothing limits the load."""
-    discretization, end = result.discretization, result.ends[direction]
-    comm = result.scene.comm
-    sign, reversal = (-1.0, " (live load reversed)") if direction == "negative" else (1.0, "")
-
-    def paths(name: str) -> list[Path]:
-        return _pictures(result, folder, f"{name}{suffix}")
-
-    if end.status == "unbounded":
-        view = view_of(discretization, sign=sign)
-        title = f"{_opening(result.scene.title)}unbounded, these blocks wedge{reversal}"
-        with writing(comm):
-            if comm.rank == 0:
-                save_marked(view, result.wedged(end), title, paths("collapse"))
-        return
-    if end.state is None or end.mode is None or end.joints is None:
-        return
-    view = view_of(discretization, end.mode, end.joints, sign)
-    raster = stress_raster(discretization, discretization.without_imposed(end.state).elastic)
-    with writing(comm):
-        if comm.rank == 0:
-            title = _title(result.scene.title, end, reversal)
-            save_collapse(view, title, paths("collapse"))
-            save_thrust(view, title, paths("thrust"))
-            save_stress(view, raster, title, paths("stress"))
-
-
-def _title(scene: str, end: Collapse, reversal: str) -> str:
-    """Title of the scene, status, load factor of a collapse and its bracket, rounded alike."""
+def _title(end: Collapse, reversal: str) -> str:
+    """Status and load factor of a collapse and its bracket, rounded alike."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
     factor = end.load_factor
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
-    return f"{_opening(scene)}{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
-
-
-def _opening(title: str) -> str:
-    """How a title begins that tells of a scene with a title of its own."""
-    return f"{_drawn(title)}: " if title else ""
+    return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
 
 
 def _drawn(title: str) -> str:
@@ -176,6 +172,7 @@ def result_record(result: Result) -> Record:
         "error_estimate": None,
         "residuals": None,
         "discretization": None,
+        "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
     if collapse is not None:
@@ -192,12 +189,12 @@ def result_record(result: Result) -> Record:
             "bodies": mesh.body_count,
             "floating_bodies": int(discretization.bodies.floating.sum()),
             "cells": int(mesh.domain.topology.index_map(2).size_global),
-            "dofs": 2 * int(discretization.elasticity.space.dofmap.index_map.size_global),
+            "dofs": discretization.size,
             "joint_points": len(discretization.joints.length),
         },
         "scene": scene_record(discretization),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
-        "warnings": [*discretization.warnings, *_strength_warnings(result)],
+        "warnings": [*discretization.warnings, *_mesh_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
@@ -274,10 +271,11 @@ def _mesh_error_record(error: MeshError) -> Record:
     return _record(error, *names) | {"state_changes": changes}
 
 
-def _strength_warnings(result: Result) -> list[str]:
-    """Where compressive strengths are exceeded, at any end."""
+def _mesh_warnings(result: Result) -> list[str]:
+    """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
+    missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
     errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
-    return list(dict.fromkeys(text for error in errors for text in error.warnings))
+    return missed + list(dict.fromkeys(text for error in errors for text in error.warnings))
 
 
 def _iteration_record(collapse: Collapse) -> Record:

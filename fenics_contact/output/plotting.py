@@ -1,59 +1,64 @@
 """Pictures of a result: collapse mode, joint forces, lines of thrust, stresses, capacity curve.
 
-Every `draw_...` draws on given matplotlib axes, on this rank, and returns them; `save_...` makes
-the files of a result.
+Every `draw_...` draws on given matplotlib axes, on this rank, and returns them; `save` makes files.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint
+from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.drawing import (
     BLACK,
     BLUE,
     VERMILLION,
-    Limits,
+    add_lines,
     draw_joints,
     draw_live_load,
     draw_moved,
     draw_outlines,
     draw_rest,
     draw_scale,
+    extent,
     fineness,
     force_scale,
+    frame,
     legend,
-    material_handles,
-    moved,
+    material_entries,
     outlines,
-    prepare,
 )
 from fenics_contact.output.fields import principal_stresses
 from fenics_contact.output.stress_raster import StressRaster
 from fenics_contact.output.thrust import face_resultants, thrust_lines
 from fenics_contact.output.view import View
 
-#: Width of the axes of a structure, and limits of their height, inches.
-WIDTH, HEIGHTS = 6.0, (1.2, 9.0)
+#: Width of the axes of a structure, and limits of their width and height, inches.
+WIDTH, NARROWEST, HEIGHTS = 6.0, 3.2, (1.2, 9.0)
 #: Blocks that are numbered in a picture.
 LEGIBLE = 60
-#: Squares of the stress raster to a cross; stresses above this quantile have one colour.
-PER_CROSS, LARGEST = 8, 0.98
+#: Squares of the stress raster to a cross; the stress that ends the colours is this quantile of
+#: all, and crosses are drawn from this part of it.
+PER_CROSS, LARGEST, LEAST = 8, 0.98, 0.1
 FORCE = "#7b2d8b"
+
+#: Draws on axes what a view shows.
+Draw = Callable[[Any, View], Any]
 
 
 def draw_mode(axes: Any, view: View) -> Any:
     """The collapse mode: blocks displaced, joints by what they do, and the live load."""
-    prepare(axes, Limits.of(view, moved(view)))
+    frame(axes, view, view.moved)
     draw_moved(axes, view)
-    joints = draw_joints(axes, view)
-    legend(axes, [*joints, *draw_live_load(axes, view), *material_handles(view)], 5)
+    entries = [*draw_joints(axes, view), *draw_live_load(axes, view)]
+    legend(axes, [*entries, *material_entries(axes, view)])
+    axes.set_title("collapse mode (grey outline: at rest)", fontsize=10)
     return axes
 
 
@@ -63,24 +68,21 @@ def draw_forces(axes: Any, view: View) -> Any:
     Raises:
         ValueError: If the view has no joint values.
     """
-    from matplotlib.collections import LineCollection
-
-    prepare(axes, Limits.of(view))
-    draw_rest(axes, view)
     faces = face_resultants(view.joints, _values(view))
     total, centre = faces.force[faces.loaded], faces.centre[faces.loaded]
+    frame(axes, view)
+    draw_rest(axes, view)
     if len(total):
         size = np.linalg.norm(total, axis=1)
         per_metre = force_scale(size, view)
-        reach, fine = total / per_metre, fineness(axes, view)
-        lines = np.stack([centre - 0.5 * reach, centre + 0.5 * reach], axis=1)
+        lines = centre[:, None] + np.array([[-0.5], [0.5]]) * (total / per_metre)[:, None]
+        frame(axes, view, lines)
+        fine = fineness(axes, view)
         widths = 2.4 * fine * (0.4 + 0.6 * size / size.max())
-        axes.add_collection(LineCollection(lines, colors=FORCE, linewidths=widths))
+        add_lines(axes, lines, colors=FORCE, linewidths=widths)
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
-        limits = Limits.of(view, lines)
-        prepare(axes, limits)
-        draw_scale(axes, view, limits.low, per_metre, float(size.max()), FORCE)
-    legend(axes, material_handles(view))
+        draw_scale(axes, view, per_metre, float(size.max()), FORCE)
+    axes.set_title("joint forces at collapse", fontsize=10)
     return axes
 
 
@@ -90,56 +92,52 @@ def draw_thrust(axes: Any, view: View) -> Any:
     Raises:
         ValueError: If the view has no joint values.
     """
-    from matplotlib.collections import LineCollection
-    from matplotlib.lines import Line2D
-
-    prepare(axes, Limits.of(view))
-    draw_rest(axes, view)
     lines = thrust_lines(face_resultants(view.joints, _values(view)), view.centre)
-    axes.add_collection(LineCollection(lines.ends, colors="0.3", linewidths=0.9))
-    largest = float(lines.force.max(initial=0.0)) or 1.0
-    widths = 0.6 + 2.4 * lines.force / largest
-    style = {"colors": VERMILLION, "linewidths": widths, "capstyle": "round"}
-    axes.add_collection(LineCollection(lines.segments, **style, zorder=3))
-    axes.plot(*lines.centre.T, "o", color="white", mec=BLACK, mew=0.7, markersize=3.2, zorder=4)
-    entries = [
-        Line2D([], [], color=VERMILLION, lw=2.5, label="line of thrust"),
-        Line2D([], [], color="white", marker="o", mec=BLACK, ls="none", label="centre of pressure"),
-    ]
-    legend(axes, [*entries, *draw_live_load(axes, view), *material_handles(view)])
+    frame(axes, view)
+    draw_rest(axes, view)
+    fine = fineness(axes, view)
+    add_lines(axes, lines.ends, colors="0.3", linewidths=0.9 * fine)
+    widths = 0.6 + 2.4 * fine * lines.force / (lines.force.max(initial=0.0) or 1.0)
+    style = {"colors": VERMILLION, "linewidths": widths, "capstyle": "round", "zorder": 3}
+    add_lines(axes, lines.segments, **style)
+    style = {"color": "white", "mec": BLACK, "mew": 0.7 * fine, "ls": "none", "zorder": 4}
+    style |= {"marker": "o", "ms": 4.0 * max(fine, 0.5), "label": "centre of pressure"}
+    entries = axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
+    entries += axes.plot(*lines.centre.T, **style)
+    legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
+    axes.set_title("line of thrust at collapse (width: force)", fontsize=10)
     return axes
 
 
 def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     """The larger compressive principal stress in colour, and crosses of both.
 
-    Crosses are means over squares: black for compression, red for tension.
+    Crosses are means over squares: black for compression, wide and red for tension.
     """
-    from matplotlib.collections import LineCollection
     from matplotlib.colors import LinearSegmentedColormap
 
-    prepare(axes, Limits.of(view))
+    frame(axes, view)
     pressure = -principal_stresses(raster.stress)[0][..., 1]
     known = np.maximum(pressure[np.isfinite(pressure)], 0.0)
     largest = float(np.quantile(known, LARGEST)) or float(known.max()) or 1.0
     factor, unit = (1e6, "MPa") if largest >= 1e6 else (1e3, "kPa") if largest >= 1e3 else (1, "Pa")
     colours = LinearSegmentedColormap.from_list("pressure", ["#f7f7f2", "#8fbbdb", "#3d7fb5"])
-    rows, columns = raster.area.shape
-    x, y = np.stack([raster.corner, raster.corner + raster.step * np.array([columns, rows])]).T
+    size = raster.step * np.array(raster.area.shape[::-1])
+    x, y = np.column_stack([raster.corner, raster.corner + size])
     style = {"cmap": colours, "vmin": 0.0, "vmax": largest / factor, "origin": "lower"}
-    image = axes.imshow(pressure / factor, extent=(*x, *y), interpolation="nearest", **style)
-    rest = view.boundary.points[:, :2]
-    clip = type(outlines(view.boundary, rest)[0]).make_compound_path(*outlines(view.boundary, rest))
-    image.set_clip_path(clip, axes.transData)
-    draw_outlines(axes, view.boundary, rest, facecolor="none", edgecolor="0.45", linewidth=0.5)
+    style |= {"extent": (*x, *y), "interpolation": "nearest"}
+    image = axes.imshow(pressure / factor, **style)
+    paths = outlines(view.boundary, view.rest)
+    image.set_clip_path(type(paths[0]).make_compound_path(*paths), axes.transData)
+    draw_outlines(axes, view.boundary, view.rest, facecolor="none")
     compression, tension = _crosses(raster, largest)
-    axes.add_collection(LineCollection(compression, colors=BLACK, linewidths=0.8))
-    axes.add_collection(LineCollection(tension, colors=VERMILLION, linewidths=1.2))
-    crosses = "; black: compression" + (", red: tension" if len(tension) else "")
-    prepare(axes, Limits.of(view))
+    add_lines(axes, compression, colors=BLACK, linewidths=0.8)
+    add_lines(axes, tension, colors=VERMILLION, linewidths=1.6)
+    crosses = "black: compression" + (", red and wide: tension" if len(tension) else "")
     style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
-    label = f"larger compressive principal stress ({unit}){crosses}"
-    axes.figure.colorbar(image, ax=axes, **style).set_label(label, fontsize=9)
+    label = f"larger compressive principal stress ({unit})\n{crosses}"
+    axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
+    axes.set_title("principal stresses at collapse", fontsize=10)
     return axes
 
 
@@ -153,8 +151,9 @@ def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
     second = np.column_stack([-first[:, 1], first[:, 0]])
     value, centre = value.T.ravel(), np.tile(centre, (2, 1))
     reach = np.clip(np.abs(value) / largest, 0.0, 1.0)[:, None] * np.vstack([first, second])
-    lines = np.stack([centre - 0.45 * coarse.step * reach, centre + 0.45 * coarse.step * reach], 1)
-    long = np.abs(value) > 0.05 * largest
+    half = 0.5 * coarse.step * reach
+    lines = np.stack([centre - half, centre + half], 1)
+    long = np.abs(value) > LEAST * largest
     return lines[long & (value < 0.0)], lines[long & (value > 0.0)]
 
 
@@ -165,6 +164,8 @@ def draw_capacity(axes: Any, points: Sequence[CapacityPoint], limit: float = mat
     if np.isfinite(limit):
         text = f"limit load {rounded_alike([limit])[0]}"
         axes.axhline(limit, color=VERMILLION, linestyle="--", label=text)
+    axes.update_datalim([(0.0, 0.0)])
+    axes.autoscale_view()
     axes.set(ylabel="load factor", xlabel="mean displacement along the live load (mm)")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
@@ -173,21 +174,20 @@ def draw_capacity(axes: Any, points: Sequence[CapacityPoint], limit: float = mat
 
 def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
     """Some blocks, shaded and with their numbers, among all, displaced as the view says."""
-    prepare(axes, Limits.of(view, moved(view)))
-    boundary = view.boundary
-    rest = boundary.points[:, :2]
+    frame(axes, view, view.moved)
     shade = np.full((len(view.centre), 3), 0.92)
     shade[blocks] = (0.93, 0.75, 0.45)
-    draw_outlines(axes, boundary, rest, facecolor="none", edgecolor="0.7", linewidth=0.5)
-    style = {"facecolor": shade, "edgecolor": "0.35", "linewidth": 0.5}
-    draw_outlines(axes, boundary, moved(view), **style)
+    draw_outlines(axes, view.boundary, view.rest, facecolor="none", edgecolor="0.7")
+    draw_outlines(axes, view.boundary, view.moved, facecolor=shade)
+    style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
     for block in blocks[:LEGIBLE]:
-        place = moved(view)[boundary.body == block]
-        axes.text(*place.mean(axis=(0, 1)), str(block), fontsize=7, ha="center", va="center")
+        place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
+        axes.text(*place, str(block), **style)
+    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
     return axes
 
 
-def _values(view: View) -> Any:
+def _values(view: View) -> JointValues:
     """Joint values of a view that has them."""
     if view.values is None:
         raise ValueError("there are no joint forces: no state was found")
@@ -215,45 +215,28 @@ def new_axes() -> Any:
     return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
 
 
-def figure_of(limits: Limits, count: int = 1) -> tuple[Any, Any]:
-    """A figure with axes of a structure's shape side by side."""
+def save(
+    view: View,
+    title: str,
+    paths: Sequence[Path | BinaryIO],
+    *draws: Draw,
+) -> None:
+    """Pictures of a structure side by side, to one scale."""
     from matplotlib.figure import Figure
 
-    width, height = limits.shape
+    width, height = np.ptp(extent(view, view.moved), axis=0)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
-    wide = min(WIDTH, tall * width / height)
-    figure = Figure(figsize=(count * max(wide, 3.2), tall + 1.1), layout="constrained")
-    return figure, figure.subplots(1, count, squeeze=False)[0]
+    wide = max(min(WIDTH, tall * width / height), NARROWEST)
+    figure = Figure(figsize=(len(draws) * wide, tall + 1.1), layout="constrained")
+    places = figure.subplots(1, len(draws), squeeze=False, sharex=True, sharey=True)
+    for axes, draw in zip(places[0], draws, strict=True):
+        draw(axes, view)
+    _save(figure, title, paths)
 
 
 def save_collapse(view: View, title: str, paths: Sequence[Path | BinaryIO]) -> None:
-    """Collapse mode and joint forces, side by side."""
-    figure, (left, right) = figure_of(Limits.of(view, moved(view)), 2)
-    draw_mode(left, view).set_title("collapse mode (grey outline: at rest)", fontsize=10)
-    draw_forces(right, view).set_title("joint forces at collapse", fontsize=10)
-    _save(figure, title, paths)
-
-
-def save_thrust(view: View, title: str, paths: Sequence[Path]) -> None:
-    """Lines of thrust."""
-    figure, (axes,) = figure_of(Limits.of(view))
-    draw_thrust(axes, view).set_title("line of thrust at collapse (width: force)", fontsize=10)
-    _save(figure, title, paths)
-
-
-def save_stress(view: View, raster: StressRaster, title: str, paths: Sequence[Path]) -> None:
-    """Principal stresses."""
-    figure, (axes,) = figure_of(Limits.of(view))
-    draw_stress(axes, view, raster).set_title("principal stresses at collapse", fontsize=10)
-    _save(figure, title, paths)
-
-
-def save_marked(view: View, blocks: Indices, title: str, paths: Sequence[Path]) -> None:
-    """Some blocks with their numbers among all."""
-    figure, (axes,) = figure_of(Limits.of(view, moved(view)))
-    draw_marked(axes, view, blocks)
-    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
-    _save(figure, title, paths)
+    """Collapse mode and joint forces."""
+    save(view, title, paths, draw_mode, draw_forces)
 
 
 def save_capacity(
@@ -269,6 +252,6 @@ def save_capacity(
 
 def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     """Write a figure with its title and tight margins."""
-    figure.suptitle(title, fontsize=12)
+    figure.suptitle(title, fontsize=11)
     for path in paths:
         figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.08)

@@ -77,9 +77,11 @@ def report_page(record: Record, pictures: Mapping[str, str]) -> str:
         *_figures(pictures),
         *_scene(record),
         *_verification(record),
-        *_warnings(record),
+        _heading("Warnings"),
+        _list(record["warnings"]) if record["warnings"] else _paragraph("None."),
         *_computation(record),
-        *_notes(),
+        _heading("What to know when you use these numbers"),
+        _list(NOTES),
     ]
     title = _text(record["title"] or "Limit load")
     head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
@@ -368,23 +370,13 @@ def _verification(record: Record) -> Iterator[str]:
         rows = []
         for name, value in details["residuals"].items():
             good = value is not None and value <= allowed[name]
-            amount = "not known" if value is None else _residual(value)
+            # One below zero has room left.
+            amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
             label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
             rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
         yield _table(rows, ("condition", "what it means", "residual", "allowed", "passed"))
     if not shown:
         yield _paragraph("There is no collapse state to verify.")
-
-
-def _residual(value: float) -> str:
-    """A residual; one below zero has room left."""
-    return f"{value:.1e}" if value > 0.0 else "0"
-
-
-def _warnings(record: Record) -> Iterator[str]:
-    yield _heading("Warnings")
-    texts = record["warnings"]
-    yield _list(texts) if texts else _paragraph("None.")
 
 
 def _computation(record: Record) -> Iterator[str]:
@@ -407,8 +399,3 @@ def _computation(record: Record) -> Iterator[str]:
     yield _heading("Versions", 3)
     named = {"fenics-contact": record["version"], **record["versions"]}
     yield _table([(name, version or "not known") for name, version in named.items()])
-
-
-def _notes() -> Iterator[str]:
-    yield _heading("What to know when you use these numbers")
-    yield _list(NOTES)

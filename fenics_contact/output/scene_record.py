@@ -28,6 +28,8 @@ UNITS: Mapping[str, str] = {
     "unit_weight": "N/m3",
     "surcharge": "Pa",
     "wall_friction": "degrees",
+    "displacement": "m",
+    "rotation": "degrees",
     "length": "m",
     "width": "m",
     "height": "m",

@@ -25,6 +25,7 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Flags, Indices
+from fenics_contact.planar_cells import connected
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,6 @@ class Resultants:
     normal: Array
     ends: Array
     parts: Flags
-
-    @property
-    def size(self) -> Array:
-        """Size of the resultants, N per metre of thickness, shape (faces,)."""
-        return np.linalg.norm(self.force, axis=1)
 
     @property
     def loaded(self) -> Flags:
@@ -262,12 +258,9 @@ def _separates(faces: Resultants, part: Indices, mine: Indices) -> bool:
 
 def _in_line(faces: Resultants) -> Sequence[Indices]:
     """Faces that touch end to end, have one direction and move together, by the line they form."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    count = len(faces.bodies)
-    if count == 0:
+    if not len(faces.bodies):
         return []
     points = faces.ends.reshape(-1, 2)
     near = OPTIONS.touching * float(np.ptp(points, axis=0).max())
@@ -275,8 +268,7 @@ def _in_line(faces: Resultants) -> Sequence[Indices]:
     one, other = (faces.normal[side] for side in pairs.T)
     sine = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     pairs = pairs[(np.abs(sine) <= OPTIONS.parallel) & ~_apart(faces, pairs)]
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (count, count))
-    label = connected_components(graph, directed=False)[1]
+    label = connected(pairs, len(faces.bodies))
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 

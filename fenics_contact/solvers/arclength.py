@@ -23,13 +23,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
+from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKKT, Residual
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
-    Step,
+    TangentModel,
 )
-from fenics_contact.solvers.problem import Array, State
+from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -78,14 +78,11 @@ class ArclengthOptions:
         largest_change: Of s in one step; of its logarithm where T rises.
         aimed: Change of s for which the points are chosen that follow their laws.
         past: Part of the end at which a path ends, so that rounding does not fall short of it.
-        close: Distance from the path that may be left at the end, relative to p and q.
-        corrections: Steps at most to get that close.
         shorter: By how much less far from the laws a step leads that is made again.
         least: Least such distance, in units of the usual one.
         lost: Steps in a row that do not reach the path, until it is lost.
         smallest: Size of p and q by which changes are measured, at least: smaller ones are of no
             consequence. In typical units.
-        smallest_elastic: The same in elastic displacements, if that is less.
         elimination: Numbers of a step.
     """
 
@@ -94,13 +91,10 @@ class ArclengthOptions:
     largest_change: float = 3.0
     aimed: float = 2.0
     past: float = 1e-3
-    close: float = 0.1
-    corrections: int = 6
     shorter: float = 0.3
     least: float = 0.03
     lost: int = 6
     smallest: float = 1e-3
-    smallest_elastic: float = 3.0
     elimination: EliminationOptions = field(default_factory=EliminationOptions)
 
 
@@ -134,11 +128,7 @@ class Continuation:
         """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
-        self.path = path
-        self.options = options = options or ArclengthOptions()
-        elastic = options.smallest_elastic * kkt.scales.elastic_part
-        self.smallest = min(options.smallest, elastic)
-        self.problem = kkt.problem
+        self.path, self.options = path, options or ArclengthOptions()
 
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
@@ -153,145 +143,67 @@ class Continuation:
             end: mu, or T, at which to stop.
 
         Returns:
-            A point on the path there.
+            A point near it there.
 
         Raises:
             SolverError: If the path is lost, wanders or takes too many steps.
         """
         options, path = self.options, self.path
         goal = path.progress(end, end) + options.past
-        steps = _Steps(self, goal)
-        best, since = path.progress(point.mu, point.work), 0
+        usual = limit = options.elimination.allowed
+        before: PathPoint | None = None  # where the last step that reached the path began
+        best, since, astray = path.progress(point.mu, point.work), 0, 0
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             if progress >= goal - 0.5 * options.past:
-                return self._settled(point, goal)
+                return point
             if progress >= best + np.log(2.0):
                 best, since = progress, step
             if step - since >= options.patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            point = steps.next(point)
+            new, reached = self._next(point, goal, limit)
+            if not reached and before is not None and limit > options.least * usual:
+                limit *= options.shorter
+                point, _ = self._next(before, goal, limit)
+            else:
+                limit = min(limit / options.shorter, usual)
+                astray = 0 if reached else astray + 1
+                before, point = point if reached else None, new
             values = point.iterate.load_factor, point.mu, point.work
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *values)
-            if not np.all(np.isfinite(values)):
+            if astray > options.lost or not np.all(np.isfinite(values)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def _settled(self, point: PathPoint, goal: float) -> PathPoint:
-        """The point after steps across the path alone, until it is close."""
-        for _ in range(self.options.corrections):
-            if self._distance(point) <= self.options.close:
-                break
-            place = _Place(self, point)
-            point = self.moved(place, place.step(None, self.options.elimination.allowed), goal)
-        return point
+    def _next(self, point: PathPoint, goal: float, limit: float) -> tuple[PathPoint, bool]:
+        """The point a step on, not past the goal, and whether the step reached the path.
 
-    def reach(self, point: PathPoint, goal: float) -> tuple[float, float]:
-        """Least and largest change of s in a step."""
-        largest = self.options.largest_change
-        to_goal = self.path.change_to(point.mu, point.work, goal)
-        back = -largest / (1.0 + largest) if self.path.work_rate else -largest
-        return back, min(max(to_goal, 1e-4), largest)
-
-    def moved(self, place: _Place, step: Step, goal: float) -> PathPoint:
-        """The point with equal products where a step leads, not past the goal."""
-        back, _ = self.reach(place.point, goal)
-        s = max(back, min(step.s, self.path.change_to(place.point.mu, place.point.work, goal)))
-        mu = self.path.mu(place.point.mu, s)
-        work = self.path.work(place.point.work, s)
-        force = self.kkt.scales.force
-        _, r, _, shear = step.states.values
-        moved = step.moved
-        state = State(moved.u, moved.elastic, moved.load_factor, r * force, shear * force, work)
-        kkt = replace(self.kkt, work=work)
-        return PathPoint(kkt.on_central_path(state, mu), mu, work)
-
-    def _distance(self, point: PathPoint) -> float:
-        """Largest distance from the path, relative to p and q."""
-        kkt, now = replace(self.kkt, work=point.work), point.iterate
-        d, f = kkt.scales.displacement, kkt.scales.force
-        residual = kkt.residual(now)
-        of_p = np.maximum(now.pressure / f + now.y / d, self.smallest)
-        of_q = np.maximum(0.5 * (now.s1 + now.s2) / f + np.abs(now.slip) / d, self.smallest)
-        slip = np.where(kkt.frictional, residual.slip / of_q, 0.0)
-        return self.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
-
-
-class _Steps:
-    """Steps along a path; where one led too far it is made again, shorter."""
-
-    def __init__(self, continuation: Continuation, goal: float) -> None:
-        self._continuation, self._goal = continuation, goal
-        self._usual = self._limit = continuation.options.elimination.allowed
-        self._trusted: _Place | None = None
-        self._astray = self._count = 0
-
-    def next(self, point: PathPoint) -> PathPoint:
-        """The point a step on from another, or the last one again, not as far.
-
-        Raises:
-            SolverError: If too many steps in a row do not reach the path.
+        No point that is not chosen ends farther from its law than a limit.
         """
-        continuation, options = self._continuation, self._continuation.options
-        self._count += 1
-        place = _Place(continuation, point)
-        found = place.step(continuation.reach(point, self._goal), self._limit)
-        again = self._trusted
-        if not found.reached and again is not None and self._limit > options.least * self._usual:
-            self._limit *= options.shorter
-            again.refactor()
-            reach = continuation.reach(again.point, self._goal)
-            return continuation.moved(again, again.step(reach, self._limit), self._goal)
-        self._limit = min(self._limit / options.shorter, self._usual)
-        self._astray = 0 if found.reached else self._astray + 1
-        if self._astray > options.lost:
-            raise SolverError(f"central path: lost after {self._count} steps")
-        self._trusted = place if found.reached else None
-        return continuation.moved(place, found, self._goal)
+        options, path = self.options, self.path
+        linear = replace(self.kkt, work=point.work).linearize(point.iterate)
+        correction, tangent = self._directions(linear, point)
+        rates = point.mu, path.log_mu_rate, options.smallest
+        model = TangentModel.of(linear, correction, tangent, *rates)
+        numbers = replace(options.elimination, allowed=limit)
+        elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
+        largest, to_goal = options.largest_change, path.change_to(point.mu, point.work, goal)
+        back = -largest / (1.0 + largest) if path.work_rate else -largest
+        step = elimination.step((back, min(to_goal, largest)), linear.orientation * options.aimed)
+        s, moved = max(back, min(step.s, to_goal)), step.moved
+        mu, work = path.mu(point.mu, s), path.work(point.work, s)
+        _, pressure, _, shear = self.kkt.scales.force * step.states.values
+        state = State(moved.u, moved.elastic, moved.load_factor, pressure, shear, work)
+        iterate = replace(self.kkt, work=work).on_central_path(state, mu)
+        return PathPoint(iterate, mu, work), step.reached
 
-
-class _Place:
-    """A point from which a step is made, factored."""
-
-    def __init__(self, continuation: Continuation, point: PathPoint) -> None:
-        self.continuation, self.point = continuation, point
-        self._elimination: NonlinearElimination | None = None
-        self._kkt = replace(continuation.kkt, work=point.work)
-        self._linear = self._kkt.linearize(point.iterate)
-        self._orientation = 1.0
-
-    def step(self, reach: tuple[float, float] | None, limit: float) -> Step:
-        """A step on, or only to the path."""
-        if self._elimination is None:
-            correction, tangent = self._directions()
-            self._orientation = self._linear.orientation
-            continuation = self.continuation
-            aimed = self._orientation * continuation.options.aimed
-            self._elimination = NonlinearElimination(
-                self._linear,
-                correction,
-                tangent,
-                self.point.mu,
-                continuation.path.log_mu_rate,
-                continuation.smallest,
-                continuation.options.elimination,
-            )
-            self._elimination.choose(0.0 if reach is None else aimed)
-        return self._elimination.step(reach, self._orientation, limit)
-
-    def refactor(self) -> None:
-        """Factor the equations here again, after those of other points."""
-        self._linear = self._kkt.linearize(self.point.iterate)
-        if self._elimination is not None:
-            self._elimination.linear = self._linear
-
-    def _directions(self) -> tuple[Iterate, Iterate]:
+    def _directions(self, linear: Linearization, point: PathPoint) -> tuple[Iterate, Iterate]:
         """Correction c and tangent t."""
-        path, kkt, now = self.continuation.path, self._kkt, self.point.iterate
-        none: Array = np.zeros_like(now.y)
+        path, kkt, now = self.path, linear.kkt, point.iterate
+        none = np.zeros_like(now.y)
         across = kkt.residual(now), np.zeros((3, len(none)))
-        product = path.log_mu_rate * self.point.mu * kkt.scales.force * kkt.scales.displacement
-        rate = -path.work_rate * self.point.work
+        product = path.log_mu_rate * point.mu * kkt.scales.force * kkt.scales.displacement
+        rate = -path.work_rate * point.work
         along = Residual(np.zeros_like(now.u), none, none, rate), np.full((3, len(none)), product)
-        correction, tangent = self._linear.directions([across, along])
+        correction, tangent = linear.directions([across, along])
         return correction, tangent

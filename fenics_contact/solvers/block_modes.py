@@ -129,7 +129,7 @@ class BlockModes(Closing):
         return JointStiffness(self.reduced.stiffness, rows, kind, tally)
 
     def changed(self, problem: ContactProblem) -> BlockModes:
-        """The same modes of a structure with other loads and laws; this object keeps the maps."""
+        """The same modes under other loads and laws; this object keeps the maps."""
         new = copy(self)
         new.full = problem
         new.reduced = replace(
@@ -141,11 +141,6 @@ class BlockModes(Closing):
             slip_origin=problem.slip_origin,
         )
         return new
-
-    def under(self, problem: ContactProblem) -> ContactProblem:
-        """The reduced structure with the live load and origin of slip of `problem`."""
-        live = self._basis.T @ problem.live
-        return replace(self.reduced, live=live, slip_origin=problem.slip_origin)
 
     def restricted(self, state: State) -> State:
         """A state in the modes: their part of the displacements, the same joint forces."""

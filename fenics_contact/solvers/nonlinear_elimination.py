@@ -41,33 +41,29 @@ class EliminationOptions:
     """Numbers of a step. Distances are those of points from their laws, relative to p and q.
 
     Attributes:
-        points: Points chosen at a time; as many more where others end the step.
-        enough: Change of s along the path that is far enough for no more to be chosen.
+        points: Points chosen at most.
         chosen: Distance from which on a point is chosen.
         allowed: Largest distance of a point that is not chosen.
         bisections: Of the change of s up to which no more points bend than are chosen.
         curve_steps: Steps along a curve at most.
         longest: Longest step along a curve, in relative changes of p and q, and of s.
         shortest: Shortest step.
-        shortest_to_others: Shortest step towards the law of a point that is not chosen.
+        room: Of s at least, on either side of where the path is reached.
         newton_steps: Newton steps at most of a step along a curve.
         solved: What they leave, relative to p and q.
-        back: Least part from which a curve may come back.
         columns: Columns of C that are solved for at once.
     """
 
-    points: int = 24
-    enough: float = 0.2
+    points: int = 32
     chosen: float = 0.15
     allowed: float = 0.3
     bisections: int = 6
     curve_steps: int = 80
     longest: float = 3.0
-    shortest: float = 1e-4
-    shortest_to_others: float = 0.1
+    shortest: float = 3e-2
+    room: float = 1e-4
     newton_steps: int = 7
     solved: float = 3e-2
-    back: float = -0.5
     columns: int = 16
 
 
@@ -110,6 +106,45 @@ class TangentModel:
     answers: Array
     mu: float
     log_mu_rate: float
+
+    @classmethod
+    def of(
+        cls,
+        linear: Linearization,
+        correction: Iterate,
+        tangent: Iterate,
+        mu: float,
+        log_mu_rate: float,
+        smallest: float,
+    ) -> TangentModel:
+        """All points of this rank, without answers.
+
+        Args:
+            linear: Newton's equations at x0.
+            correction: Newton's correction c.
+            tangent: Tangent t with respect to s.
+            mu: Product at x0, in typical units.
+            log_mu_rate: d(log mu)/ds.
+            smallest: Size of p and q by which changes are measured, at least.
+        """
+        kkt, problem = linear.kkt, linear.kkt.problem
+        d, f = kkt.scales.displacement, kkt.scales.force
+        units = np.array([d, f, d, f])[:, None]
+        start, across, along = (
+            np.stack([one.y, one.pressure, one.slip, one.shear]) / units
+            for one in (linear.now, correction, tangent)
+        )
+        return cls(
+            SmoothedLaws(kkt.friction, problem.strength / f, kkt.frictional, smallest),
+            start,
+            across,
+            along,
+            springs=np.stack(linear.springs) * d / f,
+            compliance=problem.compliance * f / d,
+            answers=np.empty((2, 0, len(problem.friction))),
+            mu=mu,
+            log_mu_rate=log_mu_rate,
+        )
 
     def mu_at(self, s: float) -> float:
         """Product at s."""
@@ -261,46 +296,38 @@ class ChosenPoints:
         here: CurvePoint,
         forward: Array,
         reach: tuple[float, float],
-        limit: float,
         distance: Callable[[CurvePoint], float],
-    ) -> Trace:
+    ) -> CurvePoint:
         """Follow the curve by its length, until it ends or a point that is not chosen bends.
 
         Args:
             here: Where the curve begins.
             forward: Row whose product with the direction there is positive.
             reach: Values of tau at which the curve ends.
-            limit: Distance of the other points from their laws at which it ends.
-            distance: Their largest distance.
+            distance: Largest distance of the other points from their laws.
         """
-        furthest, length, near, stopped = here, 1.0, 0.0, None
-        shortest = self.options.shortest_to_others * limit / self.options.allowed
-        for _ in range(self.options.curve_steps):
-            along = self.direction(here, forward)
-            found = None
-            while along is not None and length > self.options.shortest:
+        options, length, near = self.options, 1.0, 0.0
+        for _ in range(options.curve_steps):
+            along, found = self.direction(here, forward), None
+            while along is not None and length > options.shortest:
                 found = self.step(here, along, length, reach)
                 if found is None:
                     length *= 0.4
                     continue
-                leaving = distance(new := found[0])
-                if leaving <= limit:
+                leaving = distance(found[0])
+                if leaving <= options.allowed:
                     break
-                found, stopped = None, new
-                length *= float(np.clip((limit - near) / (leaving - near), 0.1, 0.5))
-                if length < shortest:
-                    break
+                found = None
+                part = (options.allowed - near) / (leaving - near)
+                length *= float(np.clip(part, 0.1, 0.5))
             if along is None or found is None:
                 break
-            stopped = None
             (here, corrections), near = found, leaving
             forward = along / here.sizes**2
-            if here.tau > furthest.tau:
-                furthest = here
-            length = min(3.0 * length if corrections <= 3 else length, self.options.longest)
+            length = min(3.0 * length if corrections <= 3 else length, options.longest)
             if not reach[0] < here.tau < reach[1]:
                 break
-        return Trace(here, furthest, here.tau >= reach[1], stopped)
+        return here
 
     @cached_property
     def _compliance(self) -> Array:
@@ -308,23 +335,6 @@ class ChosenPoints:
         opening, slip = self.model.answers
         c = np.concatenate([opening.T, slip.T])
         return np.concatenate([c[:, 0::2], c[:, 1::2]], axis=1)
-
-
-@dataclass(frozen=True)
-class Trace:
-    """Where a curve led.
-
-    Attributes:
-        last: Its last point.
-        furthest: Its point with the largest tau.
-        complete: Whether the last one is the end asked for.
-        stopped: The point at which other points' laws ended it; None where they did not.
-    """
-
-    last: CurvePoint
-    furthest: CurvePoint
-    complete: bool
-    stopped: CurvePoint | None
 
 
 @dataclass(frozen=True)
@@ -352,105 +362,47 @@ class NonlinearElimination:
         linear: Linearization,
         correction: Iterate,
         tangent: Iterate,
-        mu: float,
-        log_mu_rate: float,
-        smallest: float,
+        model: TangentModel,
         options: EliminationOptions | None = None,
     ) -> None:
-        """Describe all points by their tangents.
-
-        Args:
-            linear: Newton's equations at the place.
-            correction: Newton's correction c.
-            tangent: Tangent t with respect to s.
-            mu: Product there, in typical units.
-            log_mu_rate: d(log mu)/ds.
-            smallest: Size of p and q by which changes are measured, at least.
-            options: Numbers of the step.
-        """
+        """Take Newton's equations at the place, c and t, and all points on their tangents."""
         self.options = options or EliminationOptions()
         self.linear, self.correction, self.tangent = linear, correction, tangent
-        kkt, problem = linear.kkt, linear.kkt.problem
-        self.problem = problem
-        d, f = kkt.scales.displacement, kkt.scales.force
-        units = np.array([d, f, d, f])[:, None]
-        count = len(problem.friction)
-
-        def states(of: Iterate) -> Array:
-            return np.stack([of.y, of.pressure, of.slip, of.shear]) / units
-
-        self.model = TangentModel(
-            SmoothedLaws(kkt.friction, problem.strength / f, kkt.frictional, smallest),
-            states(linear.now),
-            states(correction),
-            states(tangent),
-            np.stack(linear.springs) * d / f,
-            problem.compliance * f / d,
-            np.empty((2, 0, count)),
-            mu,
-            log_mu_rate,
-        )
+        self.model, self.problem = model, linear.kkt.problem
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
-        self._others = np.ones(count, dtype=bool)
+        self._others = np.ones(len(self.problem.friction), dtype=bool)
         #: s per part of the shortest way c + s t to the path: at right angles to t.
         self.back = self._shortest_way()
 
-    def choose(self, ahead: float) -> None:
-        """Choose the points whose laws bend first, and solve for what forces there do to all.
-
-        Args:
-            ahead: Change of s that is aimed at along the path; 0: the step only goes to the path,
-                with s held.
-        """
-        if not ahead:
-            self.back = 0.0
-        with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
-            self._solve_for_answers(self._first_to_bend(ahead))
-
-    def step(self, reach: tuple[float, float] | None, orientation: float, limit: float) -> Step:
+    def step(self, reach: tuple[float, float], ahead: float) -> Step:
         """Go to the path, and along it.
 
         Args:
-            reach: Least and largest s; None: only to the path.
-            orientation: Sign of ds in which the path leads on at the place.
-            limit: Distance of other points from their laws at which the step ends.
+            reach: Least and largest s.
+            ahead: Change of s along the path for which the points are chosen that follow their
+                laws; its sign tells where the path leads on.
         """
-        with np.errstate(all="ignore"):
-            curve, traced, reached = self._curves(reach, orientation, limit)
-            far = reached and abs(traced.last.s - self.back) > self.options.enough
-            if traced.stopped is not None and not far:
-                more = self._worst(self._distances(traced.stopped))
-                if len(more):
-                    self._solve_for_answers(more)
-                    curve, traced, reached = self._curves(reach, orientation, limit)
-            return self._moved(curve, traced.last if reached else traced.furthest, reached)
-
-    def _curves(
-        self, reach: tuple[float, float] | None, orientation: float, limit: float
-    ) -> tuple[ChosenPoints, Trace, bool]:
-        """The last curve of a step and where it led, and whether the path was reached."""
-        model, options, back = self._gathered(), self.options, self.back
-        corrector = ChosenPoints(model, Line((0.0, 0.0), (1.0, back)), options)
-        start = JointStates(model.start)
-        begin = corrector.at(np.concatenate([start.p, start.q, [0.0]]))
-        forward = np.eye(len(begin.x))[-1]
-        allowed = min(limit, options.allowed)
-        traced = corrector.trace(begin, forward, (options.back, 1.0), allowed, self._distance)
-        if reach is None or not traced.complete:
-            return corrector, traced, traced.complete
-        predictor = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
-        begin = predictor.at(np.append(traced.last.x[:-1], back))
-        reach = min(reach[0], back - options.shortest), max(reach[1], back + options.shortest)
-        traced = predictor.trace(begin, orientation * forward, reach, limit, self._distance)
-        return predictor, traced, True
-
-    def _distances(self, at: CurvePoint) -> Array:
-        """Distances of this rank's points from their laws, 0 where they are chosen."""
-        return np.where(self._others, self.model.distances(at.part, at.s, at.forces), 0.0)
+        options, back = self.options, self.back
+        with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
+            self._choose(self._first_to_bend(ahead))
+            model = self._gathered()
+            curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, back)), options)
+            start = JointStates(model.start)
+            begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
+            forward = np.eye(len(begin.x))[-1]
+            last = curve.trace(begin, forward, (-1.0, 1.0), self._distance)
+            reached = last.tau >= 1.0
+            if reached:
+                curve = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
+                begin = curve.at(np.append(last.x[:-1], back))
+                reach = min(reach[0], back - options.room), max(reach[1], back + options.room)
+                last = curve.trace(begin, np.sign(ahead) * forward, reach, self._distance)
+            return Step(*self._moved(model, last), last.s, reached)
 
     def _distance(self, at: CurvePoint) -> float:
-        """The largest of them on all ranks."""
-        return self.problem.max(self._distances(at))
+        """Largest distance of the points that are not chosen from their laws, on all ranks."""
+        distances = self.model.distances(at.part, at.s, at.forces)
+        return self.problem.max(np.where(self._others, distances, 0.0))
 
     def _shortest_way(self) -> float:
         """-t.c / t.t, by relative changes of p and q, with s counted once per point."""
@@ -494,23 +446,21 @@ class NonlinearElimination:
     def _worst(self, distances: Array) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
         comm, most = self.problem.comm, self.options.points
-        place = np.flatnonzero((distances > self.options.chosen) & self._others)
+        place = np.flatnonzero(distances > self.options.chosen)
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
         mine = [(-distances[k], comm.rank, k) for k in place]
         worst = sorted(chain(*comm.allgather(mine)))[:most]
         return np.array([found[1:] for found in worst], dtype=np.int64).reshape(-1, 2)
 
-    def _solve_for_answers(self, chosen: Integers) -> None:
+    def _choose(self, chosen: Integers) -> None:
         """Choose points: openings and slips of this rank's points for unit forces at them."""
         width = self.options.columns // 2
         parts = [
             _answers_to(self.linear, chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
-        if parts:
-            answers = np.concatenate([self.model.answers, *parts], axis=1)
-            self.model = replace(self.model, answers=answers)
-        self._chosen = np.concatenate([self._chosen, chosen])
+        answers = np.concatenate([self.model.answers, *parts], axis=1)
+        self.model, self._chosen = replace(self.model, answers=answers), chosen
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
     def _gathered(self) -> TangentModel:
@@ -527,8 +477,8 @@ class NonlinearElimination:
 
         return replace(whole(self.model), laws=whole(self.model.laws))
 
-    def _moved(self, curve: ChosenPoints, last: CurvePoint, reached: bool) -> Step:
-        """Where the curve's point moves the structure."""
+    def _moved(self, model: TangentModel, last: CurvePoint) -> tuple[Iterate, JointStates]:
+        """Where a point of the chosen points' curve moves the structure and all points."""
         linear, kkt, problem = self.linear, self.linear.kkt, self.problem
         part, s = last.part, last.s
         moved = linear.now.moved(part, self.correction).moved(s, self.tangent)
@@ -547,10 +497,10 @@ class NonlinearElimination:
             )
         values = self.model.states(part, s, last.forces).values
         p, q = np.split(last.x[:-1], 2)
-        exact = curve.model.laws.states(p, q, curve.model.mu_at(s)).values
+        exact = model.laws.states(p, q, model.mu_at(s)).values
         values[:, places] = exact[:, mine]
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
-        return Step(moved, JointStates(values), s, reached)
+        return moved, JointStates(values)
 
 
 def _solved(at: CurvePoint, forward: Array, rest: Array, product: float) -> Array | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import json
+import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,9 +24,10 @@ from fenics_contact.toml_tables import assign, read_toml, value_of
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
 DIGITS = 12
-#: Values that a parameter can have, and points of a sweep.
+#: Points of a sweep.
 MOST = 100_000
 _RANGE = re.compile(r"(.+):(.+):\s*(\d+)\s*")
+_HOW = "KEY=A:B:N, N values from A to B, or KEY=A,B,C"
 
 #: Values of the keys at one point of a sweep.
 Values = Mapping[str, Any]
@@ -53,16 +56,9 @@ class Parameter:
             InputError: If there is no key, or no value.
         """
         names = tuple(name.strip() for name in keys.split(","))
-        if isinstance(values, str):
-            values = _values_of(values)
-        found = [_plain(value) for value in values]
+        found = _values_of(values) if isinstance(values, str) else [_plain(v) for v in values]
         if not found or not all(all(part.strip() for part in n.split(".")) for n in names):
-            raise InputError(
-                f"'{keys}' varies as KEY=A:B:N, N values from A to B, or KEY=A,B,C; give both key"
-                " and values"
-            )
-        if len(found) > MOST:
-            raise InputError(f"'{keys}' has {len(found)} values; give at most {MOST}")
+            raise InputError(f"'{keys}' varies as {_HOW}; give both key and values")
         once = [value for k, value in enumerate(found) if value not in found[:k]]
         return cls(names, tuple(once))
 
@@ -75,10 +71,13 @@ class Parameter:
 
 def _values_of(text: str) -> list[Any]:
     """Values that a text stands for, see `Parameter.of`."""
+    first = value_of(text.partition(":")[0])
     if found := _RANGE.fullmatch(text):
-        first, last = (np.asarray(value_of(end)) for end in found.groups()[:2])
-        if all(end.dtype.kind in "if" and end.size for end in (first, last)):
-            return _between(first, last, int(found[3]), text)
+        start, end = (np.asarray(value_of(part)) for part in found.groups()[:2])
+        if all(part.dtype.kind in "if" and part.size for part in (start, end)):
+            return _between(start, end, int(found[3]), text)
+    elif ":" in text and isinstance(first, (int, float)):
+        raise InputError(f"'{text}' is no range; a key varies as {_HOW}")
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (ValueError, RecursionError):
@@ -89,8 +88,8 @@ def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
     """Values from one array to another, in equal steps."""
     if first.shape != last.shape:
         raise InputError(f"'{text}': both ends of a range must have as many numbers")
-    if count > MOST:
-        raise InputError(f"'{text}' has more than {MOST} values")
+    if not 1 <= count <= MOST:
+        raise InputError(f"'{text}' must have 1 to {MOST} values, the last number of the range")
     exact = np.linspace(first, last, count)
     short = np.array([float(f"{x:.{DIGITS}g}") for x in exact.flat]).reshape(exact.shape)
     whole = first.dtype.kind == last.dtype.kind == "i" and np.all(short == np.round(short))
@@ -98,24 +97,24 @@ def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value as TOML has it."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+    """A value as TOML has it: lists for tuples and arrays, text for paths."""
+    arrays = (np.ndarray, np.generic)
+    text = json.dumps(value, default=lambda x: x.tolist() if isinstance(x, arrays) else str(x))
+    return json.loads(text)
 
 
 def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
     """Values of all keys at every point, the last parameter changing fastest.
 
     Raises:
-        InputError: If a key varies twice, or nothing varies.
+        InputError: If a key varies twice, nothing varies, or there are too many points.
     """
     keys = [key for parameter in parameters for key in parameter.keys]
     if not keys:
         raise InputError("nothing varies; give a key and its values")
     for key in (key for k, key in enumerate(keys) if key in keys[:k]):
         raise InputError(f"'{key}' varies twice; give all its values at once")
-    if np.prod([float(len(parameter.values)) for parameter in parameters]) > MOST:
+    if math.prod(len(parameter.values) for parameter in parameters) > MOST:
         raise InputError(f"the sweep has more than {MOST} points; give fewer values")
     return [
         {key: value for p, value in zip(parameters, point, strict=True) for key in p.keys}
@@ -133,11 +132,14 @@ class Family:
     """
 
     def __init__(
-        self, comm: MPI.Comm, tables: dict[str, Any], read: Callable[[str, str], BlockMesh]
+        self,
+        comm: MPI.Comm,
+        tables: dict[str, Any],
+        read: Callable[[str, str], BlockMesh],
+        file: tuple[Path, tuple[str, ...]] | None = None,
     ) -> None:
         """Scenes from tables of a file; `read` makes a mesh of `mesh.file` and `mesh.blocks`."""
-        self.comm, self.tables, self._read = comm, tables, read
-        self.file: tuple[Path, tuple[str, ...]] | None = None
+        self.comm, self.tables, self.file, self._read = comm, tables, file, read
         self._last: tuple[tuple[str, str], BlockMesh] | None = None
 
     @classmethod
@@ -146,12 +148,11 @@ class Family:
     ) -> Family:
         """Scenes of a file; arguments as those of `Scene.from_file`."""
         comm = compat.default_comm() if comm is None else comm
-        tables = read_toml(path, comm, overrides)
-        made = cls(
-            comm, tables, lambda *mesh: BlockMesh.from_file(path.parent / mesh[0], comm, mesh[1])
-        )
-        made.file = path, tuple(overrides)
-        return made
+
+        def read(name: str, blocks: str) -> BlockMesh:
+            return BlockMesh.from_file(path.parent / name, comm, blocks)
+
+        return cls(comm, read_toml(path, comm, overrides), read, (path, tuple(overrides)))
 
     @classmethod
     def of_scene(cls, scene: Scene) -> Family:

@@ -14,11 +14,11 @@ from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import new_axes, save_collapse
 from fenics_contact.output.view import view_of
-from fenics_contact.sweeps.parameters import Family, Parameter
+from fenics_contact.sweeps.parameters import Family, Parameter, Values
 from fenics_contact.sweeps.points import Point, Structure, solve, value_text
 
 PICTURE, WORST = "sweep.png", "worst.png"
-#: Curves that one picture has room for; beyond them two numbers are drawn as a map.
+#: Curves that one picture has room for; beyond them all points are drawn as one.
 CURVES = 7
 #: What the legend calls a curve that is alone.
 ONE_CURVE = "load factor"
@@ -41,8 +41,6 @@ def save_picture(
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
     """Draw the load factor over the parameter with most values, a curve for each of the others.
 
-    Two numbers of many values each are drawn as a map.
-
     Args:
         parameters: What varies.
         points: In the order of their grid.
@@ -50,107 +48,89 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     """
     axes = axes or new_axes()
     sizes = [len(parameter.values) for parameter in parameters]
-    along = int(np.argmax(sizes))
     table = np.empty(len(points), dtype=object)
     table[:] = list(points)
-    names: list[str]
-    curves = np.moveaxis(table.reshape(sizes), along, -1).reshape(-1, sizes[along])
-    if len(curves) > CURVES and len(parameters) == 2:
-        _draw_map(axes, parameters, table.reshape(sizes))
-        return axes
+    table, along = table.reshape(sizes), int(np.argmax(sizes))
+    curves = np.moveaxis(table, along, -1).reshape(-1, sizes[along])
+    at, label, names = _places(parameters[along])
     if len(curves) > CURVES:
-        curves, where = table[None, :], np.arange(len(points), dtype=float)
-        names, label = [], "point"
-    else:
-        where, names, label = _places(parameters[along])
-    others = [p.keys[0] for k, p in enumerate(parameters) if k != along]
+        curves, at, label, names = table.reshape(1, -1), np.arange(float(len(points))), "point", []
+    others = [p.keys[0] for p in parameters if p is not parameters[along]]
     for number, curve in enumerate(curves):
-        given = ", ".join(f"{_name(key)} = {_short(curve[0].values[key])}" for key in others)
-        colour = BLUE if len(curves) == 1 else f"C{number}"
-        _draw_curve(axes, where, curve, colour, given if len(curves) > 1 else ONE_CURVE)
-    _mark_worst(axes, where, curves)
+        given = _said({key: curve[0].values[key] for key in others})
+        style = (BLUE, ONE_CURVE) if len(curves) == 1 else (f"C{number}", given)
+        _draw_curve(axes, at, curve, *style)
+    _mark_worst(axes, at, curves)
     axes.set(xlabel=label, ylabel="load factor")
     if names:
-        axes.set_xticks(where, [textwrap.shorten(name, TICK) for name in names])
+        axes.set_xticks(at, names)
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
     return axes
 
 
-def _places(parameter: Parameter) -> tuple[Array, list[str], str]:
-    """Where the values of a parameter are along an axis, their names there, and its label."""
+def _places(parameter: Parameter) -> tuple[Array, str, list[str]]:
+    """Places of values along an axis, its label, and names of values that are no numbers.
+
+    Points in a plane are placed along their path.
+    """
     label = " = ".join(map(_name, parameter.keys))
     values = [np.asarray(value) for value in parameter.values]
     if any(value.dtype.kind not in "if" or value.shape != values[0].shape for value in values):
-        return np.arange(len(values), dtype=float), list(map(value_text, parameter.values)), label
+        names = [textwrap.shorten(value_text(value), TICK) for value in parameter.values]
+        return np.arange(float(len(values))), label, names
     table = np.array(values, dtype=float).reshape(len(values), -1)
     moving = np.flatnonzero(np.ptp(table, axis=0))
-    if len(moving) == 1 or table.shape[1] == 1:
-        component = moving[0] if len(moving) else 0
-        axis = f", {'xy'[component]}" if table.shape[1] == 2 else ""
-        return table[:, component], [], label + axis
-    steps = np.linalg.norm(np.diff(table, axis=0), axis=1)
-    return np.append(0.0, np.cumsum(steps)), [], f"{label}, distance from the first"
+    if len(moving) > 1:
+        steps = np.linalg.norm(np.diff(table, axis=0), axis=1)
+        return np.append(0.0, np.cumsum(steps)), f"{label}, distance from the first", []
+    component = moving[0] if len(moving) else 0
+    axis = f", {'xy'[component]}" if table.shape[1] == 2 else ""
+    return table[:, component], label + axis, []
 
 
-def _draw_curve(axes: Any, where: Array, curve: Sequence[Point], colour: str, label: str) -> None:
+def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label: str) -> None:
     """Load factors of both directions with their brackets; points without one as crosses."""
-    order = np.argsort(where, kind="stable")
-    x = where[order]
-    columns = ("load_factor", "lower", "upper")
+    order = np.argsort(at, kind="stable")
+    x, points = at[order], [curve[k] for k in order]
+    solved = np.array([point.solved for point in points])
+    names = ("at least", "at most", "bracket") if label == ONE_CURVE else ("_",) * 3
     for suffix in ("", "_negative"):
-        factor, lower, upper = (
-            np.array([getattr(curve[k], name + suffix) for k in order]) for name in columns
-        )
-        unsolved = np.array([not curve[k].solved for k in order])
-        shown = np.where(np.isfinite(factor) & ~unsolved, factor, np.nan)
-        if suffix and not np.any(np.isfinite(shown)):
+        columns = [f"{name}{suffix}" for name in ("load_factor", "lower", "upper")]
+        values = np.array([[getattr(point, name) for point in points] for name in columns])
+        factor, lower, upper = np.where(np.isfinite(values), values, np.nan)
+        factor[~solved] = np.nan
+        if suffix and np.all(np.isnan(factor)):
             continue
-        axes.plot(x, shown, "o-", color=colour, markersize=4, label=None if suffix else label)
-        known = np.isfinite(lower) & np.isfinite(upper)
-        alone = label == ONE_CURVE and not suffix
+        axes.plot(x, factor, "o-", color=colour, markersize=4, label=label)
+        known = ~np.isnan(lower + upper)
         if np.any(known):
-            style = {"color": colour, "alpha": 0.12, "lw": 0}
-            label_of_both = "bracket" if alone else None
-            axes.fill_between(x, lower, upper, where=known, label=label_of_both, **style)
-        for bound, name in ((lower, "at least"), (upper, "at most")):
-            shown = np.where(np.isfinite(bound) & ~known, bound, np.nan)
-            if np.any(np.isfinite(shown)):
-                axes.plot(x, shown, ":", color=colour, label=name if alone else None)
-    for k in np.flatnonzero([not point.solved for point in curve]):
-        axes.plot(where[k], 0.0, "x", color=VERMILLION)
-    for k in np.flatnonzero([point.status == "unbounded" for point in curve]):
-        place = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
-        axes.annotate("unbounded", (where[k], 0.96), rotation=90, va="top", **place)
+            axes.fill_between(x, lower, upper, color=colour, alpha=0.12, lw=0, label=names[2])
+        for end, name in zip((lower, upper), names, strict=False):
+            alone = np.where(known, np.nan, end)
+            if not np.all(np.isnan(alone)):
+                axes.plot(x, alone, ":", color=colour, label=name)
+        label, names = "_", ("_",) * 3  # named once
+    axes.plot(x[~solved], np.zeros(np.count_nonzero(~solved)), "x", color=VERMILLION)
+    # Invisible, so that the axis has room for all values.
+    axes.plot(x, np.full(len(x), 0.5), " ", transform=axes.get_xaxis_transform())
+    for place, point in zip(x, points, strict=True):
+        if point.status == "unbounded":
+            style = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
+            axes.annotate("unbounded", (place, 0.96), rotation=90, va="top", **style)
 
 
-def _mark_worst(axes: Any, where: Array, curves: Any) -> None:
+def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
     """A ring around the lowest load factor."""
-    least = np.array([[point.least for point in curve] for curve in curves])
-    least[~np.isfinite(least)] = np.inf
-    if not np.any(np.isfinite(least)):
+    places = [(x, point) for curve in curves for x, point in zip(at, curve, strict=True)]
+    places = [(x, point) for x, point in places if np.isfinite(point.least)]
+    if not places:
         return
-    row, column = np.unravel_index(np.argmin(least), least.shape)
-    worst = curves[row][column]
+    x, worst = min(places, key=lambda place: place[1].least)
     factor = worst.load_factor if worst.least == worst.load_factor else worst.load_factor_negative
+    where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
     style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
-    place = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
-    label = f"lowest: {factor:.5g} at {_drawn(place)}"
-    axes.plot(where[column], factor, "o", label=label, **style)
-
-
-def _draw_map(axes: Any, parameters: Sequence[Parameter], table: Any) -> None:
-    """The lowest load factor over two parameters."""
-    least = np.array([[point.least for point in row] for row in table])
-    least[~np.isfinite(least)] = np.nan
-    (y, y_names, y_label), (x, x_names, x_label) = map(_places, parameters)
-    mesh = axes.pcolormesh(x, y, least, shading="nearest", cmap="viridis")
-    axes.figure.colorbar(mesh, ax=axes, label="load factor")
-    axes.set(xlabel=x_label, ylabel=y_label)
-    if x_names:
-        axes.set_xticks(x, [textwrap.shorten(name, TICK) for name in x_names])
-    if y_names:
-        axes.set_yticks(y, [textwrap.shorten(name, TICK) for name in y_names])
+    axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {_drawn(where)}", **style)
 
 
 def picture_of_worst(family: Family, worst: Point, folder: Path) -> None:
@@ -165,15 +145,18 @@ def picture_of_worst(family: Family, worst: Point, folder: Path) -> None:
         return
     sign = 1.0 if result.positive is not None else -1.0
     view = view_of(result.discretization, end.mode, end.joints, sign)
-    given = ", ".join(f"{_name(key)} = {_short(value)}" for key, value in worst.values.items())
-    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(given)}"
+    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(_said(worst.values))}"
     with writing(family.comm):
         if family.comm.rank == 0:
             save_collapse(view, title, [folder / WORST])
 
 
+def _said(values: Values) -> str:
+    """Values of keys, as there is room for in a picture."""
+    return ", ".join(f"{_name(key)} = {_short(value)}" for key, value in values.items())
+
+
 def _short(value: Any) -> str:
-    """A value as there is room for in a picture."""
     return f"{value:.4g}" if isinstance(value, float) else value_text(value)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
-from fenics_contact.limit_load import LimitLoad, limit_load_of
+from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
 from fenics_contact.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Values
 
@@ -99,7 +99,10 @@ def solve(scene: Scene, structure: Structure) -> LimitLoad:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
-    result = limit_load_of(structure.of(scene))
+    if scene.solve.accuracy is None:
+        result = limit_load_of(structure.of(scene))
+    else:
+        result = limit_load(scene)  # on meshes of its own
     result.hold_against_brackets()
     result.seconds["total"] = time.perf_counter() - start
     return result

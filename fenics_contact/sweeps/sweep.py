@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array
 from fenics_contact.output.folder import writing
 from fenics_contact.scene import Scene
-from fenics_contact.sweeps import table
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
-from fenics_contact.sweeps.picture import WORST, draw_sweep, picture_of_worst, save_picture
+from fenics_contact.sweeps.picture import draw_sweep, picture_of_worst, save_picture
 from fenics_contact.sweeps.points import Point, Structure, solve_point, value_text
+from fenics_contact.sweeps.table import Table, described
 from fenics_contact.sweeps.workers import solved_by_workers
 
 #: Is told how many points are there, of how many, and of the point that ended, None at first.
@@ -36,11 +36,7 @@ class Sweep(Sequence[Point]):
         """Points in the order of `grid`."""
         self.parameters, self._points = tuple(parameters), tuple(points)
 
-    @overload
-    def __getitem__(self, index: int) -> Point: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Point]: ...
-    def __getitem__(self, index: int | slice) -> Point | Sequence[Point]:
+    def __getitem__(self, index: Any) -> Any:
         return self._points[index]
 
     def __len__(self) -> int:
@@ -114,46 +110,30 @@ def run_sweep(
     tell: Told = silent,
 ) -> Sweep:
     """Limit loads over a grid of parameters; see `sweep`. Collective."""
-    points = grid(parameters)
+    points, comm = grid(parameters), family.comm
     _check(family, points, jobs)
-    if folder is None:
-        found: dict[tuple[str, ...], Point] = {}
-        tell(0, len(points), None)
-        for point in _solved(family, points, jobs):
-            found[_key(point.values)] = point
-            tell(len(found), len(points), point)
-        return Sweep(parameters, [found[_key(values)] for values in points])
-    return _run_in_folder(family, parameters, folder, jobs, tell)
-
-
-def _run_in_folder(
-    family: Family, parameters: Sequence[Parameter], folder: Path, jobs: int, tell: Told
-) -> Sweep:
-    """A sweep with its table and pictures."""
-    comm, points = family.comm, grid(parameters)
-    rows = table.Table(folder, list(points[0]))
+    rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]))
     there: list[Point] = []
     with writing(comm):
-        if comm.rank == 0:
-            there = rows.begin(table.described(family, parameters))
-    there = comm.bcast(there)
-    found = {_key(point.values): point for point in there}
+        if rows is not None:
+            there = rows.begin(described(family, parameters))
+    found = {_key(point.values): point for point in comm.bcast(there)}
     todo = [values for values in points if _key(values) not in found]
-    tell(len(points) - len(todo), len(points), None)
+    tell(len(found), len(points), None)
     for point in _solved(family, todo, jobs):
         with writing(comm):
-            if comm.rank == 0:
+            if rows is not None:
                 rows.append(point)
         found[_key(point.values)] = point
         tell(len(found), len(points), point)
     done = Sweep(parameters, [found[_key(values)] for values in points])
     with writing(comm):
-        if comm.rank == 0:
+        if rows is not None and folder is not None:
             rows.write(done)  # in the order of the values
             save_picture(parameters, done, str(family.tables.get("title", "")), folder)
     worst = done.worst
-    if worst is not None and any(key.startswith("loads.") for key in worst.values):
-        if todo or not comm.bcast((folder / WORST).exists()):
+    if folder is not None and worst is not None:
+        if any(key.startswith("loads.") for key in worst.values):
             picture_of_worst(family, worst, folder)
     return done
 

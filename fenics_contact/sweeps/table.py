@@ -8,7 +8,8 @@ import io
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,10 @@ _FLOATS = tuple(item.name for item in fields(Point) if item.type == "float")
 
 
 class Table:
-    """Rows of a sweep on the disk, of one process."""
+    """Rows of a sweep on the disk, of one process.
+
+    Its methods raise `OutputError` where the folder cannot be written to.
+    """
 
     def __init__(self, folder: Path, keys: Sequence[str]) -> None:
         """Name the folder and the varied keys."""
@@ -36,71 +40,69 @@ class Table:
 
         Raises:
             InputError: If the folder has another sweep.
-            OutputError: If it cannot be written to.
         """
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            described = self.path.parent / RECORD
+        folder = self.path.parent
+        described = folder / RECORD
+        with self._told():
+            folder.mkdir(parents=True, exist_ok=True)
             before = json.loads(described.read_text()) if described.exists() else None
             if before is not None and record.get("mesh") is None:
                 raise InputError(
-                    f"'{self.path.parent}' has a sweep; one of a scene made in Python cannot go on"
-                    " there, choose another folder"
+                    f"'{folder}' has a sweep; one of a scene made in Python cannot go on there,"
+                    " choose another folder"
                 )
             if before is not None and before != json.loads(json.dumps(record)):
                 raise InputError(
-                    f"'{self.path.parent}' has a sweep of another scene or other values; choose"
-                    " another folder with -o, or remove that one"
+                    f"'{folder}' has a sweep of another scene or other values; choose another"
+                    " folder with -o, or remove that one"
                 )
             rows = self._rows() if before is not None else []
             self.write(rows)  # without a half-written line
             _replace(described, json.dumps(record, indent=2) + "\n")
-        except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
-            raise self._failure(error) from None
         return rows
 
     def append(self, point: Point) -> None:
-        """Add a row, in one piece.
-
-        Raises:
-            OutputError: If it cannot be written.
-        """
-        try:
-            with self.path.open("ab", buffering=0) as file:
-                file.write(self._text([point]))
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise self._failure(error) from None
+        """Add a row; it is on the disk when this returns."""
+        with self._told(), self.path.open("a", newline="") as file:
+            self._put(file, [point])
+            file.flush()
+            os.fsync(file.fileno())
 
     def write(self, points: Sequence[Point]) -> None:
         """Replace all rows."""
-        header = self._line([*self._keys, *COLUMNS])
-        _replace(self.path, (header + self._text(points)).decode())
-
-    def _text(self, points: Sequence[Point]) -> bytes:
-        return b"".join(self._line(_cells(point, self._keys)) for point in points)
-
-    @staticmethod
-    def _line(cells: Sequence[str]) -> bytes:
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow(cells)
-        return text.getvalue().encode()
+        csv.writer(text, lineterminator="\n").writerow([*self._keys, *COLUMNS])
+        self._put(text, points)
+        with self._told():
+            _replace(self.path, text.getvalue())
+
+    def _put(self, file: Any, points: Sequence[Point]) -> None:
+        """Write rows: numbers with all their digits, nothing for nan."""
+        for point in points:
+            cells = [getattr(point, name) for name in COLUMNS]
+            cells = ["" if isinstance(x, float) and math.isnan(x) else x for x in cells]
+            values = [value_text(point.values[key]) for key in self._keys]
+            csv.writer(file, lineterminator="\n").writerow(values + cells)
 
     def _rows(self) -> list[Point]:
         """Complete rows of the file."""
         if not self.path.exists():
             return []
-        text = self.path.read_bytes()
-        whole = text[: text.rfind(b"\n") + 1].decode()
-        rows = csv.DictReader(io.StringIO(whole))
+        text = self.path.read_text()
+        rows = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
         if rows.fieldnames != [*self._keys, *COLUMNS]:
             return []
         return [_point(row, self._keys) for row in rows if None not in row.values()]
 
-    def _failure(self, error: Exception) -> OutputError:
-        reason = getattr(error, "strerror", None) or error
-        folder = self.path.parent
-        return OutputError(f"cannot write to '{folder}': {reason}; choose another with -o")
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Name the folder where a file cannot be read or written."""
+        try:
+            yield
+        except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            text = f"cannot write to '{self.path.parent}': {reason}; choose another with -o"
+            raise OutputError(text) from None
 
 
 def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -118,16 +120,6 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
         record["mesh"] = " ".join(one.hexdigest() for one in files)
     vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
     return {**record, "vary": vary}
-
-
-def _cells(point: Point, keys: Sequence[str]) -> list[str]:
-    """A row as text: numbers with all their digits, nothing for nan."""
-    values = [value_text(point.values[key]) for key in keys]
-    return values + [_cell(getattr(point, name)) for name in COLUMNS]
-
-
-def _cell(value: Any) -> str:
-    return "" if isinstance(value, float) and math.isnan(value) else str(value)
 
 
 def _point(row: Mapping[str, str], keys: Sequence[str]) -> Point:

@@ -4,95 +4,93 @@ from __future__ import annotations
 
 import os
 import pickle
-import queue
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
 
-from fenics_contact.errors import ContactError, InputError, SolverError
+from fenics_contact.errors import SolverError
 from fenics_contact.sweeps.parameters import Family, Values
 from fenics_contact.sweeps.points import Point, Structure, solve_point
 
 #: Variables by which launchers of MPI know their ranks: a worker is none of them.
 _LAUNCHED = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")
+_KEPT = ("OMPI_MCA_", "OMPI_ALLOW_")
 
 
 def solved_by_workers(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
     """Points in the order in which they end; scenes are read from their file by each process.
 
     Raises:
-        InputError: If the scene was made in Python.
         SolverError: If a process ends before its answer.
     """
-    if family.file is None:
-        raise InputError(
-            f"jobs = {jobs} needs a scene file, which every process reads; give jobs = 1"
-        )
-    todo: queue.SimpleQueue[Values] = queue.SimpleQueue()
-    done: queue.SimpleQueue[Point | ContactError] = queue.SimpleQueue()
-    for values in points:
-        todo.put(values)
     workers = [_Worker(family) for _ in range(min(jobs, len(points)))]
+    free: SimpleQueue[_Worker] = SimpleQueue()
+    for worker in workers:
+        free.put(worker)
+
+    def solved(values: Values) -> Point:
+        worker = free.get()
+        try:
+            return worker.point(values)
+        finally:
+            free.put(worker)
+
+    pool = ThreadPoolExecutor(len(workers))
     try:
-        for worker in workers:
-            threading.Thread(target=worker.work, args=(todo, done), daemon=True).start()
-        for _ in points:
-            answer = done.get()
-            if isinstance(answer, ContactError):
-                raise answer
-            yield answer
+        for future in as_completed([pool.submit(solved, values) for values in points]):
+            yield future.result()
     finally:
+        pool.shutdown(wait=False, cancel_futures=True)
         for worker in workers:
             worker.stop()
 
 
 class _Worker:
-    """A process that answers values with points, through pipes."""
+    """A process that answers values with points, through pipes.
+
+    It has a session of its own, so that Ctrl-C is for the process that has the table.
+    """
 
     def __init__(self, family: Family) -> None:
-        environment = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHED)}
-        kept = {k: v for k, v in os.environ.items() if k.startswith(("OMPI_MCA_", "OMPI_ALLOW_"))}
+        environment = {
+            name: value
+            for name, value in os.environ.items()
+            if name.startswith(_KEPT) or not name.startswith(_LAUNCHED)
+        }
         self._process = subprocess.Popen(
             [sys.executable, "-c", f"from {__name__} import answer; answer()"],
-            env=environment | kept | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the process that has the table
+            start_new_session=True,
         )
-        pickle.dump(family.file, self._input)
+        pipes: Any = self._process.stdin, self._process.stdout
+        self._asked, self._answers = pipes
+        pickle.dump(family.file, self._asked)
 
-    @property
-    def _input(self):  # type: ignore[no-untyped-def]
-        return self._process.stdin
-
-    def work(
-        self, todo: queue.SimpleQueue[Values], done: queue.SimpleQueue[Point | ContactError]
-    ) -> None:
-        """Have points solved until there are no more."""
-        while True:
-            try:
-                values = todo.get_nowait()
-            except queue.Empty:
-                return
-            try:
-                pickle.dump(values, self._input)
-                self._input.flush()
-                done.put(pickle.load(self._process.stdout))  # type: ignore[arg-type]
-            except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-                code = self._process.wait()
-                done.put(SolverError(f"a process of the sweep ended early (exit code {code})"))
-                return
+    def point(self, values: Values) -> Point:
+        """The point with these values."""
+        try:
+            pickle.dump(values, self._asked)
+            self._asked.flush()
+            found: Point = pickle.load(self._answers)
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+            code = self._process.wait()
+            raise SolverError(f"a process of the sweep ended early (exit code {code})") from None
+        return found
 
     def stop(self) -> None:
         """End the process."""
         self._process.terminate()
         self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
+        for pipe in (self._asked, self._answers):
             with suppress(OSError):
-                stream.close()  # type: ignore[union-attr]
+                pipe.close()
 
 
 def answer() -> None:

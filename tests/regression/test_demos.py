@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,8 +31,12 @@ def test_there_are_demos():
     ids=lambda value: getattr(value, "stem", value),
 )
 def test_demo(demo, ranks, tmp_path):
+    start = time.time()
     found = run_command([*launcher(ranks), sys.executable, str(demo)], tmp_path, time_out=300.0)
     assert found.code == 0, found.out + found.err
+    said = re.findall(rf"{ROOT}/demos/output/[\w-]+", found.out.splitlines()[-1])
+    pictures = [path for folder in said for path in Path(folder).rglob("*.png")]
+    assert any(path.stat().st_mtime >= start for path in pictures), found.out
 
 
 def test_notebook(monkeypatch, capsys):
@@ -38,11 +44,11 @@ def test_notebook(monkeypatch, capsys):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
     monkeypatch.chdir(ROOT / "demos")
-    notebook = json.loads((ROOT / "demos" / "12_wall_w3.ipynb").read_text())
+    notebook = json.loads((ROOT / "demos" / "13_wall_w3.ipynb").read_text())
     cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
     names: dict[str, Any] = {}
     for cell in cells:
-        exec(compile(cell, "12_wall_w3.ipynb", "exec"), names)
+        exec(compile(cell, "13_wall_w3.ipynb", "exec"), names)
     pyplot.close("all")
     assert abs(names["result"].load_factor - 0.35582) < 1e-4
     assert notebook_picture(names["result"]).startswith(b"\x89PNG")

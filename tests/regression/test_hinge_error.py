@@ -47,6 +47,23 @@ def test_point_hinges_of_w4_however_written(variant):
     assert error.load_factor_point_hinges == pytest.approx(W4, abs=5e-5)
 
 
+@pytest.mark.parametrize(
+    "variant",
+    [
+        Variant(one_by_one=1),
+        pytest.param(Variant(one_by_one=2, degree=2, quadrilaterals=True), marks=pytest.mark.slow),
+        pytest.param(Variant(one_by_one=3, quadrilaterals=True), marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
+def test_w4_from_blocks_meshed_one_by_one_is_within_its_estimate(variant):
+    load_factor, error = wall_error("W4", 2, variant=variant)
+    assert load_factor < W4 - 5e-3
+    assert error.estimate == pytest.approx(W4 / load_factor - 1.0, abs=2e-4)
+    assert error.load_factor_point_hinges == pytest.approx(W4, abs=5e-5)
+    assert not error.state_changes
+
+
 @pytest.mark.parametrize("elements", [2, 4])
 def test_another_state_of_w3_is_told_apart_from_the_error(elements):
     load_factor, error = wall_error("W3", elements)
@@ -61,6 +78,7 @@ def test_another_state_of_w3_is_told_apart_from_the_error(elements):
     "name",
     [
         *("W1 coulomb 0.65", "W2 coulomb 0.65", "4x5 coulomb 0.4", "4x5 coulomb 0.75"),
+        *("4x6 coulomb 0.75", "arch 7 0.15"),
         *("arch 15 0.15", "block 0.2", "wedge 0.3", "W1 tresca 2 kPa"),
     ],
 )
@@ -72,6 +90,22 @@ def test_determinate_states_do_not_depend_on_hinges(name):
     assert error.algebraic_error == 0.0
     assert not error.state_changes
     assert "the load factor does not depend on the mesh" in summary(result)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("W1 coulomb 0.65", "4x5 coulomb 0.75", "4x6 coulomb 0.75", "arch 15 0.15"),
+        pytest.param("W2 coulomb 0.65", marks=pytest.mark.slow),
+    ],
+)
+def test_finest_and_coarsest_mesh_agree_where_no_dependence_is_claimed(name):
+    factors = []
+    for elements in (2, 8):
+        result = limit_load(BANK[name].scene(elements, tolerance=1e-8))
+        assert result.positive.mesh_error.estimate == 0.0
+        factors.append(result.load_factor)
+    assert factors[1] == pytest.approx(factors[0], rel=1e-7)
 
 
 @pytest.mark.parametrize("name", ["4x5 coulomb 0.4", "arch 15 0.15", "block 0.2", "wedge 0.3"])

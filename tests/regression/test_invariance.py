@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import pytest
 
 from fenics_contact import limit_load
-from tests.bank import BANK, Variant, known
+from tests.bank import BANK, Known, Variant, known
 
 WALLS = ("W1 tresca 2 kPa", "W1 coulomb 0.65", "W3 coulomb 0.65")
 
@@ -98,11 +100,27 @@ def test_arches_without_common_nodes(entry, degree):
     assert entry.right(result.status, result.load_factor), result.load_factor
 
 
+UNLIKE = [
+    Variant(one_by_one=seed, degree=degree, quadrilaterals=quadrilaterals)
+    for seed, (degree, quadrilaterals) in enumerate(product((1, 2), (False, True)))
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("entry", known("coulomb"), ids=lambda e: e.name)
-def test_walls_without_common_nodes_verify(entry):
-    result = limit_load(entry.scene(variant=Variant(one_by_one=1), error=False))
+@pytest.mark.parametrize(
+    ("entry", "variant"),
+    [
+        *product([*known("tresca"), *known("arch", without=("least",))], UNLIKE),
+        *product(known("coulomb", without=("slow",)), UNLIKE),
+        *product(known("coulomb", "slow"), UNLIKE[:1]),
+    ],
+    ids=lambda one: one.name if isinstance(one, Known) else f"{one.degree}{one.quadrilaterals}",
+)
+def test_walls_and_arches_without_common_nodes_verify(entry, variant):
+    result = limit_load(entry.scene(variant=variant, error=False))
     assert result.status == "limit"
+    if {"tresca", "arch"} & entry.tags:  # elasticity has no part in these
+        assert entry.right(result.status, result.load_factor), result.load_factor
 
 
 @pytest.mark.slow

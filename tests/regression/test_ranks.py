@@ -67,6 +67,24 @@ def test_ranks_agree_with_one(name):
 
 
 @pytest.mark.parametrize(
+    ("name", "variant"),
+    [("W4 coulomb 0.65", Variant()), ("W3 coulomb 0.65", Variant(one_by_one=1))],
+    ids=["nodes match", "nodes do not match"],
+)
+def test_ranks_agree_on_the_estimate(name, variant):
+    recipe = BANK[name].recipe
+    alone, together = (
+        limit_load(recipe.scene(comm=comm, variant=variant, tolerance=EXACT)).positive.mesh_error
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    assert together.estimate == pytest.approx(alone.estimate, rel=1e-6, abs=1e-6)
+    assert together.load_factor_point_hinges == pytest.approx(
+        alone.load_factor_point_hinges, rel=1e-6
+    )
+    assert len(together.state_changes) == len(alone.state_changes)
+
+
+@pytest.mark.parametrize(
     "name", ["tilting table 17.5", "wedge 0.5778 near locking", "overhang -0.001"]
 )
 def test_ranks_agree_that_there_is_no_limit(name):

@@ -172,13 +172,12 @@ class Place:
         return cls(kkt, mu, linear, *linear.directions([across, (rest, fall)]))
 
     def elimination(
-        self, ahead: float, options: elimination.EliminationOptions | None = None
+        self, options: elimination.EliminationOptions | None = None
     ) -> elimination.NonlinearElimination:
-        """A step from here, with points chosen."""
+        """A step from here."""
         here = self.linear, self.across, self.along
-        made = elimination.NonlinearElimination(*here, self.mu, -1.0, 1e-3, options)
-        made.choose(ahead)
-        return made
+        model = elimination.TangentModel.of(*here, self.mu, -1.0, 1e-3)
+        return elimination.NonlinearElimination(*here, model, options)
 
     def arrived(self, at: elimination.Step) -> tuple[Iterate, float]:
         """The point with equal products where a step leads, and its products."""

@@ -25,7 +25,7 @@ TREES = {
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
     {"mesh"},
-    {"meshing", "drawing", "builders", "scene", "toml_tables"},
+    {"meshing", "drawing", "builders", "refinement", "scene", "toml_tables"},
     {"discretization"},
     {"analysis"},
     {"output", "console", "progress"},

@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import InputError, JointLaw, Load, Material, Scene, equilibrium, limit_load
+from fenics_contact import (
+    EdgeForce,
+    InputError,
+    JointLaw,
+    Load,
+    Material,
+    Scene,
+    equilibrium,
+    limit_load,
+)
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.planar_cells import arc_heights
 from tests.helpers import Drawing, coulomb, dense, grid_blocks, mesh_of, node_positions, rotation
@@ -16,9 +25,9 @@ GAP, MODULUS, PRESSURE = 2e-3, 1e8, 1e5
 SMOOTH = JointLaw("frictionless", gap=1.5 * GAP)
 
 
-def columns(divisions: int, angle: float = 0.0) -> Drawing:
+def columns(divisions: int, angle: float = 0.0, gap: float = GAP) -> Drawing:
     """A block of 1 m x 2 m above another, a gap between them, all turned."""
-    drawing = grid_blocks(((0, 0), (1, 2), (3, 4)), ((0, 2 + GAP), (1, 2), (divisions, 4)))
+    drawing = grid_blocks(((0, 0), (1, 2), (3, 4)), ((0, 2 + gap), (1, 2), (divisions, 4)))
     drawing.facets["sides"] = np.concatenate([drawing.facets["left1"], drawing.facets["right1"]])
     return drawing.turned(angle)
 
@@ -54,6 +63,16 @@ def test_gap_closes_before_columns_carry(divisions, angle, degree):
     expected = shortened - np.where(height > 2.0 + 0.5 * GAP, GAP, 0.0)
     assert motion[:, 1] == pytest.approx(expected, abs=1e-9 * GAP)
     assert motion[:, 0] == pytest.approx(np.zeros(len(motion)), abs=1e-9 * GAP)
+
+
+def test_gap_that_is_refused_without_a_law_for_it():
+    drawing = columns(3, gap=1e-3)
+    scene = pressed(drawing)
+    place = EdgeForce((0.0, -1.0), x=0.5)
+    found = equilibrium(replace(scene, live=replace(scene.live, force={"place": place})))
+    assert found.status == "equilibrium"
+    with pytest.raises(InputError, match=r"apart by up to 0\.001 m.*give their joint a gap"):
+        Discretization(pressed(drawing, law=JointLaw("frictionless")))
 
 
 @pytest.mark.parametrize("divisions", [3, 5])

@@ -61,7 +61,9 @@ def joints_in_a_row(count: int) -> Joints:
         laws=(JointLaw("coulomb", friction=0.5),),
         names=("default",),
         segments=np.column_stack([places[:-1], places[1:]]),
+        middle=places[:0],
         stencil=Stencil(nodes[:, :, None], np.ones((count, 2, 1))),
+        gap=np.zeros(count),
     )
 
 

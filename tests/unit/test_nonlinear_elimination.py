@@ -32,7 +32,7 @@ def place(case, request) -> Place:
     unit = kkt.scales.displacement / kkt.scales.force
     compliance = request.param * unit * np.linspace(0.5, 1.0, 2 * count).reshape(2, -1)
     kkt = replace(kkt, problem=replace(case.problem, compliance=compliance))
-    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(corrections=2))
+    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(elimination=ALL))
     point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-3)
     return Place.at(kkt, point.iterate, point.mu)
 
@@ -90,7 +90,8 @@ def test_slopes_are_those_of_differences(model, line):
 
 
 def test_answers_are_displacements_that_do_no_work_on_the_live_load(place):
-    made, problem = place.elimination(1.0), place.kkt.problem
+    made, problem = place.elimination(), place.kkt.problem
+    made.step((-1.0, 1.0), 1.0)
     rows = np.concatenate([dense(problem.normal), dense(problem.tangential)])
     moved = [place.linear.hold_work(place.linear.factor.solve(row))[0] for row in rows]
     assert np.all(np.abs(moved @ problem.live) <= 1e-8 * (np.abs(moved) @ np.abs(problem.live)))
@@ -105,11 +106,11 @@ def test_answers_are_displacements_that_do_no_work_on_the_live_load(place):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("reach", [None, (-0.5, 0.5), (-3.0, 3.0)])
+@pytest.mark.parametrize("reach", [(-0.5, 0.5), (-3.0, 3.0)])
 def test_step_with_all_points_chosen_is_exact(place, reach):
     """Whatever its length, it ends on the path."""
-    step = place.elimination(1.0, ALL).step(reach, place.linear.orientation, 0.3)
-    assert step.reached and (reach is None or abs(step.s) > 0.1)
+    step = place.elimination(ALL).step(reach, place.linear.orientation)
+    assert step.reached and abs(step.s) > 0.1
     now, mu = place.arrived(step)
     sizes = place.kkt.sizes(now, place.kkt.residual(now))
     assert sizes.pop("complementarity") == pytest.approx(mu, rel=1e-9)
@@ -119,27 +120,25 @@ def test_step_with_all_points_chosen_is_exact(place, reach):
 @pytest.mark.parametrize("solved", [1e-2, 1e-6])
 def test_no_point_is_farther_from_its_law_than_allowed(place, solved):
     """And a smaller limit leads less far."""
-    options = EliminationOptions(solved=solved, newton_steps=20)
     orientation, lengths = place.linear.orientation, []
-    made = place.elimination(orientation, options)
-    for limit in (options.allowed, 0.2 * options.allowed):
-        step = made.step((-3.0, 3.0), orientation, limit)
+    for allowed in (0.3, 0.06):
+        made = place.elimination(EliminationOptions(allowed=allowed, solved=solved))
+        step = made.step((-3.0, 3.0), orientation)
         assert step.reached
         lengths.append(abs(step.s - made.back))
         distances = made.model.laws.distances(step.states, place.mu * np.exp(-step.s))
-        assert 0.0 < distances.max() <= limit * (1.0 + 1e-3)
+        assert 0.0 < distances.max() <= allowed * (1.0 + 1e-3)
         now, _ = place.arrived(step)
         sizes = place.kkt.sizes(now, place.kkt.residual(now))
-        assert sizes["equilibrium"] <= 0.1 * limit and sizes["work"] <= 1e-9
+        assert sizes["equilibrium"] <= 0.1 * allowed and sizes["work"] <= 1e-9
     assert 0.0 < lengths[1] < lengths[0]
 
 
 def test_tangent_leaves_the_path_with_the_square_of_the_step(case):
     kkt = conditions(case)
-    options = ArclengthOptions(close=1e-9, corrections=30, elimination=ALL)
-    path = Continuation(kkt, FALLING_PRODUCTS, options)
+    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(elimination=ALL))
     point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-1)
-    model = Place.at(kkt, point.iterate, point.mu).elimination(0.0).model
+    model = Place.at(kkt, point.iterate, point.mu).elimination().model
     left = [case.problem.max(model.distances(1.0, s)) for s in (1e-1, 1e-2)]
     assert left[0] < 0.1
     assert left[1] < 0.02 * left[0]

@@ -167,7 +167,7 @@ def test_table_becomes_dataclasses_with_their_defaults():
         ({"wheels": {"a": {"spokes": True}}}, r"spokes = True must be a whole number"),
         ({"wheels": {"a": {"spokes": 3, "load": "1"}}}, r"load = '1' must be a number"),
         ({"wheels": {"a": {"spokes": 3, "place": [1]}}}, r"place = \[1\] must be two numbers"),
-        ({"wheels": 1}, r"^wheels = 1 must be a table, \[wheels\]$"),
+        ({"wheels": 1}, r"^wheels = 1 must be a table, \[wheels\], in Python a dict$"),
         ({"wheels": {}, "bell": {"tone": 1}}, r"^bell\.tone = 1 must be a string$"),
         ({"wheels": {}, "painted": 1}, "^painted = 1 must be true or false$"),
     ],

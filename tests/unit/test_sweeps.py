@@ -44,7 +44,8 @@ def test_values_of_a_parameter(text, values):
 
 
 @pytest.mark.parametrize(
-    "text", ["a.b", "a.b=", "=1", "a..b=1", "a,=1", "a=1:2:0", "a=[0,1]:[2]:3", "a=1:2:999999"]
+    "text",
+    ["a.b", "a.b=", "=1", "a..b=1", "a,=1", "a=1:2:0", "a=[0,1]:[2]:3", "a=1:2:999999", "a=1:2"],
 )
 def test_parameter_is_refused(text):
     with pytest.raises(InputError, match=r"KEY|range|values"):
@@ -172,7 +173,7 @@ def points(values: list[dict], factor: float = 0.5) -> list[Point]:
         ({"loads.at": "[0, 1]:[4, 1]:4"}, "at of loads, x"),
         ({"loads.at": "[0, 1]:[4, 2]:4"}, "at of loads, distance from the first"),
         ({"a": "0:1:4", "b": "0:1:3"}, "a"),
-        ({"a": "0:1:9", "b": "0:1:9"}, "b"),
+        ({"a": "0:1:9", "b": "0:1:9"}, "point"),
         ({"a": "0:1:3", "b": "0:1:3", "c": "0:1:3"}, "point"),
     ],
 )

@@ -1,0 +1,126 @@
+"""An accuracy that is wished: reached by hinges of other lengths, degree and refinement."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import InputError, Load, SolveOptions, limit_load, sweep
+from fenics_contact.analysis import accuracy
+from fenics_contact.console import summary
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.output.files import result_record, strict
+from tests.bank import BANK, Variant, coulomb, wall_recipe
+
+W4 = wall_recipe("W4", coulomb(0.65))
+#: Pushed from the left, and from both sides; two refined meshes of 125 000 displacements.
+PUSHED = replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0)})}), 4.96588
+SQUEEZED = replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0), "right": (-1e3, 0.0)})})
+
+
+@pytest.mark.mpi
+def test_point_hinges_are_accurate_on_the_mesh_given():
+    result = limit_load(W4.scene(2, accuracy=1e-3))
+    assert result.status == "limit" and not result.inaccurate
+    assert result.load_factor == pytest.approx(0.279514, rel=2e-4)
+    first, second = result.passes
+    assert (first.displacements, first.hinges, second.hinges) == (1410, "mesh", "points")
+    assert first.load_factor == pytest.approx(0.263736, rel=1e-5)
+    assert first.estimate == pytest.approx(0.06, rel=0.05)
+    assert second.displacements == 1410
+    assert second.estimate < 1e-3
+
+
+def test_ten_times_fewer_displacements_than_uniform_meshes():
+    """W4 to 1e-3 with 580; ten times as many and more on uniform meshes are 2 % off and more."""
+    result = limit_load(W4.scene(1, accuracy=1e-3))
+    assert result.load_factor == pytest.approx(0.279515, rel=1e-4)
+    assert [row.displacements for row in result.passes] == [580, 580]
+    for elements, degree in ((8, 1), (4, 2)):
+        uniform = limit_load(W4.scene(elements, variant=Variant(degree=degree), error=False))
+        assert uniform.discretization.size > 10000
+        assert abs(uniform.load_factor / 0.279515 - 1.0) > 2e-2
+
+
+def test_sweeps_have_the_accuracy_too():
+    scene = W4.scene(1, comm=MPI.COMM_SELF, accuracy=1e-3)
+    found = sweep(scene, {"joints.default.friction": [0.65]})
+    assert found[0].load_factor == pytest.approx(0.279515, rel=1e-3)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+def test_refinement_where_joints_slide(quadrilaterals):
+    recipe, exact = PUSHED
+    scene = recipe.scene(1, accuracy=1e-3, variant=Variant(quadrilaterals=quadrilaterals))
+    result = limit_load(scene)
+    assert not result.inaccurate
+    assert result.load_factor == pytest.approx(exact, rel=1e-3)
+    rows = result.passes
+    assert [row.degree for row in rows[:3]] == [1, 2, 2]
+    assert all(abs(row.load_factor / exact - 1.0) < row.estimate for row in rows)
+    assert np.all(np.diff([row.displacements for row in rows]) > 0)
+    assert rows[-1].estimate <= 1e-3 < rows[-2].estimate
+    assert rows[-1].displacements < 30000
+
+
+def test_state_of_hinges_is_in_equilibrium_on_the_mesh():
+    """Its displacements are those of the mesh, without the indentation of the hinges."""
+    result = limit_load(W4.scene(2, comm=MPI.COMM_SELF, accuracy=1e-3))
+    state = result.positive.state
+    with Discretization(result.scene) as whole:
+        kkt = whole.problem
+        inner = kkt.stiffness @ state.elastic
+        outer = kkt.dead + state.load_factor * kkt.live
+        outer = outer + kkt.joint_forces(state.pressure, state.shear)
+    assert np.abs(inner - outer).max() < 1e-8 * np.abs(outer).max()
+
+
+def test_both_directions_and_record():
+    result = limit_load(W4.scene(2, direction="both", accuracy=1e-3))
+    factors = [result.load_factor, result.load_factor_negative]
+    assert factors == pytest.approx([0.279514, -0.279514], rel=2e-4)
+    record = json.loads(json.dumps(strict(result_record(result))))
+    for direction, sign in (("positive", 1.0), ("negative", -1.0)):
+        rows = [row for row in record["passes"] if row["direction"] == direction]
+        assert [row["hinges"] for row in rows] == ["mesh", "points"]
+        assert rows[-1]["load_factor"] == pytest.approx(sign * 0.279514, rel=2e-4)
+        assert rows[-1]["estimate"] < 1e-3
+    assert "point hinges: load factor 0.27948" in summary(result)
+
+
+def test_another_state_on_finer_meshes_is_the_one_reported():
+    result = limit_load(wall_recipe("W3", coulomb(0.65)).scene(2, accuracy=1e-3))
+    assert result.load_factor == pytest.approx(0.36195, rel=1e-3)
+    assert result.positive.mesh_error.state_changes
+
+
+def test_an_accuracy_that_is_not_reached_is_said(monkeypatch):
+    monkeypatch.setattr(accuracy, "OPTIONS", accuracy.AccuracyOptions(meshes=2))
+    result = limit_load(SQUEEZED.scene(2, accuracy=1e-4))
+    assert result.status == "limit"
+    assert "2 meshes" in result.inaccurate
+    assert len(result.passes) == 2
+    assert any("2 meshes" in text for text in result_record(result)["warnings"])
+    assert "NOT REACHED" in summary(result)
+
+
+@pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W1 tresca 2 kPa", "arch 15 0.15"])
+def test_one_pass_where_nothing_depends_on_the_mesh(name):
+    plain, result = (limit_load(BANK[name].scene(accuracy=wished)) for wished in (None, 1e-4))
+    assert result.load_factor == plain.load_factor
+    assert plain.passes == ()
+    assert len(result.passes) == 1
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"accuracy": 0.0}, {"accuracy": 1.0}, {"error": False}, {"control": "load"}],
+)
+def test_options_that_do_not_fit(options):
+    with pytest.raises(InputError, match="accuracy"):
+        SolveOptions(**{"accuracy": 1e-3, **options})

@@ -1,0 +1,126 @@
+"""Refined meshes: areas, groups, bodies and joints stay; joints still match; angles stay wide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fenics_contact import BlockMesh, Load, Scene, compat, limit_load
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.refinement import refine
+from tests.bank import coulomb, wall_recipe
+from tests.helpers import STONE, grid_blocks, mesh_of
+
+pytestmark = pytest.mark.mpi
+
+
+def corners(mesh: BlockMesh) -> np.ndarray:
+    """Corners of this rank's cells, one after the other, shape (cells, corners of a cell, 2)."""
+    around = [0, 1, 3, 2] if mesh.domain.topology.cell_type.name == "quadrilateral" else [0, 1, 2]
+    return mesh.domain.geometry.x[compat.geometry_dofs(mesh.domain)[:, around]][:, :, :2]
+
+
+def near(mesh: BlockMesh, x: float, y: float, radius: float) -> np.ndarray:
+    """Cells with their centre next to a point."""
+    centre = corners(mesh).mean(axis=1)
+    return np.hypot(centre[:, 0] - x, centre[:, 1] - y) < radius
+
+
+def refined(scene: Scene, x: float, y: float, times: int) -> Scene:
+    """The scene on a mesh refined towards a point."""
+    for k in range(times):
+        mesh = scene.mesh
+        scene = replace(scene, mesh=refine(mesh, near(mesh, x, y, 0.8 * 0.5**k)))
+    return scene
+
+
+def areas(mesh: BlockMesh) -> np.ndarray:
+    """Area by body and group of cells, on every rank."""
+    points = corners(mesh)
+    following = np.roll(points, -1, axis=1)
+    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
+    table = np.zeros((mesh.body_count, len(mesh.cell_sets)))
+    np.add.at(table, (mesh.body, mesh.cell_groups), 0.5 * np.abs(cross.sum(axis=1)))
+    return mesh.comm.allreduce(table)
+
+
+def least_angle(mesh: BlockMesh) -> float:
+    """Least angle of all triangles, degrees."""
+    points = corners(mesh)
+    sides = np.roll(points, -1, axis=1) - points
+    unit = sides / np.linalg.norm(sides, axis=2, keepdims=True)
+    cosine = -np.sum(unit * np.roll(unit, 1, axis=1), axis=2)
+    angle = np.degrees(np.arccos(cosine)).min(initial=180.0)
+    return mesh.comm.allreduce(angle, MPI.MIN)
+
+
+def lengths(scene: Scene) -> dict[str, float]:
+    """Length of joints and foundations by name, and of groups."""
+    with Discretization(scene) as whole:
+        boundary, joints = whole.boundary, whole.joints
+        found = {
+            name: float(joints.length[joints.law == law].sum())
+            for law, name in enumerate(joints.names)
+        }
+        names = scene.mesh.facet_names
+        groups = {f"group {name}": boundary.length[boundary.in_group(name)].sum() for name in names}
+        return found | groups
+
+
+@pytest.mark.parametrize("elements", [1, 2])
+def test_nothing_is_lost(elements):
+    scene = wall_recipe("W4", coulomb(0.65)).scene(elements)
+    finer = refined(scene, 1.0, 0.9, 4)
+    assert areas(finer.mesh) == pytest.approx(areas(scene.mesh), rel=1e-12)
+    assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
+
+
+@pytest.mark.parametrize("divisions", [(1, 1), (2, 3)])
+def test_groups_of_quadrilaterals(divisions):
+    """The upper block stands on the lower one; its sides and materials stay what they are."""
+    drawn = grid_blocks(((0, 0), (1, 1), divisions), ((0, 1), (1, 1), (divisions[0], 1)))
+    mesh = mesh_of(drawn.odd_and_even().model())
+    scene = Scene(
+        mesh,
+        {"odd": STONE, "even": replace(STONE, density=1000.0)},
+        live=Load((9.81, 0.0)),
+        dead=Load((0.0, -9.81)),
+        joints={"default": coulomb(0.4)},
+        foundations={"bottom0": coulomb(0.5)},
+    )
+    finer = refined(scene, 1.0, 1.0, 3)
+    assert finer.mesh.domain.topology.cell_type.name == "triangle"
+    assert areas(finer.mesh) == pytest.approx(areas(mesh), rel=1e-12)
+    assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
+    assert limit_load(finer).load_factor == pytest.approx(limit_load(scene).load_factor, rel=1e-9)
+
+
+def test_angles_stay_wide():
+    scene = wall_recipe("W4", coulomb(0.65)).scene(2)
+    angle = least_angle(scene.mesh)
+    assert least_angle(refined(scene, 1.0, 0.9, 8).mesh) > 0.5 * angle
+
+
+def test_no_marked_cell_changes_nothing():
+    mesh = wall_recipe("W1", coulomb(0.65)).scene(2).mesh
+    same = refine(mesh, np.zeros(len(mesh.body), dtype=bool))
+    counts = [one.domain.topology.index_map(2).size_global for one in (mesh, same)]
+    assert counts[0] == counts[1]
+    assert np.array_equal(np.sort(same.body), np.sort(mesh.body))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_load_factor_of_a_refined_wall_on_any_ranks(degree):
+    """That of W1 does not depend on the mesh, that of W4 does."""
+    scene = wall_recipe("W1", coulomb(0.65)).scene(2, error=False)
+    finer = replace(refined(scene, 0.4, 0.175, 3), degree=degree)
+    assert limit_load(finer).load_factor == pytest.approx(limit_load(scene).load_factor, rel=1e-7)
+    alone = wall_recipe("W4", coulomb(0.65)).scene(2, comm=MPI.COMM_SELF, error=False)
+    whole = wall_recipe("W4", coulomb(0.65)).scene(2, error=False)
+    factors = [limit_load(refined(one, 0.6, 0.9, 2)).load_factor for one in (alone, whole)]
+    assert math.isfinite(factors[0])
+    assert factors[1] == pytest.approx(factors[0], rel=1e-7)
