@@ -113,9 +113,7 @@ def imposed_field(
 
 def _held_jump(joints: Joints, supports: Supports, ground: Array) -> Array:
     """Jump across joints of what supports and ground prescribe, m, shape (points, 2)."""
-    nodes, weights = joints.stencil.nodes, joints.stencil.weights
-    last = max(int(nodes.max(initial=0)), int(supports.nodes.max(initial=0)))
-    held = np.zeros((last + 2, 2))  # the last for none
+    nodes = joints.stencil.nodes, supports.nodes
+    held = np.zeros((1 + max(int(some.max(initial=0)) for some in nodes), 2))
     held[supports.nodes] = supports.motion
-    first, second = np.einsum("nsi,nsik->snk", weights, held[nodes])
-    return np.asarray(second - first - ground)
+    return joints.stencil.jump(held) - ground
