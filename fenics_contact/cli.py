@@ -274,10 +274,9 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
         if comm.rank == 0:
             try:
                 _check_folder(folder)
-            except OSError as error:
-                raise InputError(f"cannot write to '{folder}': {error.strerror}") from None
-            except ValueError as error:  # a name with a NUL
-                raise InputError(f"cannot write to '{folder}': {error}") from None
+            except (OSError, ValueError) as error:  # a ValueError: a name with a NUL
+                reason = getattr(error, "strerror", error)
+                raise InputError(f"cannot write to '{folder}': {reason}") from None
     return folder
 
 
