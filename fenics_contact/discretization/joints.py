@@ -161,14 +161,13 @@ def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:
 
     Mid nodes of curved sides are where their arcs are: pressures would follow the facets else.
     """
-    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 2, 2))  # the last for none
+    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
     position[boundary.nodes] = boundary.points
     if boundary.nodes.shape[1] == 3:
         ends = boundary.points[:, :2], boundary.nodes[:, :2]
         height = arc_heights(*ends, boundary.normal)
         position[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
-    first, second = np.einsum("nsi,nsik->snk", stencil.weights, position[stencil.nodes])
-    return np.asarray(np.sum(normal * (second - first), axis=1))
+    return np.asarray(np.sum(normal * stencil.jump(position), axis=1))
 
 
 def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:
