@@ -115,7 +115,10 @@ def rows_on_meshes(recipe: Recipe) -> Iterator[Row]:
         result = limit_load(scene)
         yield (row := row_of("refined at hinges, degree 2", result, seconds))
         seconds, joints = row["seconds"], result.discretization.joints
-        scene = at_hinges(scene, joints.position[hinges(joints, result.positive.joints)])
+        turning = hinges(joints, result.positive.joints)
+        if not len(turning):
+            break
+        scene = at_hinges(scene, joints.position[turning])
     result, seconds, before = limit_load(recipe.scene(2, accuracy=3e-4)), 0.0, 0
     for one in result.passes:
         seconds += one.seconds if one.displacements != before else 0.0

@@ -97,6 +97,8 @@ def _report_most_accurate(result: Result) -> None:
     before = {row.direction: row for row in result.passes}
     seconds = sum(result.seconds.values())
     for name, end in result.ends.items():
+        if end.status != "limit":
+            continue
         size = abs(end.load_factor) if end.certificate is None else end.certificate.size
         best = end.at_point_hinges or end
         least = math.nan
@@ -131,7 +133,7 @@ def _cells_to_refine(result: Result) -> Flags:
     whole = result.discretization
     marked = np.zeros(len(whole.scene.mesh.body), dtype=bool)
     for end in result.ends.values():
-        if end.state is not None:
+        if end.state is not None and end.status == "limit":
             surplus = _surplus(whole, end.state.elastic)
             total, count = whole.scene.comm.allreduce(np.array([surplus.sum(), len(surplus)]))
             marked |= surplus * count > total
