@@ -249,7 +249,7 @@ def _with_algebraic_error(
 
 def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
     """The last state of the way, with the error that is left; None where hinges change nothing."""
-    if not way.ended or len(way.states) == 1:
+    if not way.complete or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
     left = abs(error.load_factor_point_hinges - found.load_factor) / _size(way.states[0])
