@@ -4,9 +4,7 @@ At collapse blocks turn about single nodes. The force there presses a node in by
 grows like log(1/h). Where the load factor depends on how joint forces share the load, it changes
 like 1 / log(1/h): comparing meshes shows little of it. So the nodes of hinges get the compliance
 of m further halvings of the elements there (`hinge_nodes`). The state found on the given mesh is
-followed to larger m; each state may have new hinges. In the limit of point hinges
-
-    lambda(m) = lambda_0 + c / m,    m large.
+followed to larger m; each state may have new hinges. The largest m stands for point hinges.
 
 Joints that slide while they are closed over a length have an error that is algebraic in h: that is
 the change of the load factor to the other degree of the displacements (`other_degree`).
@@ -66,7 +64,7 @@ class ErrorOptions:
 
     ways: tuple[tuple[float, Start], ...] = (
         *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
-        *((30.0, near), (1000.0, near), (1000.0, from_afar), (1000.0, near)),
+        *((30.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
     )
     unchanged: float = 1e-6
     dearest: float = 3.0
@@ -100,7 +98,7 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     way = _to_point_hinges(case, way, max(tolerance, OPTIONS.unchanged))
     length = lengths.of_mesh(points, end.joints.normal_force)
     error = replace(_hinge_error(way), hinge_length=length)
-    if way.ended:
+    if way.complete:
         spent = whole.factorizations() - before
         error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
     error = _with_lengths(case, way, error, lengths)
@@ -134,6 +132,11 @@ class _Way:
     halvings: tuple[float, ...] = (0.0,)
     changes: tuple[StateChange, ...] = ()
     ended: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether the limit of point hinges is known."""
+        return self.ended or self.halvings[-1] == OPTIONS.ways[-1][0]
 
     @property
     def last(self) -> tuple[Collapse, Indices, float]:
@@ -205,20 +208,14 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
             return replace(way, ended=True)
         way = way.grown(new, hinges(whole.joints, new.joints), halvings)
         way = replace(way, ended=_independent(case, new))
-    return replace(way, ended=way.ended or way.halvings[-1] == OPTIONS.ways[-1][0])
+    return way
 
 
 def _hinge_error(way: _Way) -> MeshError:
-    """The hinge part of the error; nan where the way has not ended."""
+    """The hinge part of the error; nan where the limit of point hinges is not known."""
     end, limit = way.states[0], way.states[-1].load_factor
-    if not way.ended:
+    if not way.complete:
         return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
-    if len(way.states) == 1:
-        return MeshError(math.nan, limit, 0.0)
-    before, last = way.halvings[-2:]
-    at_the_end = before < last == OPTIONS.ways[-1][0]
-    if at_the_end and (not way.changes or way.changes[-1].halvings[1] < last):
-        limit += (limit - way.states[-2].load_factor) * before / (last - before)
     jumps = sum(change.after - change.before for change in way.changes)
     error = abs(limit - end.load_factor - jumps) / _size(end)
     return MeshError(math.nan, limit, error, state_changes=way.changes)
