@@ -1,10 +1,10 @@
-"""True error of the load factor of wall W4 against displacements and run time: docs/accuracy.png.
+"""True error of the load factor against displacements and run time: docs/accuracy.png.
 
     python3 benchmarks/accuracy.py               # measure (some minutes) and draw
     python3 benchmarks/accuracy.py --draw        # draw what was measured
 
-Meshes refined everywhere are compared with those refined at hinges only, and with what
-`solve.accuracy` does: hinges as points, then degree 2 and refinement where it promises most.
+Uniform meshes are compared with those refined at hinges, with uniform meshes whose hinges are
+points by their compliance, with the passes of `solve.accuracy`, and with other programs.
 """
 
 from __future__ import annotations
@@ -23,51 +23,64 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from fenics_contact import Load, Scene, limit_load  # noqa: E402
+from benchmarks.peers import PEERS, peer  # noqa: E402
+from benchmarks.scenes import wall_blocks  # noqa: E402
+from benchmarks.worker import save  # noqa: E402
+from fenics_contact import Load, Scene, compat, limit_load  # noqa: E402
 from fenics_contact.analysis.hinges import hinges  # noqa: E402
 from fenics_contact.refinement import refine  # noqa: E402
 from tests.bank import Recipe, Variant, coulomb, wall_recipe  # noqa: E402
 
 TABLE = ROOT / "benchmarks" / "results" / "accuracy.csv"
 PICTURE = ROOT / "docs" / "accuracy.png"
-W4 = wall_recipe("W4", coulomb(0.65))
+W3, W4 = (wall_recipe(name, coulomb(0.65)) for name in ("W3", "W4"))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A load on wall W4.
+    """A scene whose load factor is known.
 
     Attributes:
         recipe: The scene.
         exact: Its load factor.
         source: Where that comes from.
+        wall: Its name for peers, which know no tractions; empty: they are not asked.
     """
 
     recipe: Recipe
     exact: float
     source: str
+    wall: str = ""
 
 
 CASES = {
-    "weight acts sideways": Case(W4, 0.279514, "point hinges, alike from six meshes to 1e-5"),
-    "pushed from the left": Case(
+    "W4, weight acts sideways": Case(W4, 0.279515, "point hinges, the same on six meshes", "W4"),
+    "W3, weight acts sideways": Case(W3, 0.361952, "point hinges, the same on six meshes", "W3"),
+    "W4, pushed from the left": Case(
         replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0)})}),
-        4.9656,
-        "degree 2, refined from three meshes, alike to 5e-5",
+        4.96588,
+        "two refined meshes, degree 2, 125 000 displacements: alike to 3e-6",
     ),
 }
 #: Elements along half a block, by degree.
-UNIFORM = {1: (2, 4, 8, 16, 32), 2: (1, 2, 4, 8, 16)}
+UNIFORM = {1: (1, 2, 4, 8, 16, 32), 2: (1, 2, 4, 8, 16)}
 #: Refinements at hinges.
 TIMES = 6
+#: Seconds for a peer.
+TIME_OUT = 30.0
 
-#: Colour, marker and line of every kind of mesh.
+#: Colour, marker and line of every kind.
 LOOKS = {
     "uniform, degree 1": ("#7f7f7f", "o", "-"),
     "uniform, degree 2": ("#7f7f7f", "s", "--"),
-    "refined at hinges, degree 1": ("#e67300", "o", "-"),
-    "refined at hinges, degree 2": ("#e67300", "s", "--"),
-    "solve.accuracy": ("#0b62a4", "D", "-"),
+    "refined at hinges, degree 2": ("#e67300", "^", "-"),
+    "point hinges, degree 1": ("#4aa3df", "o", ":"),
+    "point hinges, degree 2": ("#4aa3df", "s", ":"),
+    "solve.accuracy = 3e-4": ("#0b3c6f", "D", "-"),
+    "rigid-lp": ("#2e7d32", "x", "none"),
+    "gilbert": ("#2e7d32", "+", "none"),
+    "siconos": ("#8e24aa", "*", "none"),
+    "calculix": ("#c62828", "v", "-."),
 }
 Row = dict[str, Any]
 
@@ -75,62 +88,68 @@ Row = dict[str, Any]
 def at_hinges(scene: Scene, places: np.ndarray) -> Scene:
     """The scene with the cells refined that have a corner at one of the places."""
     domain = scene.mesh.domain
-    table = domain.geometry.dofmap
-    corners = np.asarray(getattr(table, "array", table)).reshape(-1, 3)
-    apart = domain.geometry.x[corners][:, :, None, :2] - places
-    cells = np.linalg.norm(apart, axis=3).min(axis=(1, 2), initial=np.inf) < 1e-9
-    return replace(scene, mesh=refine(scene.mesh, cells))
+    corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, None, :2]
+    apart = np.linalg.norm(corners - places, axis=3).min(axis=(1, 2), initial=np.inf)
+    return replace(scene, mesh=refine(scene.mesh, apart < 1e-9))
 
 
-def solved(kind: str, scene: Scene) -> tuple[Row, Any]:
-    """A row for one mesh, and its result."""
-    start = time.perf_counter()
-    result = limit_load(scene)
-    seconds = time.perf_counter() - start
-    count = result.discretization.size
-    row = {"kind": kind, "displacements": count, "load_factor": result.load_factor}
-    return row | {"seconds": seconds}, result
+def row_of(kind: str, result: Any, seconds: float = 0.0) -> Row:
+    """A row for a result, after some seconds that were spent before."""
+    count, seconds = result.discretization.size, seconds + result.seconds["total"]
+    found = {"displacements": count, "load_factor": result.load_factor, "seconds": seconds}
+    return {"kind": kind, **found}
 
 
-def rows_of(recipe: Recipe) -> Iterator[Row]:
-    """Rows of all kinds of meshes."""
+def rows_on_meshes(recipe: Recipe) -> Iterator[Row]:
+    """Rows of this program."""
     for degree, counts in UNIFORM.items():
         variant = Variant(degree=degree)
         for count in counts:
-            scene = recipe.scene(count, variant=variant, error=False)
-            yield solved(f"uniform, degree {degree}", scene)[0]
-        scene, total = recipe.scene(4 // degree, variant=variant, error=False), 0.0
-        for _ in range(TIMES):
-            row, result = solved(f"refined at hinges, degree {degree}", scene)
-            total += row["seconds"]
-            yield row | {"seconds": total}
-            joints = result.discretization.joints
-            turning = hinges(joints, result.positive.joints)
-            if not len(turning):
-                break
-            scene = at_hinges(scene, joints.position[turning])
-    result = limit_load(recipe.scene(2, accuracy=3e-4))
-    total, before = 0.0, 0
-    for one in result.positive.passes:
-        total += one.seconds if one.displacements != before else 0.0
+            plain = limit_load(recipe.scene(count, variant=variant, error=False))
+            yield row_of(f"uniform, degree {degree}", plain)
+        for count in counts[:3]:  # any estimate is below 0.5: no other mesh is tried
+            points = limit_load(recipe.scene(count, variant=variant, accuracy=0.5))
+            yield row_of(f"point hinges, degree {degree}", points)
+    scene, seconds = recipe.scene(2, variant=Variant(degree=2), error=False), 0.0
+    for _ in range(TIMES):
+        result = limit_load(scene)
+        yield (row := row_of("refined at hinges, degree 2", result, seconds))
+        seconds, joints = row["seconds"], result.discretization.joints
+        turning = hinges(joints, result.positive.joints)
+        if not len(turning):
+            break
+        scene = at_hinges(scene, joints.position[turning])
+    result, seconds, before = limit_load(recipe.scene(2, accuracy=3e-4)), 0.0, 0
+    for one in result.passes:
+        seconds += one.seconds if one.displacements != before else 0.0
         before = one.displacements
-        row = {"displacements": before, "load_factor": one.load_factor, "seconds": total}
-        yield {"kind": "solve.accuracy", **row}
+        found = {"displacements": before, "load_factor": one.load_factor, "seconds": seconds}
+        yield {"kind": "solve.accuracy = 3e-4", **found}
+
+
+def rows_of_peers(wall: str) -> Iterator[Row]:
+    """Rows of other programs, which have no displacements that could be compared."""
+    for name in PEERS if wall else ():
+        for resolution in peer(name).RESOLUTIONS[:2]:
+            start = time.perf_counter()
+            answer = peer(name).solve(wall_blocks(wall, 0.65), resolution, start + TIME_OUT)
+            seconds = time.perf_counter() - start
+            yield {"kind": name, "load_factor": answer.load_factor, "seconds": seconds}
 
 
 def measure() -> None:
     """Measure everything and write the table."""
-    limit_load(W4.scene(2))  # compiles the forms, and imports what is imported late
-    limit_load(W4.scene(1, variant=Variant(degree=2)))
+    for degree in (1, 2):  # compiles the forms, and imports what is imported late
+        limit_load(W4.scene(1, variant=Variant(degree=degree)))
     rows = []
     for name, case in CASES.items():
-        for row in rows_of(case.recipe):
-            rows.append({"case": name, **row})
-            print(*rows[-1].values(), f"{row['load_factor'] / case.exact - 1.0:.1e}", flush=True)
-    with TABLE.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)
+        for found in (rows_on_meshes(case.recipe), rows_of_peers(case.wall)):
+            for row in found:
+                rows.append({"case": name, **row})
+                print(
+                    *rows[-1].values(), f"{row['load_factor'] / case.exact - 1.0:.1e}", flush=True
+                )
+                save(TABLE, rows)
 
 
 def draw() -> None:
@@ -139,29 +158,30 @@ def draw() -> None:
 
     with TABLE.open() as file:
         rows = list(csv.DictReader(file))
-    figure = Figure(figsize=(10.5, 8.0))
-    panels = figure.subplots(2, 2, sharex="col", sharey="row")
+    figure = Figure(figsize=(10.5, 11.0))
+    panels = figure.subplots(3, 2, sharex="col", sharey="row")
+    labels: dict[str, Any] = {}
     for line, (name, case) in zip(panels, CASES.items(), strict=True):
         for place, column in zip(line, ("displacements", "seconds"), strict=True):
             for kind, (colour, marker, dashes) in LOOKS.items():
-                mine = [row for row in rows if row["case"] == name and row["kind"] == kind]
-                if len(mine) < 2:
-                    continue
+                mine = [row for row in rows if (row["case"], row["kind"]) == (name, kind)]
+                mine = [row for row in mine if row[column]]
                 error = [abs(float(row["load_factor"]) / case.exact - 1.0) for row in mine]
-                style = {"color": colour, "marker": marker, "ls": dashes, "lw": 1.5}
-                label = kind if place is panels[0][0] else None
-                place.plot([float(row[column]) for row in mine], error, label=label, **style)
+                style = {"color": colour, "marker": marker, "ls": dashes, "lw": 1.3, "ms": 5}
+                if mine:
+                    labels[kind] = place.plot([float(r[column]) for r in mine], error, **style)[0]
             place.axhline(1e-3, color="k", lw=0.8, ls=":")
             place.set(xscale="log", yscale="log")
             place.grid(alpha=0.3)
         line[0].set_ylabel("true error of the load factor (-)")
-        line[0].set_title(f"W4, {name}: {case.exact:g}", loc="left", fontsize=11)
+        line[0].set_title(f"{name}: {case.exact:g}", loc="left", fontsize=11)
         line[1].set_title(f"({case.source})", loc="left", fontsize=9, color="#444444")
-    panels[1][0].set_xlabel("displacements (-)")
-    panels[1][1].set_xlabel("run time, passes before included (s)")
-    figure.legend(ncol=3, loc="upper center", fontsize=10)
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.92))
-    figure.savefig(PICTURE, dpi=120)
+    panels[-1][0].set_xlabel("displacements (-)")
+    panels[-1][1].set_xlabel("run time, meshes before included (s)")
+    shown = [kind for kind in LOOKS if kind in labels]
+    figure.legend([labels[kind] for kind in shown], shown, ncol=4, loc="upper center", fontsize=9)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.93))
+    figure.savefig(PICTURE, dpi=110)
 
 
 if __name__ == "__main__":

@@ -43,8 +43,7 @@ def standing(spread: float):
     found = equilibrium(scene, 0.0)
     if found.status != "equilibrium":
         raise SystemExit(f"{found.status} {found.reason}, should be in equilibrium")
-    joints = found.discretization.joints
-    forces = found.joints.force(joints)[joints.law == joints.names.index("left")]
+    forces = found.joints["force"][found.joints["group"] == "left"]
     return found, forces[:, 0].sum()
 
 
@@ -77,7 +76,7 @@ found, _ = standing(1e-2)
 if mesh.comm.rank == 0:
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     left, right, below = (figure.add_subplot(2, 2, place) for place in (1, 2, (3, 4)))
-view = view_of(found.discretization, found.state.displacement, found.joints)
+view = view_of(found.discretization, found.state.displacement, found.joint_values)
 view = replace(view, body=view.forces)  # no live load
 if mesh.comm.rank == 0:
     draw_mode(left, view).set_title("springings spread (grey outline: as drawn)")
@@ -88,4 +87,4 @@ if mesh.comm.rank == 0:
     below.legend()
     FOLDER.mkdir(parents=True, exist_ok=True)
     figure.savefig(FOLDER / "spread.png", dpi=120)
-    print(f"picture: {FOLDER}/spread.png")
+    print(f"pictures: {FOLDER}/spread.png")

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from fenics_contact.drawing import Drawing
 from fenics_contact.errors import InputError
 from fenics_contact.mesh import Array
+from fenics_contact.meshing import blocks_between
 
 Pair = tuple[float, float]
 
@@ -43,20 +44,22 @@ class _Parts:
         at = np.arange(count + 1.0)
         if shifted:
             at = np.concatenate([[0.0], np.arange(count) + 0.5, [count]])
-        joints = x[0] + (x[1] - x[0]) * at / count
-        self.add(name, *[_box(pair, y) for pair in itertools.pairwise(joints.tolist())])
+        self.row(name, x[0] + (x[1] - x[0]) * at / count, y)
+
+    def row(self, name: str, joints: npt.ArrayLike, y: Pair) -> None:
+        """Upright blocks with joints at x between two levels."""
+        x = np.asarray(joints, dtype=float)
+        low, high = (np.column_stack([x, np.full(len(x), level)]) for level in y)
+        self.add(name, *blocks_between(low, high))
 
     def side(self, name: str, *segments: npt.ArrayLike) -> None:
         """Sides of a group."""
         self.groups.setdefault(name, []).extend(segments)
 
-    def frame(self, x: Pair, y: Pair) -> Drawing:
-        """The drawing, with "base", "top", "left" and "right" along the sides of a rectangle."""
-        (x0, x1), (y0, y1) = x, y
-        self.side("base", ((x0, y0), (x1, y0)))
-        self.side("top", ((x0, y1), (x1, y1)))
-        self.side("left", ((x0, y0), (x0, y1)))
-        self.side("right", ((x1, y0), (x1, y1)))
+    def framed(self, corners: list[Pair], names: str = "base right top left") -> Drawing:
+        """The drawing, with groups along the sides of a frame."""
+        sides = itertools.pairwise([*corners, corners[0]])
+        self.groups |= {name: [side] for name, side in zip(names.split(), sides, strict=True)}
         return Drawing(self.blocks, self.names, self.groups)
 
 
@@ -114,9 +117,9 @@ def facade(
         parts.add("lintels", *[_box(x, top) for x in lintels])
         parts.add("piers", *[_box((a, b), top) for a, b in zip(ends[::2], ends[1::2], strict=True)])
         low = top[1] + block[1]
-        joints = [0.0, *(starts[1:-1] + 0.5 * pier).tolist(), length]
-        parts.add("floors", *[_box(x, (top[1], low)) for x in itertools.pairwise(joints)])
-    return parts.frame((0.0, length), (0.0, low))
+        joints = [0.0, *(starts[1:-1] + 0.5 * pier), length]
+        parts.row("floors", joints, (top[1], low))
+    return parts.framed(_box((0.0, length), (0.0, low)))
 
 
 def _levels(low: float, height: float, course: float) -> list[float]:
@@ -196,7 +199,7 @@ def bridge(
     top_level = road + parts.parapet
     if parts.parapet > 0.0:
         drawn.course("parapets", ends, (road, top_level), 2.0 * parts.parapet, 0)
-    return drawn.frame(ends, (-high, top_level))
+    return drawn.framed(_box(ends, (-high, top_level)))
 
 
 def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: BridgeParts) -> None:
@@ -211,10 +214,9 @@ def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: Bridge
 def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
     """Rings between curves, each of shape (points, 2), from below; spandrels up to the road."""
     for low, high in itertools.pairwise(curves):
-        drawn.add("voussoirs", *np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
+        drawn.add("voussoirs", *blocks_between(low, high))
     above = np.column_stack([curves[-1][:, 0], np.full(len(curves[-1]), road)])
-    pairs = itertools.pairwise(zip(curves[-1], above, strict=True))
-    drawn.add("spandrels", *[(a, b, over_b, over_a) for (a, over_a), (b, over_b) in pairs])
+    drawn.add("spandrels", *blocks_between(curves[-1], above))
     drawn.side("intrados", *itertools.pairwise(curves[0]))
     drawn.side("springings", *[(curves[0][k], curves[-1][k]) for k in (0, -1)])
     for curve in curves[1:-1]:
@@ -262,23 +264,16 @@ def retaining_wall(
     _require(good, "retaining_wall: height and top must be positive, and top at most base")
     parts = _Parts()
     levels = height * np.arange(courses + 1) / courses
-    faces = (base - top) * levels / height
-    rows = zip(itertools.pairwise(levels.tolist()), itertools.pairwise(faces.tolist()), strict=True)
-    for k, (y, face) in enumerate(rows):
+    face = np.column_stack([(base - top) * levels / height, levels])
+    for k in range(courses):
         last = k == courses - 1
         count = 1 if last else stones
         at = np.arange(count) + 0.5 if k % 2 and count > 1 else np.arange(1.0, count)
-        joints = (base - (base - face[1]) * at / count)[::-1].tolist()
-        low, high = [face[0], *joints, base], [face[1], *joints, base]
-        outlines = [
-            [(a, y[0]), (b, y[0]), (d, y[1]), (c, y[1])]
-            for (a, b), (c, d) in zip(
-                itertools.pairwise(low), itertools.pairwise(high), strict=True
-            )
-        ]
-        parts.add("coping" if last else "stones", *outlines)
-    parts.side("base", ((0.0, 0.0), (base, 0.0)))
-    parts.side("top", ((base - top, height), (base, height)))
-    parts.side("back", ((base, 0.0), (base, height)))
-    parts.side("face", ((0.0, 0.0), (base - top, height)))
-    return Drawing(parts.blocks, parts.names, parts.groups)
+        joints = (base - (base - face[k + 1, 0]) * at / count)[::-1]
+        low, high = (
+            np.array([(x, y), *((joint, y) for joint in joints), (base, y)])
+            for x, y in face[k : k + 2]
+        )
+        parts.add("coping" if last else "stones", *blocks_between(low, high))
+    corners = [(0.0, 0.0), (base, 0.0), (base, height), (base - top, height)]
+    return parts.framed(corners, "base back top face")

@@ -176,11 +176,10 @@ def _mesh_lines(end: Collapse) -> list[str]:
     else:
         lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
     for one in error.state_changes:
-        finer = one.halvings[0] != one.halvings[1]
-        lines.append(
-            f"mesh: another collapse state {'with shorter hinges' if finer else 'on a finer mesh'},"
-            f" load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
-        )
+        where = "on a finer mesh" if one.halvings[0] == one.halvings[1] else "with shorter hinges"
+        known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
+        found = "not found: its load factor is not known" if np.isnan(one.after) else known
+        lines.append(f"mesh: another collapse state {where}, {found}")
     return lines + [f"warning: {text}" for text in error.warnings]
 
 
@@ -188,8 +187,6 @@ def _hinge_text(load_factor: float, error: MeshError) -> str:
     """Load factors for the lengths of hinges."""
     if error.load_factor_point_hinges == load_factor:
         return "the load factor does not depend on the length of hinges"
-    if error.hinge_length == 0.0:
-        return f"load factor {load_factor:.6g} with hinges almost points"
     parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
     if not np.isnan(error.load_factor_hinges):
         length = 1e3 * error.contact_length

@@ -91,6 +91,8 @@ class Drawing:
 
         The columns are x, y and the distance, m; see `DrawingLimits.gap`.
         """
+        from matplotlib.path import Path as Outline
+
         blocks, near = divided_outlines(list(self.blocks), {})
         reach = 4.0 * LIMITS.gap * default_size(blocks)
         corners = np.unique(np.concatenate(blocks), axis=0)
@@ -108,7 +110,7 @@ class Drawing:
             within = np.flatnonzero(_in_box(middle, block, near))
             points = middle[within]
             on = np.linalg.norm(_way_to(points, block), axis=1) <= near
-            empty[within[on | _inside(points, block)]] = False
+            empty[within[on | Outline(block).contains_points(points)]] = False
         return rows[empty]
 
 
@@ -126,16 +128,6 @@ def _way_to(points: Array, outline: Array) -> Array:
     way = at[:, :, None] * along - arm
     nearest = np.argmin(np.linalg.norm(way, axis=2), axis=1)
     return way[np.arange(len(points)), nearest]
-
-
-def _inside(points: Array, outline: Array) -> Flags:
-    """Which points lie inside an outline: a ray from them crosses it an odd number of times."""
-    start, end = outline, np.roll(outline, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    spans = (start[:, 1] > y) != (end[:, 1] > y)
-    with np.errstate(divide="ignore", invalid="ignore"):  # level sides are not crossed
-        at = start[:, 0] + (y - start[:, 1]) * (end - start)[:, 0] / (end - start)[:, 1]
-    return np.count_nonzero(spans & (at > x), axis=1) % 2 == 1
 
 
 # ---- DXF
@@ -294,11 +286,14 @@ def _arc(start: Array, end: Array, bulge: float) -> Array:
     count = max(1, int(np.ceil(abs(angle) / np.radians(LIMITS.arc) - 1e-9)))
     if count == 1:
         return start[None]
-    chord = end - start
-    centre = 0.5 * (start + end) + 0.5 / np.tan(0.5 * angle) * np.array([-chord[1], chord[0]])
+    centre = 0.5 * (start + end) + 0.5 / np.tan(0.5 * angle) * _turned(end - start)
     turn = angle * np.arange(count)[:, None] / count
-    arm = start - centre
-    return centre + np.cos(turn) * arm + np.sin(turn) * np.array([-arm[1], arm[0]])
+    return centre + np.cos(turn) * (start - centre) + np.sin(turn) * _turned(start - centre)
+
+
+def _turned(arm: Array) -> Array:
+    """A vector turned by a right angle, anticlockwise."""
+    return np.array([-arm[1], arm[0]])
 
 
 # ---- from a file to a file

@@ -427,13 +427,18 @@ def arch(
     angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
     inner, outer = (radius - 0.5 * thickness) * ray, (radius + 0.5 * thickness) * ray
-    corners = np.stack([inner[:-1], inner[1:], outer[1:], outer[:-1]], axis=1)
     groups = {
         "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
         "intrados": list(itertools.pairwise(inner)),
         "extrados": list(itertools.pairwise(outer)),
     }
-    return polygons(corners, thickness / elements, None, groups, quadrilaterals)
+    blocks = blocks_between(inner, outer)
+    return polygons(blocks, thickness / elements, None, groups, quadrilaterals)
+
+
+def blocks_between(low: Array, high: Array) -> Polygons:
+    """Blocks in a row between two lines, each of shape (blocks + 1, 2): four corners of each."""
+    return list(np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
 
 
 def wedge(

@@ -190,7 +190,7 @@ def near_pairs(
 
     if not len(some) or not len(others):
         return
-    level = np.floor(np.log2(size / size.max())).astype(int)
+    level = np.ceil(np.log2(size / size.max())).astype(int)
     trees = []
     for k in np.unique(level[others]):
         partners = others[level[others] == k]
@@ -199,7 +199,7 @@ def near_pairs(
         cells = some[level[some] == j]
         portions = [cells[start : start + PORTION] for start in range(0, len(cells), PORTION)]
         for part, (k, partners, tree) in product(portions, trees):
-            reach = size.max() * (2.0 ** (j + 1) + 2.0 ** (k + 1))
+            reach = size.max() * (2.0**j + 2.0**k)
             table = cKDTree(centre[part]).sparse_distance_matrix(tree, reach, output_type="ndarray")
             one, two = part[table["i"]], partners[table["j"]]
             meet = table["v"] < size[one] + size[two]

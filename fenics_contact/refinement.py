@@ -1,9 +1,9 @@
-"""Local refinement of a mesh of blocks: marked triangles in four, their neighbours as needed.
+"""Local refinement of a mesh of blocks: marked triangles in four, neighbours as needed.
 
-A marked triangle is cut at the middles of its sides into four similar ones. A triangle with one or
-two cut sides is first halved from the middle of its longest side, so that no angle gets small over
-many refinements (C. Carstensen, Constr. Approx. 20 (2004) 549). The marking is closed for this over
-the cells of a body, over ranks, and over joints: facets that coincide are cut on both sides.
+All sides of a marked triangle are cut. A triangle with a cut side is halved from the middle of its
+longest side, and each half at another cut side, so that no angle gets small over many refinements
+(M.C. Rivara, Int. J. Numer. Meth. Eng. 20 (1984) 745). The marking is closed for this over the
+cells of a body, over ranks, and over joints: facets that coincide are cut on both sides.
 
 Children stay on their parent's rank. Only what lies on boundaries is exchanged.
 """
@@ -25,16 +25,6 @@ COINCIDING = 1e-4
 #: Sides are equally long up to this, relative; the first one is then the longest.
 EQUALLY_LONG = 1e-9
 
-#: Children of a triangle by its cut sides. Its corners a, b, c are 0, 1, 2; the middles of bc (its
-#: longest side), ca and ab are 3, 4, 5. Keys: whether bc, ca, ab are cut.
-CHILDREN = {
-    (False, False, False): [[0, 1, 2]],
-    (True, False, False): [[0, 1, 3], [0, 3, 2]],
-    (True, True, False): [[0, 1, 3], [0, 3, 4], [3, 2, 4]],
-    (True, False, True): [[0, 3, 2], [5, 1, 3], [0, 5, 3]],
-    (True, True, True): [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
-}
-
 
 def refine(mesh: BlockMesh, cells: Flags) -> BlockMesh:
     """The mesh with marked cells refined; quadrilaterals are cut into triangles first, all of them.
@@ -55,14 +45,27 @@ def refine(mesh: BlockMesh, cells: Flags) -> BlockMesh:
     numbers[mine] = first + np.arange(len(mine))
     middles = np.where(cut, compat.summed(index_map, numbers).astype(np.int64), -1)
     points = np.concatenate([points, table.points[mine].mean(axis=1)])
-    around, state = np.hstack([nodes[table.corners], middles[table.of_cell]]), cut[table.of_cell]
-    children, parents = [], []
-    for key, pattern in CHILDREN.items():
-        rows = np.flatnonzero(np.all(state == key, axis=1))
-        children.append(around[rows][:, pattern].reshape(-1, 3))
-        parents.append(np.repeat(rows, len(pattern)))
-    made, _ = _remade(mesh, np.concatenate(children), points, np.concatenate(parents))
+    children, parent = _halves(nodes[table.corners], middles[table.of_cell])
+    made, _ = _remade(mesh, children, points, parent)
     return _with_facets(made, mesh, table.ends, nodes, middles)
+
+
+def _halves(corners: Indices, middles: Indices) -> tuple[Indices, Indices]:
+    """Triangles halved at up to three sides, the longest one first, and the parent of each.
+
+    Args:
+        corners: Nodes a, b, c, with bc the longest side, shape (triangles, 3).
+        middles: Nodes at the middles of bc, ca, ab; -1 where a side is not cut, likewise.
+    """
+    # Columns: a, b, c, middles of bc, ca, ab, parent. Then: apex, base, its middle, parent.
+    whole = np.column_stack([corners, middles, np.arange(len(corners))])
+    cut = whole[:, 3] >= 0
+    halves = [whole[cut][:, [3, 0, 1, 5, 6]], whole[cut][:, [3, 2, 0, 4, 6]]]
+    table = np.concatenate([whole[~cut][:, [0, 1, 2, 3, 6]], *halves])
+    cut = table[:, 3] >= 0
+    halves = [table[cut][:, [0, 1, 3, 4]], table[cut][:, [0, 3, 2, 4]]]
+    found = np.concatenate([table[~cut][:, [0, 1, 2, 4]], *halves])
+    return found[:, :3], found[:, 3]
 
 
 @dataclass(frozen=True)

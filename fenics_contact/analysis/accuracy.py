@@ -73,10 +73,10 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
             break
         new = solve(finer)
         if new.status != "limit":
-            result.add_costs(new)
+            _add_costs(result, new)
             result.inaccurate = f"no limit load was found on mesh {meshes + 1}"
             break
-        new.add_costs(result)
+        _add_costs(new, result)
         new.passes = result.passes
         result = new
     if result.scene.comm.rank == 0:
@@ -84,11 +84,21 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
     return result
 
 
+def _add_costs(result: Result, other: Result) -> None:
+    """Add the time and the factorisations of another result to those of one."""
+    result.factorizations += other.factorizations
+    result.mode_factorizations += other.mode_factorizations
+    for name, value in other.seconds.items():
+        result.seconds[name] = result.seconds.get(name, 0.0) + value
+
+
 def _report_most_accurate(result: Result) -> None:
     """Put collapses with point hinges in place of others, and add rows for what was found."""
     before = {row.direction: row for row in result.passes}
     seconds = sum(result.seconds.values())
     for name, end in result.ends.items():
+        if end.status != "limit":
+            continue
         size = abs(end.load_factor) if end.certificate is None else end.certificate.size
         best = end.at_point_hinges or end
         least = math.nan
@@ -123,7 +133,7 @@ def _cells_to_refine(result: Result) -> Flags:
     whole = result.discretization
     marked = np.zeros(len(whole.scene.mesh.body), dtype=bool)
     for end in result.ends.values():
-        if end.state is not None:
+        if end.state is not None and end.status == "limit":
             surplus = _surplus(whole, end.state.elastic)
             total, count = whole.scene.comm.allreduce(np.array([surplus.sum(), len(surplus)]))
             marked |= surplus * count > total

@@ -38,15 +38,18 @@ class DeterminateOptions:
 OPTIONS = DeterminateOptions()
 
 
-def is_determinate(joints: Joints, values: JointValues, bodies: RigidBodies) -> bool:
+def is_determinate(
+    joints: Joints, values: JointValues, bodies: RigidBodies, loaded: Flags | None = None
+) -> bool:
     """Whether no joint force changes the load factor of a mechanism; on this rank alone.
 
-    Points that do not open count as loaded: on another mesh they may be.
+    All points that do not open count as `loaded` unless others are given: on another mesh they may
+    be.
     """
     from scipy.sparse import identity
     from scipy.sparse.linalg import splu
 
-    closed, slips = ~values.opens, values.slips
+    closed, slips = ~values.opens if loaded is None else loaded, values.slips
     sticks, slides = closed & ~slips, closed & slips
     friction = -np.sign(values.slip_rate) * joints.friction
     along = joints.normal + friction[:, None] * joints.tangent

@@ -4,9 +4,7 @@ At collapse blocks turn about single nodes. The force there presses a node in by
 grows like log(1/h). Where the load factor depends on how joint forces share the load, it changes
 like 1 / log(1/h): comparing meshes shows little of it. So the nodes of hinges get the compliance
 of m further halvings of the elements there (`hinge_nodes`). The state found on the given mesh is
-followed to larger m; each state may have new hinges. In the limit of point hinges
-
-    lambda(m) = lambda_0 + c / m,    m large.
+followed to larger m; each state may have new hinges. The largest m stands for point hinges.
 
 Joints that slide while they are closed over a length have an error that is algebraic in h: that is
 the change of the load factor to the other degree of the displacements (`other_degree`).
@@ -25,13 +23,20 @@ from fenics_contact.analysis.determinate import is_determinate
 from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.mesh_error import MeshError, StateChange
-from fenics_contact.analysis.nearby import Softened, collapse_next_to, on_mesh, rates, same_mode
+from fenics_contact.analysis.nearby import (
+    Softened,
+    Start,
+    collapse_next_to,
+    from_afar,
+    near,
+    on_mesh,
+    rates,
+    same_mode,
+)
 from fenics_contact.analysis.other_degree import with_other_degree
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import COULOMB
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.errors import SolverError
-from fenics_contact.mesh import Indices
+from fenics_contact.mesh import Flags, Indices
 
 _log = logging.getLogger("fenics_contact")
 
@@ -41,26 +46,32 @@ class ErrorOptions:
     """Numbers of the estimate.
 
     Attributes:
-        halvings: m, rising: with an incomplete set of hinges a large m leads to other states.
+        ways: Halvings m of hinges, and what looks for their state, in this order: fewer where none
+            is near, as with an incomplete set of hinges a large m leads to other states.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
             this up to the next m, relative, or than the tolerance.
-        dearest: The estimate ends before it takes more than so many times the factorisations of the
-            collapse, each in proportion to its number of displacements.
-        second_solve: Factorisations of the state with the other degree, about.
+        dearest: Nothing is begun that is expected to end after so many times the factorisations of
+            the collapse, each in proportion to its cost.
+        usual_solve: Factorisations of the collapse, at least: under load control it is near.
+        near_solve: Those to a state near by, about; one from afar takes those of the collapse.
+        other_cost: Of a factorisation for the other degree, in units of one for degree 1 and 2.
         rough: Changes of the load factor to the other degree below this are none, relative.
-        displacements: Of the other degree, about, in units of those of degrees 1 and 2.
         error_of_degree: Error of the load factor of a degree, in units of the difference between
             degrees 1 and 2; measured.
         lengths: Solves at most for the lengths of hinges by the compressive strength.
         settled: They end where the load factor changes by less than this, relative.
     """
 
-    halvings: tuple[float, ...] = (4.0, 30.0, 1000.0)
+    ways: tuple[tuple[float, Start], ...] = (
+        *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
+        *((30.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
+    )
     unchanged: float = 1e-6
-    dearest: float = 6.0
-    second_solve: float = 10.0
+    dearest: float = 3.0
+    usual_solve: float = 25.0
+    near_solve: float = 12.0
+    other_cost: tuple[float, float] = (3.0, 0.5)
     rough: float = 1e-5
-    displacements: tuple[float, float] = (4.0, 0.25)
     error_of_degree: tuple[float, float] = (1.15, 0.15)
     lengths: int = 6
     settled: float = 1e-5
@@ -80,24 +91,16 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     if end.joints is None:
         return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
     whole = case.discretization
-    joints, values = whole.joints, end.joints
     lengths = ContactLengths.of(whole)
-    points = hinges(joints, values)
-    length = lengths.of_mesh(points, values.normal_force)
-    determinate = not case.problem.coulomb or is_determinate(joints, values, whole.bodies)
-    if case.problem.comm.bcast(determinate):
-        error = MeshError(length, end.load_factor, 0.0, 0.0)
-        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
-        return replace(end, mesh_error=error)
+    points = hinges(whole.joints, end.joints)
     before = whole.factorizations()
-    way = _to_point_hinges(case, end, points, max(tolerance, OPTIONS.unchanged))
-    if way is None:
-        error = MeshError(length, math.nan, math.nan)
-        error = _with_lengths(case, _Way((end,), (points,), ()), error, lengths)
-        return replace(end, mesh_error=error)
-    error = replace(_hinge_error(way, end), hinge_length=length)
-    spent = whole.factorizations() - before
-    error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
+    way = _Way((end,), (points,), ended=len(points) == 0 or _determinate(case, end))
+    way = _to_point_hinges(case, way, max(tolerance, OPTIONS.unchanged))
+    length = lengths.of_mesh(points, end.joints.normal_force)
+    error = replace(_hinge_error(way), hinge_length=length)
+    if way.complete:
+        spent = whole.factorizations() - before
+        error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
     error = _with_lengths(case, way, error, lengths)
     return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
 
@@ -119,25 +122,41 @@ class _Way:
     Attributes:
         states: That of the mesh first.
         points: Hinges found up to each of them.
-        changes: Changes of state.
         halvings: m of each state.
+        changes: Changes of state.
+        ended: Whether shorter hinges change nothing any more.
     """
 
     states: tuple[Collapse, ...]
     points: tuple[Indices, ...]
-    changes: tuple[StateChange, ...]
     halvings: tuple[float, ...] = (0.0,)
+    changes: tuple[StateChange, ...] = ()
+    ended: bool = False
 
-    def grown(self, new: Collapse, found: Indices, halvings: float, size: float) -> _Way:
+    @property
+    def complete(self) -> bool:
+        """Whether the limit of point hinges is known."""
+        return self.ended or self.halvings[-1] == OPTIONS.ways[-1][0]
+
+    @property
+    def last(self) -> tuple[Collapse, Indices, float]:
+        """Last state, hinges, m."""
+        return self.states[-1], self.points[-1], self.halvings[-1]
+
+    def leads_to(self, halvings: float) -> bool:
+        """Whether the last state is of less halvings, or shows hinges that have none yet."""
+        if halvings != self.halvings[-1]:
+            return halvings > self.halvings[-1]
+        return len(self.points[-1]) > len(self.points[-2])
+
+    def grown(self, new: Collapse, found: Indices, halvings: float) -> _Way:
         """With one more state."""
-        last = self.states[-1]
-        changes = self.changes
-        if not _alike(last, new) or _turns_back(self.states, new, size):
+        last, changes = self.states[-1], self.changes
+        if not _alike(last, new) or _turns_back(self.states, new):
             between = self.halvings[-1], halvings
             changes = (*changes, StateChange(between, last.load_factor, new.load_factor))
-        points = np.union1d(self.points[-1], found)
-        states = (*self.states, new)
-        return _Way(states, (*self.points, points), changes, (*self.halvings, halvings))
+        points = (*self.points, np.union1d(self.points[-1], found))
+        return _Way((*self.states, new), points, (*self.halvings, halvings), changes)
 
 
 def _size(end: Collapse) -> float:
@@ -145,51 +164,60 @@ def _size(end: Collapse) -> float:
     return abs(end.load_factor) if end.certificate is None else end.certificate.size
 
 
-def _cost(end: Collapse) -> float:
-    """Factorisations that a collapse took."""
-    return sum(step.factorizations for history in end.history for step in history.steps)
+def _solve_cost(end: Collapse) -> float:
+    """Factorisations that a collapse took, or would have from the bonded structure."""
+    found = sum(step.factorizations for history in end.history for step in history.steps)
+    return max(found, OPTIONS.usual_solve)
 
 
-def _to_point_hinges(
-    case: LoadCase, end: Collapse, points: Indices, unchanged: float
-) -> _Way | None:
-    """States with more and more compliant hinges, as long as they change the load factor.
+def _determinate(case: LoadCase, end: Collapse, loaded: Flags | None = None) -> bool:
+    """Whether statics alone give the load factor of a collapse, on all ranks alike."""
+    whole = case.discretization
+    found = not case.problem.coulomb or (
+        end.joints is not None and is_determinate(whole.joints, end.joints, whole.bodies, loaded)
+    )
+    return bool(case.problem.comm.bcast(found))
 
-    None where one is not found, or where they take too long.
+
+def _independent(case: LoadCase, end: Collapse) -> bool:
+    """Whether the load factor does not depend on the joint forces of a state, as long as it lasts.
+
+    Points without force do not count here.
     """
-    joints, count, size = case.discretization.joints, case.discretization.factorizations, _size(end)
-    way, most = _Way((end,), (points,), ()), count() + OPTIONS.dearest * _cost(end)
-    from_afar = COULOMB["auto"].attempts[:1]
-    for halvings in OPTIONS.halvings if len(points) else ():
-        if count() > most:
-            _log.info("  hinges: given up at %g halvings, too dear", halvings)
-            return None
-        soft = Softened(way.points[-1], halvings)
-        new = collapse_next_to(case, way.states[-1], soft, from_afar)
-        _log.info("  hinges of %g halvings: load factor %.8g", halvings, new.load_factor)
+    return end.joints is not None and _determinate(case, end, end.joints.contact != Contact.OPEN)
+
+
+def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
+    """States with more and more compliant hinges, as long as they change the load factor."""
+    whole, cost = case.discretization, _solve_cost(way.states[0])
+    most = whole.factorizations() + OPTIONS.dearest * cost
+    tried: set[tuple[float, Start, int]] = set()
+    for halvings, start in OPTIONS.ways:
+        task = halvings, start, len(way.states)
+        if way.ended or task in tried or not way.leads_to(halvings):
+            continue
+        if whole.factorizations() + (cost if start is from_afar else OPTIONS.near_solve) > most:
+            _log.info("  %g halvings: too dear", halvings)
+            continue
+        tried.add(task)
+        last, points, _ = way.last
+        new = collapse_next_to(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
-            _log.info("  hinges: no state after %g halvings", halvings)
-            return None
-        change = abs(new.load_factor - way.states[-1].load_factor)
-        if change <= unchanged * size:
-            break
-        way = way.grown(new, hinges(joints, new.joints), halvings, size)
-        # Where the state is lost a second time, there is little hope, at the price of a solve.
-        from_afar = () if way.changes else from_afar
+            continue
+        if abs(new.load_factor - last.load_factor) <= unchanged * _size(way.states[0]):
+            return replace(way, ended=True)
+        way = way.grown(new, hinges(whole.joints, new.joints), halvings)
+        way = replace(way, ended=_independent(case, new))
     return way
 
 
-def _hinge_error(way: _Way, end: Collapse) -> MeshError:
-    """The hinge part of the error."""
-    limit, size = way.states[-1].load_factor, _size(end)
-    if len(way.states) == 1:
-        return MeshError(math.nan, end.load_factor, 0.0)
-    before, last = way.halvings[-2:]
-    at_the_end = last == OPTIONS.halvings[-1]
-    if at_the_end and (not way.changes or way.changes[-1].halvings[1] < last):
-        limit += (limit - way.states[-2].load_factor) * before / (last - before)
+def _hinge_error(way: _Way) -> MeshError:
+    """The hinge part of the error; nan where the limit of point hinges is not known."""
+    end, limit = way.states[0], way.states[-1].load_factor
+    if not way.complete:
+        return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
     jumps = sum(change.after - change.before for change in way.changes)
-    error = abs(limit - end.load_factor - jumps) / size
+    error = abs(limit - end.load_factor - jumps) / _size(end)
     return MeshError(math.nan, limit, error, state_changes=way.changes)
 
 
@@ -200,28 +228,20 @@ def _with_algebraic_error(
 
     Not so where that is too dear after as many factorisations as are `spent`.
     """
-    last, points, halvings = way.states[-1], way.points[-1], way.halvings[-1]
-    size, degree = _size(way.states[0]), case.discretization.scene.degree
-    if last.joints is None:
-        return error
-    slides = last.joints.contact == Contact.SLIP
-    slides[points] = False
-    if not np.any(slides):
+    (last, points, halvings), first = way.last, way.states[0]
+    degree = case.discretization.scene.degree
+    slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
+    if not np.any(slides) or _independent(case, last):
         return replace(error, algebraic_error=0.0)
-    dear = OPTIONS.second_solve * OPTIONS.displacements[degree - 1]
-    if spent + dear > OPTIONS.dearest * _cost(way.states[0]):
+    expected = OPTIONS.near_solve * OPTIONS.other_cost[degree - 1]
+    if spent + expected > OPTIONS.dearest * _solve_cost(first):
         _log.info("  other degree: too dear")
         return error
-    try:
-        other = with_other_degree(case, last, Softened(points, halvings))
-    except SolverError as problem:
-        _log.info("  other degree: %s", problem)
-        return error
-    _log.info("  degree %d: load factor %.8g", 3 - degree, other.load_factor)
-    change = abs(other.load_factor - last.load_factor) / size
+    other, same = with_other_degree(case, last, Softened(points, halvings), near)
+    change = abs(other.load_factor - last.load_factor) / _size(first)
     if change <= negligible:
         return replace(error, algebraic_error=0.0)
-    if not other.same_state:
+    if not same:
         jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
         return replace(error, state_changes=(*error.state_changes, jump))
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
@@ -229,7 +249,7 @@ def _with_algebraic_error(
 
 def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
     """The last state of the way, with the error that is left; None where hinges change nothing."""
-    if len(way.states) == 1:
+    if not way.ended or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
     left = abs(error.load_factor_point_hinges - found.load_factor) / _size(way.states[0])
@@ -267,8 +287,7 @@ def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[
     for _ in range(OPTIONS.lengths):
         force = (state.joints or end.joints).normal_force
         soft = Softened(points, lengths.halvings(points, force))
-        new = collapse_next_to(case, state, soft)
-        _log.info("  hinges by strength: load factor %.8g", new.load_factor)
+        new = collapse_next_to(case, state, soft, near)
         if new.status != "limit" or new.joints is None:
             return replace(state, load_factor=math.nan), points
         settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
@@ -287,10 +306,10 @@ def _alike(one: Collapse, other: Collapse) -> bool:
     return same_mode(rates(one.joints), rates(other.joints))
 
 
-def _turns_back(found: tuple[Collapse, ...], new: Collapse, size: float) -> bool:
+def _turns_back(found: tuple[Collapse, ...], new: Collapse) -> bool:
     """Whether the load factor, which one state changes one way, goes back further than it came."""
     if len(found) < 2:
         return False
     before, last = (one.load_factor for one in found[-2:])
     came, goes = last - before, new.load_factor - last
-    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * size)
+    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * _size(found[0]))

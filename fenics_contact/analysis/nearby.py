@@ -7,22 +7,21 @@ What differs is the compliance of hinges (`hinge_nodes`), or the degree of the d
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fenics_contact.analysis.collapse_mode import elastic_mode
-from fenics_contact.analysis.joint_values import JointValues, joint_values
+from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import (
     Attempt,
     Strategy,
-    Task,
     WarmStart,
     WorkOptions,
+    along_block_modes,
     next_to,
 )
 from fenics_contact.analysis.work_control import find_collapse
@@ -43,31 +42,21 @@ class NearbyOptions:
     """Numbers of the search for a state next to another one.
 
     Attributes:
-        warm: Where the interior point method starts, and how exact its states are.
-        farther: Products from which it starts where it finds nothing.
-        rough: The same where a tenth of the change of the load factor is exact enough.
-        more_work: The first work grows by this for each halving: hinges store elastic energy.
+        near: Where the interior point method starts, how exact its states are, and when it stops:
+            it succeeds soon or not at all.
         work: How the work grows: where no state is near, none is looked for.
+        more_work: The first work grows by this for each halving: hinges store elastic energy.
         tolerance: On the load factor, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
     """
 
-    warm: WarmStart = field(
+    near: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (3e-3,), (), Tolerances(1e-10, 1e-7), InteriorPointOptions(40, window=12)
-        )
-    )
-    farther: float = 1e-1
-    rough: WarmStart = field(
-        default_factory=lambda: WarmStart(
-            (1e-2,),
-            (),
-            Tolerances(1e-7, 1e-6),
-            InteriorPointOptions(18, window=10, acceptable=1e-7),
+            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
+        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=1.0, missing=1)
     )
     more_work: float = 0.1
     tolerance: float = 1e-6
@@ -75,6 +64,21 @@ class NearbyOptions:
 
 
 OPTIONS = NearbyOptions()
+
+#: What is tried from a collapse on a structure that differs from its own.
+Start = Callable[[Collapse], Attempt]
+
+
+def near(last: Collapse) -> Attempt:
+    """The interior point method from the collapse."""
+    if last.state is None:
+        raise SolverError("no state to start from")
+    return next_to(last.state, last.mode, OPTIONS.near)
+
+
+def from_afar(_: Collapse) -> Attempt:
+    """The ordinary way from the bonded structure."""
+    return along_block_modes
 
 
 @dataclass(frozen=True)
@@ -102,11 +106,12 @@ def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
     if not soft.most > 0.0:
         yield silent
         return
-    whole = case.discretization
-    hinge_nodes, halvings = _nodes_of(whole, soft)
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
     with Owner() as owner:
         problem = hinge_nodes.soften(case.problem, halvings, owner)
-        stiffness = owner.enter_context(whole.stiffness_with(problem.stiffness, GENERAL))
+        stiffness = owner.enter_context(
+            case.discretization.stiffness_with(problem.stiffness, GENERAL)
+        )
         yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
 
 
@@ -136,49 +141,18 @@ def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]
     return hinge_nodes, halvings
 
 
-def collapse_next_to(
-    case: LoadCase, last: Collapse, soft: Softened, from_afar: tuple[Attempt, ...] = ()
-) -> Collapse:
-    """The verified collapse next to another one, with the compliance of hinges.
-
-    The attempts `from_afar` are made where it is lost.
-    """
-    if last.state is None:
-        return last
-    work = replace(OPTIONS.work, first=_first_work(last, soft))
-    near, farther = (
-        next_to(last.state, last.mode, warm)
-        for warm in (OPTIONS.warm, replace(OPTIONS.warm, products=(OPTIONS.farther,)))
-    )
-    attempts = (near, *from_afar, farther)
-    strategy = Strategy(attempts, GENERAL, work=work)
+def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+    """The verified collapse next to another one, with the compliance of hinges."""
+    first = OPTIONS.work.first * (1.0 + OPTIONS.more_work * soft.most)
+    work = replace(OPTIONS.work, first=max(last.work_ratio, first))
     with softened(case, soft) as softer:
-        return find_collapse(softer, strategy, OPTIONS.tolerance)
-
-
-def state_next_to(
-    case: LoadCase, last: Collapse, soft: Softened, from_afar: Attempt
-) -> tuple[float, JointValues]:
-    """Load factor and joint values of the state next to a collapse, which is not verified.
-
-    The attempt `from_afar` is made where it is lost.
-
-    Raises:
-        SolverError: If none is found.
-    """
-    if last.state is None:
-        raise SolverError("no state to start from")
-    with softened(case, soft) as softer:
-        work = _first_work(last, soft) * case.bonded_work
-        scales = softer.scales_at(work, abs(last.load_factor))
-        task = Task(softer, work, scales, OPTIONS.tolerance)
-        try:
-            state = next_to(last.state, last.mode, OPTIONS.rough)(task)[0].state
-        except SolverError as error:
-            _log.info("  no state nearby: %s", error)
-            state = from_afar(task)[0].state
-        mode = elastic_mode(softer.coulomb(work, scales), state)
-        return state.load_factor, joint_values(softer.problem, case.discretization, state, mode)
+        found = find_collapse(
+            softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance
+        )
+    text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
+    degree, name = case.discretization.scene.degree, start.__name__
+    _log.info(text, soft.most, degree, name, found.status, found.load_factor)
+    return found
 
 
 def same_mode(one: Array, other: Array) -> bool:
@@ -190,7 +164,3 @@ def same_mode(one: Array, other: Array) -> bool:
 def rates(values: JointValues) -> Array:
     """Opening and slip rates of all joint points, shape (2, points)."""
     return np.stack([values.opening_rate, values.slip_rate])
-
-
-def _first_work(last: Collapse, soft: Softened) -> float:
-    return max(last.work_ratio, OPTIONS.work.first * (1.0 + OPTIONS.more_work * soft.most))

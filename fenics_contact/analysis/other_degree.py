@@ -19,12 +19,10 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.nearby import Softened, rates, same_mode, state_next_to
+from fenics_contact.analysis.nearby import Softened, Start, collapse_next_to, rates, same_mode
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
-from fenics_contact.analysis.strategy import along_block_modes
 from fenics_contact.discretization.discretization import Bonded, Discretization
-from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.solvers.joint_stiffness import GENERAL
 
@@ -32,36 +30,23 @@ from fenics_contact.solvers.joint_stiffness import GENERAL
 MIDDLE = 2.0 / 3.0
 
 
-@dataclass(frozen=True)
-class OtherDegree:
-    """The state next to a collapse with displacements of the other degree.
+def with_other_degree(
+    case: LoadCase, end: Collapse, soft: Softened, start: Start
+) -> tuple[Collapse, bool]:
+    """The collapse for the other degree, with the compliance of hinges.
 
-    Attributes:
-        load_factor: Its load factor.
-        same_state: Whether the joints move as in the collapse.
+    Returns:
+        It, and whether its joints move as in the given collapse.
     """
-
-    load_factor: float
-    same_state: bool
-
-
-def with_other_degree(case: LoadCase, end: Collapse, soft: Softened) -> OtherDegree:
-    """The state next to a collapse, with the compliance of hinges, for the other degree.
-
-    Raises:
-        SolverError: If none is found.
-    """
-    if end.joints is None:
-        raise SolverError("no state to start from")
     given = case.discretization
     with _other_case(case) as other:
         counterparts = Counterparts.of(given, other.discretization)
-        start = counterparts.start(end, other)
         points = replace(soft, points=counterparts.points(soft.points))
-        load_factor, values = state_next_to(other, start, points, along_block_modes)
+        found = collapse_next_to(other, counterparts.start(end, other), points, start)
+        if found.joints is None or end.joints is None:
+            return found, False
         ours, theirs = counterparts.ends
-        same = same_mode(rates(end.joints)[:, ours], rates(values)[:, theirs])
-        return OtherDegree(load_factor, same)
+        return found, same_mode(rates(end.joints)[:, ours], rates(found.joints)[:, theirs])
 
 
 @contextmanager
@@ -126,9 +111,9 @@ class Counterparts:
         """A collapse as a start in a case of the other discretisation: its state and mode."""
         if end.state is None or end.mode is None:
             return end
-        problem, state = case.problem, self.given.without_imposed(end.state)
+        problem, state = case.problem, self.given.with_imposed(end.state)
         u, mode = (self.displacement(v) for v in (state.displacement, end.mode))
-        u += self.other.imposed
+        u -= self.other.imposed
         forces = self.forces(np.stack([state.pressure, state.shear]))
         started = problem.state(u, state.load_factor, *forces)
         return replace(end, state=started, mode=mode / problem.dot(problem.live, mode))

@@ -175,13 +175,6 @@ class Result:
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
 
-    def add_costs(self, other: Result) -> None:
-        """Add the time and the factorisations of another result to those of this one."""
-        self.factorizations += other.factorizations
-        self.mode_factorizations += other.mode_factorizations
-        for name, value in other.seconds.items():
-            self.seconds[name] = self.seconds.get(name, 0.0) + value
-
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
         factors = (f"load factor {end.load_factor:.8g}" for end in self.ends.values())
@@ -202,7 +195,7 @@ class Result:
         end = self.collapse
         if end is None or end.state is None:
             return block_arrays(self.discretization, None, None)
-        state = self.discretization.without_imposed(end.state)
+        state = self.discretization.with_imposed(end.state)
         return block_arrays(self.discretization, state.displacement, end.mode)
 
     @property

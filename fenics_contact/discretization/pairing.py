@@ -150,64 +150,34 @@ def _with_ground(boundary: Boundary, found: Stretches, facets: Indices) -> Stret
 
 
 def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
-    """Stretches along which facets of two bodies touch, or face each other within a law's gap.
-
-    Raises:
-        InputError: If three facets coincide.
-    """
+    """Stretches along which facets of two bodies touch, or face each other within a law's gap."""
     return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1), np.zeros(1)))[0]
 
 
 def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
     """Those of `facing_facets`, and others that almost touch."""
-    matching = _coinciding(boundary)
-    alone = np.ones(len(boundary.length), dtype=bool)
-    alone[matching] = False
-    pairs = np.hstack([matching, _candidates(gaps, boundary, np.flatnonzero(alone))])
+    pairs = _candidates(gaps, boundary)
     first_side = np.zeros(pairs.shape[1], dtype=np.int64)
-    found, _ = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
-    # The side with more facets is the slave; stretches are then seen along its normals.
+    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
+    # The side with more facets is the slave; stretches are seen along its normals.
     count = len(found.slave)
     slave = _slaves(boundary, np.hstack([found.facets, pairs]), count)[count:]
-    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
+    if np.any(slave):
+        found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
     return found.take(np.lexsort((found.span[0].min(axis=1), *found.facets[::-1]))), doubtful
 
 
-def _coinciding(boundary: Boundary) -> Indices:
-    """Pairs of facets of two bodies with their nodes in the same places, shape (2, pairs)."""
-    from scipy.spatial import cKDTree
-
-    near = OPTIONS.matching * boundary.length
-    middle = boundary.points[:, :2].mean(axis=1)
-    pairs = cKDTree(middle).query_pairs(near.max(initial=0.0), output_type="ndarray")
-    first, second = pairs.T
-    ends, other = boundary.points[first, :2], boundary.points[second, :2]
-    distance = [np.linalg.norm(ends - o, axis=2).max(axis=1) for o in (other, other[:, ::-1])]
-    close = np.min(distance, axis=0) <= np.minimum(near[first], near[second])
-    facing = np.sum(boundary.normal[first] * boundary.normal[second], axis=1) < 0.0
-    apart = boundary.body[first] != boundary.body[second]
-    pairs = pairs[apart & facing & close]
-    swap = boundary.body[pairs[:, 0]] > boundary.body[pairs[:, 1]]
-    pairs[swap] = pairs[swap, ::-1]
-    seen, count = np.unique(pairs, return_counts=True)
-    if np.any(count > 1):
-        place = _place(boundary, seen[count > 1][0])
-        raise InputError(f"three or more facets coincide at {place}; blocks overlap there")
-    return pairs.T
-
-
-def _candidates(gaps: Gaps, boundary: Boundary, alone: Indices) -> Indices:
+def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
     """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
     middle, length = boundary.points[:, :2].mean(axis=1), boundary.length
     reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
-    pairs = [np.empty((0, 2), dtype=np.int64)]
-    for one, other in near_pairs(middle, reach, alone, alone):
-        keep = boundary.body[one] < boundary.body[other]
-        one, other = one[keep], other[keep]
-        found = np.column_stack([one, other])
-        least = np.where(gaps.of_pairs(found.T) > 0.0, OPTIONS.facing, OPTIONS.parallel)
-        pairs.append(found[_against(boundary, one, other) > least])
-    return np.concatenate(pairs).T
+    pairs, every = [np.empty((2, 0), dtype=np.int64)], np.arange(len(length))
+    for found in near_pairs(middle, reach, every, every):
+        one, other = boundary.body[np.stack(found)]
+        facets = np.stack(found)[:, one < other]
+        least = np.where(gaps.of_pairs(facets) > 0.0, OPTIONS.facing, OPTIONS.parallel)
+        pairs.append(facets[:, _against(boundary, *facets) > least])
+    return np.hstack(pairs)
 
 
 def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Stretches]:
@@ -218,11 +188,16 @@ def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretc
         _arc_heights(boundary)[facets].sum(axis=0),
     )
     least, gap = all_of.offset.min(axis=1), gaps.of_pairs(facets)
-    depth = OPTIONS.closed * shorter + height
     parallel = _against(boundary, *facets) > OPTIONS.parallel
-    within = (gap > 0.0) & (least >= -depth) & (least <= gap)
-    touching = ((far <= depth) & parallel) | within
-    doubtful = ~touching & (far <= OPTIONS.apart * shorter + height) & parallel
+    # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
+    exact = parallel & (far <= OPTIONS.matching * shorter)
+    part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
+    covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
+    alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
+    depth = OPTIONS.closed * shorter + height
+    touching = exact | (alone & parallel & (far <= depth))
+    touching |= alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
+    doubtful = alone & ~touching & parallel & (far <= OPTIONS.apart * shorter + height)
     return all_of.take(touching), all_of.take(doubtful)
 
 

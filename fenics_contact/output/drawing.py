@@ -13,10 +13,8 @@ import numpy as np
 
 from fenics_contact.analysis.hinges import hinges
 from fenics_contact.analysis.joint_values import Contact
-from fenics_contact.analysis.rigid_blocks import straight_faces
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.joints import Joints
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
 
@@ -24,8 +22,6 @@ BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
 PALE_ORANGE = "#F2C766"
 #: Tints of the materials, repeated if there are more; they differ in grey too.
 TINTS = ("#c3d5e3", "#faf0d2", "#a9b79b", "#b98f9d", "#80868f", "#d8bf94")
-#: Sum of the angles along an outline, radians, that is not drawn as a corner.
-STRAIGHT = 1e-3
 #: Length of arrows over the structure's size: tractions, forces at places, body force.
 LENGTHS = 0.07, 0.11, 0.16
 #: Entries of a legend in one row.
@@ -91,20 +87,8 @@ def outlines(boundary: Boundary, ends: Array) -> list[Any]:
             row = leaving.pop(node)
             node = int(nodes[row, 1])
             corners.append(points[row, 1])
-        loop = _corners(np.array(corners))
-        loops[boundary.body[row]].append(Outline(np.vstack([loop, loop[:1]]), closed=True))
+        loops[boundary.body[row]].append(Outline([*corners, corners[0]], closed=True))
     return [Outline.make_compound_path(*of_body) for of_body in loops]
-
-
-def _corners(points: Array) -> Array:
-    """A closed line without the points at which it is straight, for small files."""
-    after = np.roll(points, -1, axis=0) - points
-    before = np.roll(after, 1, axis=0)
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    turn = np.abs(np.arctan2(cross, np.sum(before * after, axis=1)))
-    step = np.floor(np.cumsum(turn) / STRAIGHT)
-    kept = np.diff(step, prepend=0.0) > 0.0
-    return points[kept] if kept.sum() > 2 else points
 
 
 def draw_rest(axes: Any, view: View) -> None:
@@ -160,7 +144,7 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     ):
         if not np.any(chosen):
             continue
-        segments = position[_runs(joints, joints.segments[chosen])]
+        segments = position[joints.segments[chosen]]
         for colour, width in strokes:
             add_lines(axes, segments, colors=colour, linewidths=width)
         lines = [axes.plot([], [], color=colour, lw=width)[0] for colour, width in strokes]
@@ -170,17 +154,6 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
         style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
         entries += axes.plot(*position[points].T, "o", label="hinge", **style)
     return entries
-
-
-def _runs(joints: Joints, segments: Indices) -> Indices:
-    """Joint points at the ends of rows of facets that follow each other on a straight face."""
-    face = straight_faces(joints, joints.length).of_point
-    along = np.sum(joints.tangent * joints.position, axis=1)
-    order = np.argsort(along[segments], axis=1)
-    rising = np.take_along_axis(segments, order, axis=1)
-    rising = rising[np.lexsort((along[rising[:, 0]], face[rising[:, 0]]))]
-    starts = np.append(True, rising[1:, 0] != rising[:-1, 1])
-    return np.column_stack([rising[starts, 0], rising[np.roll(starts, -1), 1]])
 
 
 def legend(axes: Any, entries: Sequence[Any]) -> None:

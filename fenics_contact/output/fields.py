@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement, indent
+from xml.etree.ElementTree import Comment, Element, ElementTree, SubElement
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,12 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.imposed import ground_motion
-from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.folder import writing
 
+#: Type of a straight line in VTK files.
+VTK_LINE = 3
 #: Largest displacement of a collapse mode in pictures and files, over the structure's size.
 AMPLITUDE = 0.08
 
@@ -111,11 +113,7 @@ def write_blocks(
     moving = {"displacement": displacement, "collapse_mode": scale * mode}
     functions = [displacement_function(discretization, u, name) for name, u in moving.items()]
     functions += _cell_functions(discretization, elastic)
-    with writing(comm):
-        compat.write_vtk(path, comm, [(0.0, functions)])
-    with writing(comm):
-        if comm.rank == 0:
-            compat.tidy_vtk(path, [{"mode_scale": scale}])
+    _write(path, comm, [(0.0, functions)], [{"mode_scale": scale}])
 
 
 def write_series(
@@ -137,11 +135,21 @@ def write_series(
         for time, point in zip(times, points, strict=True)
         if point.motion is not None
     )
+    _write(path, comm, steps, [{"load_factor": point.load_factor} for point in points])
+
+
+def _write(
+    path: Path,
+    comm: MPI.Comm,
+    steps: Iterable[tuple[float, list[fem.Function]]],
+    numbers: Sequence[Mapping[str, float]],
+) -> None:
+    """Write functions at times as a .pvd file, with numbers of every time. Collective."""
     with writing(comm):
         compat.write_vtk(path, comm, steps)
     with writing(comm):
         if comm.rank == 0:
-            compat.tidy_vtk(path, [{"load_factor": point.load_factor} for point in points])
+            compat.tidy_vtk(path, numbers)
 
 
 def _cell_functions(discretization: Discretization, elastic: Array) -> list[fem.Function]:
@@ -195,54 +203,42 @@ def write_joints(
     ground = ground_motion(discretization.scene, discretization.boundary, joints)
     points |= {"displacement": at_joints(discretization, displacement, ground)}
     points |= {"collapse_mode": scale * at_joints(discretization, mode)}
-    law = joints.law[joints.segments[:, 0]]
-    state = facet_contact(values, joints.segments)
-    lines = {"state": state, "group": law, "friction": joints.friction[joints.segments[:, 0]]}
+    first = joints.segments[:, 0]
+    lines = {"state": facet_contact(values, joints.segments), "group": joints.law[first]}
+    lines |= {"friction": joints.friction[first]}
+    cells = {"connectivity": joints.segments.ravel(), "offsets": 2 * np.arange(1, len(first) + 1)}
+    cells["types"] = np.full(len(first), VTK_LINE, dtype=np.uint8)
+    file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
+    file.append(Comment(_numbers_in_words(joints)))
+    grid = SubElement(file, "UnstructuredGrid")
+    _add_arrays(grid, "FieldData", {"mode_scale": np.array([scale])})
+    sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}
+    piece = SubElement(grid, "Piece", sizes)
+    _add_arrays(piece, "Points", {"points": joints.position})
+    for section, columns in (("Cells", cells), ("PointData", points), ("CellData", lines)):
+        _add_arrays(piece, section, columns)
     with writing(discretization.scene.comm):
         if discretization.scene.comm.rank == 0:
-            file = Element("VTKFile", type="UnstructuredGrid", version="0.1")
-            file.set("byte_order", "LittleEndian")
-            states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-            groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
-            # XML allows no two hyphens in a comment.
-            file.append(Comment(f" state: {states}; group: {groups.replace('--', '- -')} "))
-            _add_lines(file, joints.position, joints.segments, points, lines, scale)
-            indent(file)
             ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
 
 
-def _add_lines(
-    file: Element,
-    position: Array,
-    segments: Indices,
-    points: Mapping[str, npt.NDArray[Any]],
-    lines: Mapping[str, npt.NDArray[Any]],
-    scale: float,
-) -> None:
-    """Add lines between points, with values of both, and the scale of the mode."""
-    grid, count = SubElement(file, "UnstructuredGrid"), len(segments)
-    field = {"type": "Float64", "Name": "mode_scale", "NumberOfTuples": "1", "format": "ascii"}
-    SubElement(SubElement(grid, "FieldData"), "DataArray", field).text = repr(scale)
-    sizes = {"NumberOfPoints": str(len(position)), "NumberOfCells": str(count)}
-    piece = SubElement(grid, "Piece", sizes)
-    cells: dict[str, npt.NDArray[Any]] = {
-        "connectivity": segments.ravel(),
-        "offsets": 2 * np.arange(1, count + 1),
-        "types": np.full(count, 3, dtype=np.uint8),  # lines
-    }
-    _add_arrays(SubElement(piece, "Points"), {"points": position})
-    _add_arrays(SubElement(piece, "Cells"), cells)
-    _add_arrays(SubElement(piece, "PointData"), points)
-    _add_arrays(SubElement(piece, "CellData"), lines)
+def _numbers_in_words(joints: Joints) -> str:
+    """What the numbers of states and groups mean."""
+    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
+    # XML allows no two hyphens in a comment.
+    return f" state: {states}; group: {groups.replace('--', '- -')} "
 
 
-def _add_arrays(parent: Element, columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Add arrays of numbers; those with two columns are vectors in the plane."""
+def _add_arrays(parent: Element, section: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Add a section with arrays of numbers; those with two columns are vectors in the plane."""
+    added = SubElement(parent, section)
     for name, values in columns.items():
-        if values.ndim == 2:
-            values = np.column_stack([values, np.zeros(len(values))])
+        table = values.reshape(len(values), -1)
+        if table.shape[1] == 2:
+            table = np.column_stack([table, np.zeros(len(table))])
         kind = {"i": "Int64", "u": "UInt8", "f": "Float64"}[values.dtype.kind]
-        width = "1" if values.ndim == 1 else "3"
-        form = {"type": kind, "Name": name, "NumberOfComponents": width, "format": "ascii"}
-        array = SubElement(parent, "DataArray", form)
-        array.text = " ".join(f"{value:.12g}" for value in values.ravel())
+        form = {"type": kind, "Name": name, "format": "ascii"}
+        form |= {"NumberOfTuples": str(len(table)), "NumberOfComponents": str(table.shape[1])}
+        array = SubElement(added, "DataArray", form)
+        array.text = " ".join(f"{value:.12g}" for value in table.ravel())

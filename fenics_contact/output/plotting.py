@@ -102,8 +102,10 @@ def draw_thrust(axes: Any, view: View) -> Any:
     add_lines(axes, lines.segments, **style)
     style = {"color": "white", "mec": BLACK, "mew": 0.7 * fine, "ls": "none", "zorder": 4}
     style |= {"marker": "o", "ms": 4.0 * max(fine, 0.5), "label": "centre of pressure"}
-    entries = axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
-    entries += axes.plot(*lines.centre.T, **style)
+    entries: list[Any] = []
+    if len(lines.segments):
+        entries += axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
+        entries += axes.plot(*lines.centre.T, **style)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
     axes.set_title("line of thrust at collapse (width: force)", fontsize=10)
     return axes
@@ -179,7 +181,7 @@ def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
     shade[blocks] = (0.93, 0.75, 0.45)
     draw_outlines(axes, view.boundary, view.rest, facecolor="none", edgecolor="0.7")
     draw_outlines(axes, view.boundary, view.moved, facecolor=shade)
-    style = {"fontsize": 8.0 * fineness(axes, view), "ha": "center", "va": "center"}
+    style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
     for block in blocks[:LEGIBLE]:
         place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
         axes.text(*place, str(block), **style)

@@ -79,7 +79,6 @@ PHASES: Mapping[str, str] = {
 _SHOWN = {
     "collapse": "How the blocks move, and the joint forces where there is equilibrium",
     "thrust": "Line of thrust",
-    "forces": "Joint forces",
     "stress": "Principal stresses",
 }
 

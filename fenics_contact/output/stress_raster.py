@@ -35,14 +35,11 @@ class StressRaster:
 
     def coarser(self, factor: int) -> StressRaster:
         """Means over squares of `factor` times the size."""
-        rows, columns = (-(-size // factor) for size in self.area.shape)
-        height, width = self.area.shape
-        padding = [(0, rows * factor - height), (0, columns * factor - width)]
-        area = np.pad(self.area, padding)
-        total = np.pad(self.area[:, :, None] * np.nan_to_num(self.stress), [*padding, (0, 0)])
-        shape = rows, factor, columns, factor
-        area, total = area.reshape(shape).sum((1, 3)), total.reshape(*shape, 3).sum((1, 3))
-        return StressRaster(self.corner, factor * self.step, area, _mean(total, area))
+        rows, columns = (np.arange(0, size, factor) for size in self.area.shape)
+        area = self.area[:, :, None]
+        total = np.concatenate([area, area * np.nan_to_num(self.stress)], axis=2)
+        sums = np.add.reduceat(np.add.reduceat(total, rows, axis=0), columns, axis=1)
+        return StressRaster(self.corner, factor * self.step, *_means(sums))
 
 
 def stress_raster(discretization: Discretization, elastic: Array) -> StressRaster:
@@ -57,35 +54,32 @@ def stress_raster(discretization: Discretization, elastic: Array) -> StressRaste
     stress = cell_stresses(discretization, elastic)[:, :3]
     domain = discretization.scene.mesh.domain
     corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
-    sums = np.zeros((4, rows * columns))
+    sums = np.zeros((rows * columns, 4))  # area, and area times stresses
     for cells, shapes in _samples(corners, step):
         places = np.einsum("sk,ckd->csd", shapes, corners[cells])
         column, row = np.moveaxis(((places - corner) / step).astype(np.int64), -1, 0)
         square = np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
         share = np.repeat(_areas(corners[cells]) / len(shapes), len(shapes))
         values = np.repeat(stress[cells], len(shapes), axis=0)
-        for total, weight in zip(sums, [share, *(share * values.T)], strict=True):
+        for total, weight in zip(sums.T, [share, *(share * values.T)], strict=True):
             total += np.bincount(square.ravel(), weight, rows * columns)
     discretization.scene.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
-    area, total = sums[0].reshape(rows, columns), sums[1:].T.reshape(rows, columns, 3)
-    return StressRaster(corner, step, area, _mean(total, area))
+    return StressRaster(corner, step, *_means(sums.reshape(rows, columns, 4)))
 
 
-def _mean(total: Array, area: Array) -> Array:
-    """Mean stresses; nan where there is no area."""
+def _means(sums: Array) -> tuple[Array, Array]:
+    """Areas, and mean stresses: nan where there is no area."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return total / area[:, :, None]
+        return sums[:, :, 0], sums[:, :, 1:] / sums[:, :, :1]
 
 
 def _samples(corners: Array, step: float) -> list[tuple[Indices, Array]]:
     """Cells, and shape functions at points that divide them finer than the squares, by number."""
     size = np.ptp(corners, axis=1).max(axis=1)
-    divisions = np.maximum(np.ceil(2.0 * size / step), 1).astype(np.int64)
     # Powers of two, so that there are few kinds of cells.
-    divisions = 2 ** np.ceil(np.log2(divisions)).astype(np.int64)
-    kinds = np.unique(divisions)
-    shapes = {n: _shapes(int(n), corners.shape[1]) for n in kinds}
-    return [(np.flatnonzero(divisions == n), shapes[n]) for n in kinds]
+    divisions = 2 ** np.ceil(np.log2(np.maximum(2.0 * size / step, 1.0))).astype(np.int64)
+    kinds = np.unique(divisions).tolist()
+    return [(np.flatnonzero(divisions == n), _shapes(n, corners.shape[1])) for n in kinds]
 
 
 def _shapes(n: int, count: int) -> Array:

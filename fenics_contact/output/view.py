@@ -133,32 +133,25 @@ def _materials(discretization: Discretization) -> Indices:
 
 def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arrows, Arrows]:
     """Tractions, forces at places, and the body force, of the live load as it acts."""
-    boundary, load, bodies = (
-        discretization.boundary,
-        discretization.scene.live,
-        discretization.bodies,
-    )
-    on_facets = forces_on_facets(boundary, load)
-    tractions = [*_traction_forces(boundary, load), *on_facets[: len(load.earth)]]
-    forces = on_facets[len(load.earth) :]
-    apart = APART * float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
-    arrows = [_along_edges(boundary, facets, force.sum(1), apart) for facets, force in tractions]
-    points = [_resultant(boundary, facets, force) for facets, force in forces]
+    boundary, bodies = discretization.boundary, discretization.bodies
+    load, points = discretization.scene.live, boundary.points
+    on_facets = [*_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
     rest = bodies.live * [1.0, 1.0, bodies.size]
-    for facets, force in [*tractions, *forces]:
+    for facets, force in on_facets:
         body = boundary.body[facets]
-        arm = boundary.points[facets, : force.shape[1]] - bodies.centre[body][:, None]
+        arm = points[facets, : force.shape[1]] - bodies.centre[body][:, None]
         moment = arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0]
         np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
     if load.acceleration == (0.0, 0.0):
         rest[:] = 0.0
-    body = _body_force(rest, bodies.centre)
-    return _turned(_joined(arrows), sign), _turned(_joined(points), sign), _turned(body, sign)
-
-
-def _turned(arrows: Arrows, sign: float) -> Arrows:
-    """Arrows of a load, or of the reversed one."""
-    return Arrows(arrows.place, sign * arrows.vector, arrows.pushes == (sign > 0.0))
+    edges = len(load.traction) + len(load.earth)
+    apart = APART * float(np.ptp(points.reshape(-1, 2), axis=0).max())
+    arrows = [
+        _along_edges(boundary, facets, sign * force.sum(axis=1), apart)
+        for facets, force in on_facets[:edges]
+    ]
+    forces = [_resultant(boundary, facets, sign * force) for facets, force in on_facets[edges:]]
+    return _joined(arrows), _joined(forces), _body_force(sign * rest, bodies.centre)
 
 
 def _traction_forces(boundary: Boundary, load: Load) -> list[tuple[Indices, Array]]:
@@ -199,7 +192,7 @@ def _body_force(force: Array, centre: Array) -> Arrows:
     """Resultant of forces and moments about their centres on all blocks, (blocks, 3)."""
     total, size = force[:, :2].sum(axis=0), np.linalg.norm(force[:, :2], axis=1)
     square = float(total @ total)
-    if square <= 1e-18 * float(size.sum()) ** 2 or square == 0.0:
+    if square <= 1e-18 * float(size.sum()) ** 2:
         return _joined([])
     place = size @ centre / size.sum()
     arm = centre - place
@@ -210,10 +203,9 @@ def _body_force(force: Array, centre: Array) -> Arrows:
 
 def _joined(parts: list[Arrows]) -> Arrows:
     """All arrows of several loads, without those of no size."""
-    none = np.empty((0, 2))
-    place = np.concatenate([none, *(part.place for part in parts)])
-    vector = np.concatenate([none, *(part.vector for part in parts)])
-    pushes = np.concatenate([np.empty(0, dtype=bool), *(part.pushes for part in parts)])
-    size = np.linalg.norm(vector, axis=1)
+    none = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
+    columns = zip(*(vars(part).values() for part in (none, *parts)), strict=True)
+    whole = Arrows(*(np.concatenate(column) for column in columns))
+    size = np.linalg.norm(whole.vector, axis=1)
     acts = size > 1e-9 * size.max(initial=0.0)
-    return Arrows(place[acts], vector[acts], pushes[acts])
+    return Arrows(whole.place[acts], whole.vector[acts], whole.pushes[acts])

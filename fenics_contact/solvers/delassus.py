@@ -98,8 +98,8 @@ class DelassusOperator(Closing):
         problem = self._problem
         free = self._response(problem.dead + self._rho * near)
         right = self.join(
-            -(problem.normal @ free),
-            problem.slip_origin - problem.tangential @ free,
+            -problem.openings(free),
+            -problem.slips(free),
             work - problem.dot(problem.live, free),
         )
         return right + self.hold * held, free

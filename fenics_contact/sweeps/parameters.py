@@ -98,7 +98,8 @@ def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
 
 def _plain(value: Any) -> Any:
     """A value as TOML has it: lists for tuples and arrays, text for paths."""
-    text = json.dumps(value, default=lambda x: x.tolist() if hasattr(x, "tolist") else str(x))
+    arrays = (np.ndarray, np.generic)
+    text = json.dumps(value, default=lambda x: x.tolist() if isinstance(x, arrays) else str(x))
     return json.loads(text)
 
 

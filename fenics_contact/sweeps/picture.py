@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from fenics_contact.sweeps.parameters import Family, Parameter, Values
 from fenics_contact.sweeps.points import Point, Structure, solve, value_text
 
 PICTURE, WORST = "sweep.png", "worst.png"
-#: Curves that one picture has room for; beyond them two numbers are drawn as a map.
+#: Curves that one picture has room for; beyond them all points are drawn as one.
 CURVES = 7
 #: What the legend calls a curve that is alone.
 ONE_CURVE = "load factor"
@@ -42,8 +41,6 @@ def save_picture(
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
     """Draw the load factor over the parameter with most values, a curve for each of the others.
 
-    Two numbers of many values each are drawn as a map.
-
     Args:
         parameters: What varies.
         points: In the order of their grid.
@@ -55,55 +52,41 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     table[:] = list(points)
     table, along = table.reshape(sizes), int(np.argmax(sizes))
     curves = np.moveaxis(table, along, -1).reshape(-1, sizes[along])
-    places = _places(parameters[along])
-    if len(curves) > CURVES and len(parameters) == 2:
-        _draw_map(axes, parameters, table)
-        return axes
+    at, label, names = _places(parameters[along])
     if len(curves) > CURVES:
-        curves, places = table.reshape(1, -1), _Places(np.arange(float(len(points))), "point")
-    others = [p.keys[0] for k, p in enumerate(parameters) if k != along]
+        curves, at, label, names = table.reshape(1, -1), np.arange(float(len(points))), "point", []
+    others = [p.keys[0] for p in parameters if p is not parameters[along]]
     for number, curve in enumerate(curves):
         given = _said({key: curve[0].values[key] for key in others})
         style = (BLUE, ONE_CURVE) if len(curves) == 1 else (f"C{number}", given)
-        _draw_curve(axes, places.at, curve, *style)
-    _mark_worst(axes, places.at, curves)
-    places.name(axes.xaxis)
-    axes.set_ylabel("load factor")
+        _draw_curve(axes, at, curve, *style)
+    _mark_worst(axes, at, curves)
+    axes.set(xlabel=label, ylabel="load factor")
+    if names:
+        axes.set_xticks(at, names)
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
     return axes
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Where values are along an axis, the axis' label, and names of values that are no numbers."""
+def _places(parameter: Parameter) -> tuple[Array, str, list[str]]:
+    """Places of values along an axis, its label, and names of values that are no numbers.
 
-    at: Array
-    label: str
-    names: tuple[str, ...] = ()
-
-    def name(self, axis: Any) -> None:
-        """Label an axis of a picture."""
-        axis.set_label_text(self.label)
-        if self.names:
-            axis.set_ticks(self.at, [textwrap.shorten(name, TICK) for name in self.names])
-
-
-def _places(parameter: Parameter) -> _Places:
-    """Places of the values of a parameter; those of points in a plane along their path."""
+    Points in a plane are placed along their path.
+    """
     label = " = ".join(map(_name, parameter.keys))
     values = [np.asarray(value) for value in parameter.values]
     if any(value.dtype.kind not in "if" or value.shape != values[0].shape for value in values):
-        names = tuple(map(value_text, parameter.values))
-        return _Places(np.arange(float(len(values))), label, names)
+        names = [textwrap.shorten(value_text(value), TICK) for value in parameter.values]
+        return np.arange(float(len(values))), label, names
     table = np.array(values, dtype=float).reshape(len(values), -1)
     moving = np.flatnonzero(np.ptp(table, axis=0))
     if len(moving) > 1:
         steps = np.linalg.norm(np.diff(table, axis=0), axis=1)
-        return _Places(np.append(0.0, np.cumsum(steps)), f"{label}, distance from the first")
+        return np.append(0.0, np.cumsum(steps)), f"{label}, distance from the first", []
     component = moving[0] if len(moving) else 0
     axis = f", {'xy'[component]}" if table.shape[1] == 2 else ""
-    return _Places(table[:, component], label + axis)
+    return table[:, component], label + axis, []
 
 
 def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label: str) -> None:
@@ -148,17 +131,6 @@ def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
     where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
     style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
     axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {_drawn(where)}", **style)
-
-
-def _draw_map(axes: Any, parameters: Sequence[Parameter], table: Any) -> None:
-    """The lowest load factor over two parameters."""
-    least = np.array([[point.least for point in row] for row in table])
-    least[~np.isfinite(least)] = np.nan
-    y, x = map(_places, parameters)
-    mesh = axes.pcolormesh(x.at, y.at, least, shading="nearest", cmap="viridis")
-    axes.figure.colorbar(mesh, ax=axes, label="load factor")
-    x.name(axes.xaxis)
-    y.name(axes.yaxis)
 
 
 def picture_of_worst(family: Family, worst: Point, folder: Path) -> None:

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 from fenics_contact.errors import SolverError
 from fenics_contact.sweeps.parameters import Family, Values
@@ -68,19 +69,16 @@ class _Worker:
             stdout=subprocess.PIPE,
             start_new_session=True,
         )
-        self._send(family.file)
-
-    def _send(self, item: object) -> None:
-        assert self._process.stdin is not None
-        pickle.dump(item, self._process.stdin)
-        self._process.stdin.flush()
+        pipes: Any = self._process.stdin, self._process.stdout
+        self._asked, self._answers = pipes
+        pickle.dump(family.file, self._asked)
 
     def point(self, values: Values) -> Point:
         """The point with these values."""
-        assert self._process.stdout is not None
         try:
-            self._send(values)
-            found: Point = pickle.load(self._process.stdout)
+            pickle.dump(values, self._asked)
+            self._asked.flush()
+            found: Point = pickle.load(self._answers)
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
             code = self._process.wait()
             raise SolverError(f"a process of the sweep ended early (exit code {code})") from None
@@ -90,9 +88,9 @@ class _Worker:
         """End the process."""
         self._process.terminate()
         self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout):
+        for pipe in (self._asked, self._answers):
             with suppress(OSError):
-                stream.close()  # type: ignore[union-attr]
+                pipe.close()
 
 
 def answer() -> None:

@@ -1,8 +1,8 @@
 """What the documentation says is so: its programs, commands and scenes run, its keys are there.
 
 `make docs` checks links. In the pages, blocks of code are of these kinds: `sh`, `python` and `toml`
-are run, `text` is what the block before prints, `py` is a sketch. "Save this as `NAME`" before a
-block makes a file of it; other scenes are parts of one, and are checked.
+are run, `text` and a comment `load factor = ...` are what is printed, `py` is a sketch. "Save this
+as `NAME`" before a block makes a file of it; other scenes are parts of one, and are checked.
 """
 
 from __future__ import annotations
@@ -102,8 +102,9 @@ def write_wall(path: Path) -> None:
     import gmsh
 
     courses = [rectangle(0, level, 4, level + 1) for level in range(3)]
-    edges = {"base": (0, 0, 4, 0), "bed": (0, 1, 4, 1), "top": (0, 3, 4, 3)}
-    polygons(courses, 0.5, groups=sides(**edges, left=(0, 0, 0, 3), back=(4, 0, 4, 3)))
+    edges = {"base": (0, 0, 2, 0), "right_pier": (3, 0, 4, 0), "bed": (0, 1, 4, 1)}
+    faces = {"left": (0, 0, 0, 3), "back": (4, 0, 4, 3), "top": (0, 3, 4, 3)}
+    polygons(courses, 0.5, groups=sides(**edges, **faces))
     gmsh.write(str(path))
     gmsh.model.remove()
 
@@ -117,7 +118,7 @@ def by_dotted_key(tables: Mapping[str, Any], before: str = "") -> Iterator[tuple
             yield f"{before}{key}", value
 
 
-def done(block: Block, shell: Path) -> Run:
+def done(block: Block, shell: Path, capsys: Any) -> Run:
     """What a block of code leaves behind."""
     if block.name:
         (shell / block.name).write_text(block.text)
@@ -128,12 +129,13 @@ def done(block: Block, shell: Path) -> Run:
         return run_command(["bash", "-ec", "\n".join(block.commands)], shell, time_out=300.0)
     write_wall(shell / "wall.msh")
     part = dict(by_dotted_key(tomllib.loads(block.text)))
-    (shell / "part.toml").write_text(toml(changed({"mesh.file": "wall.msh", **part})))
-    return run_command(["fenics-contact", "check", "part.toml"], shell)
+    whole = {"mesh.file": "wall.msh", "foundations.right_pier.friction": 0.5, **part}
+    (shell / "part.toml").write_text(toml(changed(whole)))
+    return run_here(["check", shell / "part.toml"], capsys)
 
 
 @pytest.mark.parametrize("page", lessons())
-def test_pages_run_as_they_are_written(page, shell):
+def test_pages_run_as_they_are_written(page, shell, capsys):
     if page == "docs/scene.md":
         write_dxf(shell / "facade.dxf", [(rectangle(0, 0, 1000, 500), "stone")])
     found = Run(0, "", "")
@@ -142,8 +144,10 @@ def test_pages_run_as_they_are_written(page, shell):
             missing = [line for line in block.text.splitlines() if line not in found.out]
             assert missing == [], found.out
         elif block.kind in RUN:
-            found = done(block, shell)
+            found = done(block, shell, capsys)
             assert found.code == 0, f"{block.text}\n{found.out}{found.err}"
+            said = re.findall(r"# (load factor = [\d.]+)", block.text)
+            assert all(line in found.out for line in said), found.out
 
 
 @pytest.mark.parametrize("page", PAGES)

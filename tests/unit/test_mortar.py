@@ -179,6 +179,15 @@ def test_almost_touching_is_refused(gap, word):
         joints_of(drawing)
 
 
+@pytest.mark.parametrize("divisions", [2, 3])
+def test_thin_slabs_touch_their_neighbours_only(divisions):
+    # The next but one is nearer than five thousandths of a facet.
+    slabs = [((0, k), (2000, 1), (divisions if k % 2 else 2, 1)) for k in range(6)]
+    joints = joints_of(grid_blocks(*slabs))
+    assert joints.length.sum() == pytest.approx(5 * 2000.0, rel=1e-12)
+    assert set(map(tuple, joints.bodies.tolist())) == {(k, k + 1) for k in range(5)}
+
+
 def test_blocks_apart_do_not_touch():
     assert len(joints_of(stacked(2e-2)).length) == 0
     with pytest.raises(InputError, match=r"'top0': 2 facets have no facet opposite.*\(0\.25, 1\)"):

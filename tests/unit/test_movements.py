@@ -66,9 +66,9 @@ def displacements(found) -> tuple[np.ndarray, np.ndarray]:
 
 def force_at(found, x: float) -> tuple[float, float, float]:
     """Force on the right of a section and its moment about the axis of a row."""
-    joints, force = found.discretization.joints, found.joints.force(found.discretization.joints)
-    here = np.abs(joints.position[:, 0] - x) < 1e-9
-    moment = (joints.position[here, 1] - 0.5 * HEIGHT) @ -force[here, 0]
+    position, force = found.joints["position"], found.joints["force"]
+    here = np.abs(position[:, 0] - x) < 1e-9
+    moment = (position[here, 1] - 0.5 * HEIGHT) @ -force[here, 0]
     return (*force[here].sum(axis=0), float(moment))
 
 
@@ -148,8 +148,8 @@ def test_simply_supported_row_turns_and_nothing_else(ground, degree):
     drops = 5e-3, 9e-3
     before, after = (equilibrium(beam_on_piers(drop, ground, degree), 0.0) for drop in drops)
     assert before.status == after.status == "equilibrium"
-    force = after.joints.normal_force
-    assert force == pytest.approx(before.joints.normal_force, abs=1e-9 * force.max())
+    force = after.joint_values.normal_force
+    assert force == pytest.approx(before.joint_values.normal_force, abs=1e-9 * force.max())
     joints = after.discretization.joints
     weight, arm = STONE.density * 9.81 * 3.0 * 0.4, 2.6
     # It rests on the inner edge of one pier and the outer one of the other.
@@ -179,7 +179,7 @@ def test_joint_on_a_settling_support_opens_by_the_settlement():
     )
     drops = 0.03, 0.05
     found = [equilibrium(moving(scene, bottom1=Movement((0.0, -drop))), 0.0) for drop in drops]
-    gaps, made = [one.joints.gap for one in found], found[0].discretization
+    gaps, made = [one.joints["gap"] for one in found], found[0].discretization
     pier = made.joints.position[:, 1] < 1.2
     assert gaps[0][pier].min() > 0.0
     assert (gaps[1] - gaps[0])[pier] == pytest.approx(np.full(pier.sum(), 0.02), rel=1e-9)
@@ -206,8 +206,10 @@ def test_structure_moved_as_a_whole_has_the_same_forces(degree):
         for d, t in zip(np.asarray(ends)[::-1], (0.0, np.degrees(turn)), strict=True)
     )
     assert moved.status == "equilibrium"
-    scale = np.abs(rest.joints.normal_force).max()
-    assert moved.joints.normal_force == pytest.approx(rest.joints.normal_force, abs=1e-9 * scale)
+    scale = np.abs(rest.joint_values.normal_force).max()
+    assert moved.joint_values.normal_force == pytest.approx(
+        rest.joint_values.normal_force, abs=1e-9 * scale
+    )
     place, u = displacements(moved)
     expected = displacements(rest)[1] + shift
     expected += turn * np.column_stack([-place[:, 1], place[:, 0]])
@@ -271,9 +273,7 @@ def test_arch_on_moving_springings_has_three_hinges(spread, degree):
     scene = arch(spread, degree)
     found = equilibrium(scene, 0.0)
     assert found.status == "equilibrium"
-    joints = found.discretization.joints
-    left = joints.law == joints.names.index("left")
-    thrust = found.joints.force(joints)[left, 0].sum()
+    thrust = found.joints["force"][found.joints["group"] == "left", 0].sum()
     assert thrust == pytest.approx(least_thrust(scene, np.sign(spread)), rel=1e-8)
 
 
@@ -291,7 +291,7 @@ def test_limit_load_of_a_spread_arch_is_verified_and_the_same():
 def test_verification_counts_the_movement():
     with Discretization(arch(0.0)) as still, Discretization(arch(5e-3)) as moved:
         state = equilibrium(arch(0.0), 0.0).state
-        scales = typical_sizes(still.sizing, still.bonded(GENERAL))
+        scales = typical_sizes(still.problem, still.bonded(GENERAL))
         good, bad = (
             max(state_residuals(made.problem, state, scales).values()) for made in (still, moved)
         )
@@ -311,11 +311,36 @@ def test_kept_matrices_give_the_numbers_of_new_ones(make):
         for one, other in (
             (changed.problem.dead, new.problem.dead),
             (changed.problem.slip_origin, new.problem.slip_origin),
+            (changed.problem.opening_origin, new.problem.opening_origin),
             (changed.imposed, new.imposed),
         ):
             assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * np.abs(other).max(initial=0))
-        largest = new.problem.max(np.abs(new.imposed))
+        largest = new.problem.max(np.abs(new.problem.opening_origin))
     assert largest > 1e-3
+
+
+@pytest.mark.mpi
+def test_block_on_ground_that_breaks_under_it():
+    """It stands on what stays, and the rest of the ground goes down by any amount."""
+    drawing = grid_blocks(((0.0, 0.0), (2.0, 0.5), (8, 2)))
+    side, at = drawing.facets["bottom0"], drawing.points[:, 0]
+    for name, inside in (("stays", at < 1.25 + 1e-9), ("sinks", at > 1.25 - 1e-9)):
+        drawing.facets[name] = side[np.all(inside[side], axis=1)]
+    scene = Scene(
+        mesh_of(drawing.model()),
+        {"default": STONE},
+        live=Load((1.0, 0.0)),
+        dead=Load((0.0, -9.81)),
+        foundations={"stays": coulomb(0.5), "sinks": coulomb(0.5)},
+    )
+    few, more = (
+        equilibrium(moving(scene, sinks=Movement((0.0, -drop))), 0.0) for drop in (1e-2, 3e-2)
+    )
+    sinks, force = few.joints["group"] == "sinks", few.joints["force"][:, 1]
+    assert force[sinks] == pytest.approx(np.zeros(sinks.sum()), abs=1e-6)
+    assert force[~sinks].sum() == pytest.approx(STONE.density * 9.81, rel=1e-9)
+    opened = more.joints["gap"] - few.joints["gap"]
+    assert opened[sinks] == pytest.approx(np.full(sinks.sum(), 2e-2), rel=1e-9)
 
 
 def test_movements_that_are_refused():

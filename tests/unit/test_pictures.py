@@ -92,6 +92,17 @@ def test_a_wall_has_one_line_and_its_sections_are_courses():
     np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), 3 * 0.4, atol=1e-9)
 
 
+def test_columns_that_move_apart_have_a_line_each_down_to_the_ground():
+    pull = Load(traction={"left": (-1e3, 0.0)})
+    view, result = solved(on_ground(wall([[1, 1], [1, 1]], (0.5, 0.5)), ROUGH, live=pull))
+    assert result.load_factor == pytest.approx(0.5 * STONE_WEIGHT * 0.25 / (1e3 * 0.5), rel=1e-5)
+    lines = thrust(view)
+    np.testing.assert_allclose(np.ptp(lines.ends[:, :, 0], axis=1), [0.5] * 4, atol=1e-9)
+    ground = lines.centre[np.abs(lines.centre[:, 1]) < 1e-9, 0]
+    # The left column turns about its toe; the right one stands.
+    np.testing.assert_allclose(np.sort(ground), [0.0, 0.75], atol=1e-4)
+
+
 @pytest.mark.mpi
 def test_two_piers_have_a_line_each():
     rows = [[1, -1, 1], [1, -1, 1], [3]]
