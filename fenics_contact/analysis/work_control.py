@@ -148,7 +148,7 @@ class _Search:
         if last is None or best.gap <= self.gap:
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
-        return last.gap > self.options.gap_falls * before
+        return last.gap > before
 
     @property
     def unlimited(self) -> bool:
