@@ -78,6 +78,8 @@ class ArclengthOptions:
         largest_change: Of s in one step; of its logarithm where T rises.
         aimed: Change of s for which the points are chosen that follow their laws.
         past: Part of the end at which a path ends, so that rounding does not fall short of it.
+        close: Distance from the path that may be left at the end, relative to p and q.
+        corrections: Steps at most to get that close.
         shorter: By how much less far from the laws a step leads that is made again.
         least: Least such distance, in units of the usual one.
         lost: Steps in a row that do not reach the path, until it is lost.
@@ -91,6 +93,8 @@ class ArclengthOptions:
     largest_change: float = 3.0
     aimed: float = 2.0
     past: float = 1e-3
+    close: float = 0.1
+    corrections: int = 6
     shorter: float = 0.3
     least: float = 0.03
     lost: int = 6
@@ -143,7 +147,7 @@ class Continuation:
             end: mu, or T, at which to stop.
 
         Returns:
-            A point near it there.
+            A point on the path there.
 
         Raises:
             SolverError: If the path is lost, wanders or takes too many steps.
@@ -156,7 +160,7 @@ class Continuation:
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             if progress >= goal - 0.5 * options.past:
-                return point
+                return self._settled(point)
             if progress >= best + np.log(2.0):
                 best, since = progress, step
             if step - since >= options.patience:
@@ -175,10 +179,30 @@ class Continuation:
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def _next(self, point: PathPoint, goal: float, limit: float) -> tuple[PathPoint, bool]:
+    def _settled(self, point: PathPoint) -> PathPoint:
+        """The point after steps across the path alone, until it is close."""
+        allowed = self.options.elimination.allowed
+        for _ in range(self.options.corrections):
+            if self._distance(point) <= self.options.close:
+                break
+            point, _ = self._next(point, None, allowed)
+        return point
+
+    def _distance(self, point: PathPoint) -> float:
+        """Largest distance from the path, relative to p and q."""
+        kkt, now, least = replace(self.kkt, work=point.work), point.iterate, self.options.smallest
+        d, f = kkt.scales.displacement, kkt.scales.force
+        residual = kkt.residual(now)
+        of_p = np.maximum(now.pressure / f + now.y / d, least)
+        of_q = np.maximum(0.5 * (now.s1 + now.s2) / f + np.abs(now.slip) / d, least)
+        slip = np.where(kkt.frictional, residual.slip / of_q, 0.0)
+        return kkt.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
+
+    def _next(self, point: PathPoint, goal: float | None, limit: float) -> tuple[PathPoint, bool]:
         """The point a step on, not past the goal, and whether the step reached the path.
 
-        No point that is not chosen ends farther from its law than a limit.
+        Without a goal the step only goes to the path. No point that is not chosen ends farther
+        from its law than a limit.
         """
         options, path = self.options, self.path
         linear = replace(self.kkt, work=point.work).linearize(point.iterate)
@@ -187,9 +211,12 @@ class Continuation:
         model = TangentModel.of(linear, correction, tangent, *rates)
         numbers = replace(options.elimination, allowed=limit)
         elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
-        largest, to_goal = options.largest_change, path.change_to(point.mu, point.work, goal)
+        reach, to_goal, largest = None, 0.0, options.largest_change
         back = -largest / (1.0 + largest) if path.work_rate else -largest
-        step = elimination.step((back, min(to_goal, largest)), linear.orientation * options.aimed)
+        if goal is not None:
+            to_goal = path.change_to(point.mu, point.work, goal)
+            reach = back, min(to_goal, largest)
+        step = elimination.step(reach, linear.orientation * options.aimed)
         s, moved = max(back, min(step.s, to_goal)), step.moved
         mu, work = path.mu(point.mu, s), path.work(point.work, s)
         _, pressure, _, shear = self.kkt.scales.force * step.states.values

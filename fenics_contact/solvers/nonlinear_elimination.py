@@ -374,14 +374,16 @@ class NonlinearElimination:
         #: s per part of the shortest way c + s t to the path: at right angles to t.
         self.back = self._shortest_way()
 
-    def step(self, reach: tuple[float, float], ahead: float) -> Step:
+    def step(self, reach: tuple[float, float] | None, ahead: float) -> Step:
         """Go to the path, and along it.
 
         Args:
-            reach: Least and largest s.
+            reach: Least and largest s; None: only to the path, with s held.
             ahead: Change of s along the path for which the points are chosen that follow their
                 laws; its sign tells where the path leads on.
         """
+        if reach is None:
+            self.back, ahead = 0.0, 0.0
         options, back = self.options, self.back
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
             self._choose(self._first_to_bend(ahead))
@@ -392,7 +394,7 @@ class NonlinearElimination:
             forward = np.eye(len(begin.x))[-1]
             last = curve.trace(begin, forward, (-1.0, 1.0), self._distance)
             reached = last.tau >= 1.0
-            if reached:
+            if reached and reach is not None:
                 curve = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
                 begin = curve.at(np.append(last.x[:-1], back))
                 reach = min(reach[0], back - options.room), max(reach[1], back + options.room)
