@@ -63,13 +63,18 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
     """
     for meshes in itertools.count(1):
         _report_most_accurate(result)
-        latest = {row.direction: row.estimate for row in result.passes}
-        if all(error <= (result.scene.solve.accuracy or 0.0) for error in latest.values()):
+        wished, last = result.scene.solve.accuracy, {row.direction: row for row in result.passes}
+        if wished is None or all(row.estimate <= wished for row in last.values()):
             return result
-        finer = _finer(result) if meshes < OPTIONS.meshes else None
+        # Finer cells do not help where it is not known what short hinges do.
+        known = all(row.hinge_error <= wished for row in last.values())
+        finer = None
+        if meshes < OPTIONS.meshes and (known or result.scene.degree == 1):
+            finer = _finer(result)
         if finer is None:
             size = result.discretization.size
             result.inaccurate = f"not with {meshes} meshes of up to {size} displacements"
+            result.inaccurate += "" if known else "; what short hinges do is not known"
             break
         new = solve(finer)
         if new.status != "limit":

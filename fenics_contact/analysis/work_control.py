@@ -148,7 +148,7 @@ class _Search:
         if last is None or best.gap <= self.gap:
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
-        return last.gap > self.options.gap_falls * before
+        return last.gap > before
 
     @property
     def unlimited(self) -> bool:
@@ -180,7 +180,7 @@ class _Search:
             )
         state, certificate = best.verified.state, best.verified.certificate
         if status == "not_converged":
-            _log.warning("not verified: %s", certificate.failures or "not converged")
+            _log.info("not verified: %s", certificate.failures or "not converged")
         elif status == "limit":
             if best.gap > self.tolerance:
                 text = "the load factor is known to %.1e, not to the tolerance asked"

@@ -207,12 +207,7 @@ class Discretization:
         problem, stiffness = self.problem, self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
-        load, origin = self.elasticity.dead, np.zeros_like(spring)
-        if self.scene.dead.movement and problem.max(np.abs(load)) == 0.0:
-            # Movements give typical sizes where they are all of the dead load.
-            origin = problem.opening_origin
-            closing = problem.joint_forces(spring * origin, spring * problem.slip_origin)
-            load = problem.dead + closing
+        load, origin = _sizing_load(self, spring)
         dead, live = (factor.solve(each) for each in (load, problem.live))
         of_dead = np.maximum(spring * (origin - problem.normal @ dead), 0.0)
         of_live = np.maximum(-spring * (problem.normal @ live), 0.0)
@@ -305,6 +300,19 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
         opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
         slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
     return replace(problem, dead=dead, opening_origin=opening, slip_origin=slip), field
+
+
+def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
+    """Dead load that gives typical sizes, and the openings at which springs are at rest.
+
+    These are movements of supports where they are all of the dead load, else loads alone.
+    """
+    load, problem = made.elasticity.dead, made.problem
+    if not made.scene.dead.movement or problem.max(np.abs(load)) > 0.0:
+        return load, np.zeros_like(spring)
+    origin = problem.opening_origin
+    closing = problem.joint_forces(spring * origin, spring * problem.slip_origin)
+    return problem.dead + closing, origin
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

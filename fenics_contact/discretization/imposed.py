@@ -88,12 +88,10 @@ class Imposed:
         scaled = np.einsum("nij,nj->ni", inverse, right)
         missed = held - np.einsum("nsm,nm->ns", rows, scaled[supports.body])
         rest = np.einsum("nks,ns->nk", supports.frame, missed)
-        moved = np.zeros((int(boundary.nodes.max(initial=-1)) + 2, 2))  # the last for none
+        moved = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
         arm = boundary.points - bodies.centre[boundary.body][:, None]
         per_motion = motions(arm.reshape(-1, 2), bodies.size).reshape(*arm.shape, 3)
         moved[boundary.nodes] = np.einsum("fnkm,fm->fnk", per_motion, scaled[boundary.body])
         moved[supports.nodes] += rest
-        first, second = np.einsum(
-            "nsi,nsik->snk", joints.stencil.weights, moved[joints.stencil.nodes]
-        )
-        return cls(scaled / [1.0, 1.0, bodies.size], rest, second - first - ground)
+        jump = joints.stencil.jump(moved) - ground
+        return cls(scaled / [1.0, 1.0, bodies.size], rest, jump)

@@ -102,6 +102,17 @@ class _Transposed:
         return self.right.array_r.copy()
 
 
+def sparse_rows(stiffness: PETSc.Mat, dofs: npt.NDArray[np.integer], rows: Array) -> PETSc.Mat:
+    """A matrix with the stiffness's columns from coefficients of global dofs, -1: none."""
+    kept = dofs >= 0
+    indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
+    csr = indptr, dofs[kept].astype(PETSc.IntType), rows[kept]
+    sizes = (len(rows), PETSc.DETERMINE), stiffness.getSizes()[1]
+    matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=stiffness.comm)
+    matrix.assemble()
+    return matrix
+
+
 @dataclass(frozen=True)
 class Scales:
     """Typical sizes, so that no tolerance depends on units.
