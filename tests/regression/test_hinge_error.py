@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import pytest
 from mpi4py import MPI
 
 from fenics_contact import Load, limit_load
 from fenics_contact.console import summary
-from fenics_contact.meshing import wall
 from fenics_contact.output.files import result_record
-from tests.bank import BANK, WEIGHT, Recipe, Variant, coulomb, wall_recipe
+from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
 
 #: Limits for point hinges: extrapolated from meshes graded to the hinges.
 W4, W3 = 0.27952, 0.36195
@@ -198,16 +196,6 @@ def test_a_state_that_degree_2_does_not_have_is_told():
     assert change.before == result.load_factor
     assert math.isnan(change.after)
     assert "another collapse state on a finer mesh, not found" in summary(result)
-
-
-@pytest.mark.parametrize("elements", [2, 4])
-def test_buttress_in_steps_reaches_its_limit_at_once(elements):
-    """Hinges short enough leave a state that statics give: 8 / 19, on all meshes."""
-    courses = [[1, 1, 1], [-0.25, 0.5, 1, 1], [-0.5, 1, 1], [-0.75, 0.5, 1], [-1, 1]]
-    recipe = Recipe(partial(wall, courses, (0.4, 0.4)), coulomb(0.5))
-    result = limit_load(recipe.scene(elements))
-    assert result.load_factor < 0.404
-    assert result.positive.mesh_error.load_factor_point_hinges == pytest.approx(8 / 19, abs=1e-6)
 
 
 def test_load_control_and_reversed_load_have_an_estimate():
