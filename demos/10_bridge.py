@@ -36,6 +36,8 @@ for point in found:
 FOLDER.mkdir(parents=True, exist_ok=True)
 found.plot().figure.savefig(FOLDER / "places.png", dpi=150)
 
+if any(point.status != "limit" for point in found):
+    raise SystemExit("all places should have a limit load")
 weakest = found.worst.values["loads.live.force.axle.x"]
 if abs(weakest - 0.25 * SPAN) > 0.1 * SPAN:
     raise SystemExit(f"weakest at {weakest} m, should be near {0.25 * SPAN} m")

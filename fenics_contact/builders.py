@@ -56,13 +56,10 @@ class _Parts:
         """Sides of a group."""
         self.groups.setdefault(name, []).extend(segments)
 
-    def frame(self, x: Pair, y: Pair) -> Drawing:
-        """The drawing, with "base", "top", "left" and "right" along the sides of a rectangle."""
-        (x0, x1), (y0, y1) = x, y
-        self.side("base", ((x0, y0), (x1, y0)))
-        self.side("top", ((x0, y1), (x1, y1)))
-        self.side("left", ((x0, y0), (x0, y1)))
-        self.side("right", ((x1, y0), (x1, y1)))
+    def framed(self, corners: list[Pair], names: str = "base right top left") -> Drawing:
+        """The drawing, with groups along the sides of a frame."""
+        sides = itertools.pairwise([*corners, corners[0]])
+        self.groups |= {name: [side] for name, side in zip(names.split(), sides, strict=True)}
         return Drawing(self.blocks, self.names, self.groups)
 
 
@@ -122,7 +119,7 @@ def facade(
         low = top[1] + block[1]
         joints = [0.0, *(starts[1:-1] + 0.5 * pier), length]
         parts.row("floors", joints, (top[1], low))
-    return parts.frame((0.0, length), (0.0, low))
+    return parts.framed(_box((0.0, length), (0.0, low)))
 
 
 def _levels(low: float, height: float, course: float) -> list[float]:
@@ -202,7 +199,7 @@ def bridge(
     top_level = road + parts.parapet
     if parts.parapet > 0.0:
         drawn.course("parapets", ends, (road, top_level), 2.0 * parts.parapet, 0)
-    return drawn.frame(ends, (-high, top_level))
+    return drawn.framed(_box(ends, (-high, top_level)))
 
 
 def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: BridgeParts) -> None:
@@ -278,8 +275,5 @@ def retaining_wall(
             for x, y in face[k : k + 2]
         )
         parts.add("coping" if last else "stones", *blocks_between(low, high))
-    parts.side("base", ((0.0, 0.0), (base, 0.0)))
-    parts.side("top", ((base - top, height), (base, height)))
-    parts.side("back", ((base, 0.0), (base, height)))
-    parts.side("face", ((0.0, 0.0), (base - top, height)))
-    return Drawing(parts.blocks, parts.names, parts.groups)
+    corners = [(0.0, 0.0), (base, 0.0), (base, height), (base - top, height)]
+    return parts.framed(corners, "base back top face")

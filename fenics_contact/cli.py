@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
-        return COMMANDS[options.command](options, comm)
+        return int(options.run(options, comm))
     except InputError as error:
         _complain(str(error), comm)
         return BAD_INPUT
@@ -184,17 +184,15 @@ def _parser() -> argparse.ArgumentParser:
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
             help="change a value of the scene file, e.g. joints.default.friction=0.5",
         )  # fmt: skip
-    for command in (solve, check, sweep, report, mesh):
+    made = (solve, _solve), (check, _check), (sweep, _sweep), (report, _report), (mesh, _mesh)
+    for command, run in made:
+        command.set_defaults(run=run)
         loud = command.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    solve.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="where to write (SCENE without ending)"
-    )
-    sweep.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="where to write (SCENE_sweep); a sweep"
-        " that was stopped goes on there",
-    )  # fmt: skip
+    where = "where to write (SCENE_sweep); a sweep that was stopped goes on there"
+    for command, text in ((solve, "where to write (SCENE without ending)"), (sweep, where)):
+        command.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
     sweep.add_argument(
         "--vary", action="append", required=True, metavar="KEY=A:B:N",
         help="N values from A to B, or KEY=A,B,C; KEY,KEY=... gives keys the same values; several"
@@ -274,10 +272,9 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
         if comm.rank == 0:
             try:
                 _check_folder(folder)
-            except OSError as error:
-                raise InputError(f"cannot write to '{folder}': {error.strerror}") from None
-            except ValueError as error:  # a name with a NUL
-                raise InputError(f"cannot write to '{folder}': {error}") from None
+            except (OSError, ValueError) as error:  # a ValueError: a name with a NUL
+                reason = getattr(error, "strerror", error)
+                raise InputError(f"cannot write to '{folder}': {reason}") from None
     return folder
 
 
@@ -320,13 +317,3 @@ def _mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
             if not options.quiet:
                 print(made)
     return 0
-
-
-#: What the commands do.
-COMMANDS = {
-    "solve": _solve,
-    "check": _check,
-    "sweep": _sweep,
-    "report": _report,
-    "mesh": _mesh,
-}

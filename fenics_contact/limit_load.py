@@ -64,7 +64,7 @@ class LimitLoad(Result):
         """Displacements at the state reached, m, a dolfinx function; None if there is none."""
         if self.collapse is None or self.collapse.state is None:
             return None
-        values = self.discretization.without_imposed(self.collapse.state).displacement
+        values = self.discretization.with_imposed(self.collapse.state).displacement
         return displacement_function(self.discretization, values, "displacement")
 
     def hold_against_brackets(self) -> None:

@@ -222,15 +222,7 @@ def polygons(
         InputError: If a block has fewer than three corners or no area, crosses itself, or a group
             has no side.
     """
-    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
-    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
-        raise InputError("polygons: give at least one block, and a positive size")
-    for number, problem in enumerate(map(outline_problem, blocks)):
-        if problem:
-            raise InputError(f"polygons: block {number} {problem}")
-    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
-        if given is not None and len(given) != len(blocks):
-            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
+    blocks = _checked(outlines, size, names)
     names = ["blocks"] * len(blocks) if names is None else names
     groups = lowest_level(blocks) if groups is None else groups
     sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
@@ -244,6 +236,24 @@ def polygons(
         _draw(model, divided, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
+
+
+def _checked(
+    outlines: Sequence[npt.ArrayLike],
+    size: float | Sequence[float] | None,
+    names: Sequence[str] | None,
+) -> list[Array]:
+    """Corners of every block, or `InputError`; arguments as those of `polygons`."""
+    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
+    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
+        raise InputError("polygons: give at least one block, and a positive size")
+    for number, problem in enumerate(map(outline_problem, blocks)):
+        if problem:
+            raise InputError(f"polygons: block {number} {problem}")
+    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
+        if given is not None and len(given) != len(blocks):
+            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
+    return blocks
 
 
 def _draw(

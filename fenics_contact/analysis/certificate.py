@@ -200,8 +200,7 @@ def _joint_misses(
 ) -> dict[str, Array]:
     """What this rank's points miss of the joint laws, relative to `scales`."""
     d, f = scales.displacement, scales.force
-    opening = problem.normal @ state.displacement
-    slip = problem.tangential @ state.displacement - problem.slip_origin
+    opening, slip = problem.openings(state.displacement), problem.slips(state.displacement)
     if bound is None:
         bound = _bound(problem, state)
     return {

@@ -8,7 +8,6 @@ in its sliding joints, the rigid-block program with the friction forces of the s
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,12 +29,10 @@ class ModeOptions:
         mu: Products of open and sliding joints, in units of force times displacement.
         stiffest: Cap on the springs of closed joints, in units of the mean diagonal of K. No
             forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
-        not_unique: A mode that penetrates by more than this part of its size is one of many.
     """
 
     mu: float = 1e-12
     stiffest: float = 1e3
-    not_unique: float = 0.1
 
 
 OPTIONS = ModeOptions()
@@ -48,12 +45,6 @@ class Verified:
     state: State
     mode: Array
     certificate: Certificate
-
-    @property
-    def worth(self) -> tuple[bool, float]:
-        """Order of modes: one that passed first, then the smaller gap."""
-        gap = self.certificate.gap
-        return not self.certificate.mode_passed, gap if np.isfinite(gap) else np.inf
 
 
 def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
@@ -68,9 +59,15 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
         certificate = certify(case.problem, state, mode, scales, rigid_limit, points)
         return Verified(state, mode, replace(certificate, tolerance=tolerance))
 
-    best = _best_elastic_mode(case, state, scales, certified, gap)
+    best: Verified | None = None
+    try:
+        mode = elastic_mode(case.coulomb(state.work, scales), state)
+        # It bounds the limit for the state's friction from above, the state's forces from below.
+        best = certified(mode, kinematic_factor(case.problem, state, mode))
+    except SolverError as error:
+        _log.info("  no elastic mode: %s", error)
     passed = best is not None and best.certificate.mode_passed
-    if best is not None and best.worth <= (False, gap):
+    if best is not None and passed and best.certificate.gap <= gap:
         confirmed = replace(best.certificate, static_factor=state.load_factor)
         return replace(best, certificate=confirmed)
     strength = case.discretization.all_points(case.problem.bound(state.pressure))
@@ -100,33 +97,3 @@ def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
     near = kkt.on_central_path(state, OPTIONS.mu, COLD)
     linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
     return linear.live_response / linear.flexibility
-
-
-def _best_elastic_mode(
-    case: LoadCase,
-    state: State,
-    scales: Scales,
-    certified: Callable[[Array, float], Verified],
-    gap: float,
-) -> Verified | None:
-    """The better of the modes of a state with a friction bound that follows and one that stays.
-
-    The mode bounds the limit with the state's friction from above, the state's forces from below.
-    """
-    conditions = [case.given(case.problem.bound(state.pressure), state.work, scales)]
-    if case.problem.coulomb:
-        conditions.insert(0, case.coulomb(state.work, scales))
-    best: Verified | None = None
-    for kkt in conditions:
-        try:
-            mode = elastic_mode(kkt, state)
-        except SolverError as error:
-            _log.info("  no elastic mode: %s", error)
-            continue
-        found = certified(mode, kinematic_factor(case.problem, state, mode))
-        if best is None or found.worth < best.worth:
-            best = found
-        penetration = found.certificate.residuals["mode_penetration"]
-        if found.worth <= (False, gap) or not penetration <= OPTIONS.not_unique:
-            break
-    return best

@@ -5,9 +5,9 @@ the dead load alone. Then it is looked for directly: the dead load is the one th
 
     K u = lambda f_D + B_N^T r_N + B_T^T r_T,   f_D . u = T > 0,   the joints' laws as ever.
 
-If no joint has a strength of its own, the laws hold for every multiple of a state: (u, r) / lambda
-is one of equilibrium under f_D if lambda > 0. With lambda = 0 the dead load moves the blocks as a
-mechanism, and this state says nothing of others.
+If no joint has a strength of its own or an initial gap, and no support moves, the laws hold for
+every multiple of a state: (u, r) / lambda is one of equilibrium under f_D if lambda > 0. With
+lambda = 0 the dead load moves the blocks as a mechanism, and this state says nothing of others.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
     """
     problem, bonded = case.problem, case.bonded
     work = problem.dot(problem.dead, bonded.dead)
-    if work <= 0.0 or problem.max(problem.strength) > 0.0:
+    origin = problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
+    if work <= 0.0 or origin > 0.0 or problem.max(problem.strength) > 0.0:
         none = np.zeros_like(case.first_pressure)
         start = problem.state(bonded.dead, 0.0, case.first_pressure, none)
         task = Task(case, start.work, case.scales, tolerance)

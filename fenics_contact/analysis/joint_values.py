@@ -95,11 +95,11 @@ def joint_values(
 ) -> JointValues:
     """Values at all joint points of a state and its mode, on all ranks together.
 
-    Slips are those from the origin of slip of `whole`, whichever `problem` has.
+    Slips are measured from the origin that `whole` has, whichever `problem` has.
     """
     length, gather = whole.joints.length, whole.all_points
     normal, shear = gather(state.pressure), gather(state.shear)
-    gap, slip = problem.normal @ state.displacement, problem.tangential @ state.displacement
+    gap, slip = problem.openings(state.displacement), whole.problem.slips(state.displacement)
     rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
-    moved = gather(gap), gather(slip - whole.problem.slip_origin)
+    moved = gather(gap), gather(slip)
     return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

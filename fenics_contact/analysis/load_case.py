@@ -16,6 +16,8 @@ from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
 #: Sign of the live load by direction.
 SIGNS = {"positive": 1.0, "negative": -1.0}
+#: Displacements expected, in units of the largest movement of a support: mechanisms multiply it.
+MOVED = 10.0
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,10 @@ class LoadCase:
         """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only."""
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
-        scales = typical_sizes(discretization.sizing, bonded)
+        loads = replace(discretization.problem, dead=discretization.elasticity.dead)
+        scales = typical_sizes(loads, bonded)
         if discretization.scene.dead.movement:
-            moved = problem.max(np.abs(discretization.imposed))
+            moved = MOVED * problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
             scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
@@ -73,10 +76,10 @@ class LoadCase:
         return replace(case, problem=replace(case.problem, slip_origin=origin))
 
     def written(self, state: State) -> State:
-        """A state with its displacements u in place of u + u_g, and the work on these."""
-        state = self.discretization.without_imposed(state)
-        if not self.discretization.imposes:
+        """A state with its displacements u in place of u - u_d, and the work on these."""
+        if not self.discretization.scene.dead.movement:
             return state
+        state = self.discretization.with_imposed(state)
         return replace(state, work=self.problem.dot(self.problem.live, state.displacement))
 
     @property

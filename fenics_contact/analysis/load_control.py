@@ -212,7 +212,7 @@ class _Climb:
             SolverError: If no equilibrium is found there, or none on the way.
         """
         whole = self.case.discretization
-        loaded = self.case.problem.max(np.abs(whole.elasticity.dead)) > 0.0
+        loaded = self.case.problem.max(np.abs(self.case.problem.dead)) > 0.0
         loaded = loaded or bool(whole.scene.dead.movement)
         if loaded and not self._reached(0.0):
             raise SolverError("no equilibrium was found under the dead load")

@@ -111,9 +111,9 @@ class Counterparts:
         """A collapse as a start in a case of the other discretisation: its state and mode."""
         if end.state is None or end.mode is None:
             return end
-        problem, state = case.problem, self.given.without_imposed(end.state)
+        problem, state = case.problem, self.given.with_imposed(end.state)
         u, mode = (self.displacement(v) for v in (state.displacement, end.mode))
-        u += self.other.imposed
+        u -= self.other.imposed
         forces = self.forces(np.stack([state.pressure, state.shear]))
         started = problem.state(u, state.load_factor, *forces)
         return replace(end, state=started, mode=mode / problem.dot(problem.live, mode))

@@ -195,7 +195,7 @@ class Result:
         end = self.collapse
         if end is None or end.state is None:
             return block_arrays(self.discretization, None, None)
-        state = self.discretization.without_imposed(end.state)
+        state = self.discretization.with_imposed(end.state)
         return block_arrays(self.discretization, state.displacement, end.mode)
 
     @property

@@ -339,7 +339,6 @@ class WorkOptions:
         missing: Works in a row without a state after which none is looked for.
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
-        gap_falls: Factor by which the gap must fall for a verified state to be improved on.
         unlimited: A load factor that grows like this power of the work is not limited.
     """
 
@@ -349,7 +348,6 @@ class WorkOptions:
     largest: float = 1e10
     missing: int = 4
     gap: float = 2.5e-2
-    gap_falls: float = 0.7
     unlimited: float = 0.9
 
 
@@ -386,7 +384,7 @@ JOINT_FORCES: dict[str, Strategy] = {
 
 #: By method: with Coulomb friction, where the bound on friction depends on the pressure.
 COULOMB: dict[str, Strategy] = {
-    "auto": Strategy((along_block_modes, interior_point), GENERAL, further_along_rising_work),
+    "auto": Strategy((along_block_modes,), GENERAL, further_along_rising_work),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy((fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium),
     **JOINT_FORCES,

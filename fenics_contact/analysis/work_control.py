@@ -148,7 +148,7 @@ class _Search:
         if last is None or best.gap <= self.gap:
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
-        return last.gap > self.options.gap_falls * before
+        return last.gap > before
 
     @property
     def unlimited(self) -> bool:
@@ -227,8 +227,7 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     joint is about to close, or to stick.
     """
     problem, state, mode = case.problem, verified.state, verified.mode
-    opening = problem.normal @ state.displacement
-    slip = problem.tangential @ state.displacement - problem.slip_origin
+    opening, slip = problem.openings(state.displacement), problem.slips(state.displacement)
     opening_rate, slip_rate = problem.normal @ mode, problem.tangential @ mode
     # The work by which a joint that moves in the mode has moved so far.
     tiny = 1e-6 * problem.max(np.maximum(np.abs(opening_rate), np.abs(slip_rate)))

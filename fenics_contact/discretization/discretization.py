@@ -22,7 +22,7 @@ from fenics_contact.discretization.elasticity import (
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms
-from fenics_contact.discretization.imposed import facet_motion, ground_motion, imposed_field
+from fenics_contact.discretization.imposed import Imposed, facet_motion, ground_motion
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -75,8 +75,8 @@ class Discretization:
         warnings: What is legal and probably meant otherwise, for people.
         operators: Rows of B_N and B_T.
         bodies: Rigid motions of the blocks.
-        imposed: u_g of `imposed`, this rank's part in the supports' coordinates, m.
-        problem: What the solvers see; its displacements are u + u_g.
+        imposed: u_d of `imposed`, this rank's part in the supports' coordinates, m.
+        problem: What the solvers see; its displacements are u - u_d.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
         compile_seconds: Time to compile the forms, or to look them up, s.
@@ -207,17 +207,12 @@ class Discretization:
         problem, stiffness = self.problem, self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
-        dead, live = (factor.solve(load) for load in (self.sizing.dead, problem.live))
-        of_dead, of_live = (np.maximum(-spring * (problem.normal @ u), 0.0) for u in (dead, live))
+        load, origin = _sizing_load(self, spring)
+        dead, live = (factor.solve(each) for each in (load, problem.live))
+        of_dead = np.maximum(spring * (origin - problem.normal @ dead), 0.0)
+        of_live = np.maximum(-spring * (problem.normal @ live), 0.0)
         seconds = self.seconds + time.perf_counter() - start
         return Bonded(dead, live, of_dead, of_live, seconds)
-
-    @property
-    def sizing(self) -> ContactProblem:
-        """The problem from which typical sizes come: u_g counts where no dead load acts else."""
-        dead = self.elasticity.dead
-        alone = self.scene.dead.movement and self.problem.max(np.abs(dead)) == 0.0
-        return self.problem if alone else replace(self.problem, dead=dead)
 
     @cached_property
     def block_modes(self) -> BlockModes:
@@ -258,16 +253,11 @@ class Discretization:
         self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
         return everything
 
-    @property
-    def imposes(self) -> bool:
-        """Whether joints have initial gaps, or supports move."""
-        return bool(np.any(self.joints.gap)) or bool(self.scene.dead.movement)
-
-    def without_imposed(self, state: State) -> State:
-        """A state of the solvers with its displacements u in place of u + u_g, to write."""
-        if not self.imposes:
+    def with_imposed(self, state: State) -> State:
+        """A state of the solvers with its displacements u in place of u - u_d, to write."""
+        if not self.scene.dead.movement:
             return state
-        u, elastic = state.displacement - self.imposed, state.elastic - self.imposed
+        u, elastic = state.displacement + self.imposed, state.elastic + self.imposed
         return replace(state, displacement=u, elastic=elastic)
 
     def cartesian(self, values: Array) -> Array:
@@ -296,18 +286,33 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
 
 
 def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
-    """The problem with the forces of u_g in its dead load, and its slips; u_g."""
-    problem, joints, supports = made.problem, made.joints, made.supports
-    ground = ground_motion(made.scene, made.boundary, joints)
-    owned = range(*problem.stiffness.matrix.getOwnershipRange())
-    u, slip = imposed_field(joints, supports, ground, owned)
-    force = problem.stiffness @ u
-    held = supports.held_displacements(owned)
-    if np.any(supports.motion):
-        force -= internal_forces(made.elasticity, supports, held)
-    origin = problem.tangential @ u - slip[made.operators.points]
-    dead = made.elasticity.dead + force
-    return replace(problem, dead=dead, slip_origin=origin), u - held
+    """The problem with initial gaps and supports that move; u_d, as in `imposed`."""
+    problem, joints, supports, dead = made.problem, made.joints, made.supports, made.elasticity.dead
+    points, field = made.operators.points, np.zeros_like(dead)
+    opening, slip = -joints.gap[points], np.zeros(len(points))
+    if made.scene.dead.movement:
+        ground = ground_motion(made.scene, made.boundary, joints)
+        found = Imposed.of(supports, made.bodies, made.boundary, joints, ground)
+        owned = range(*problem.stiffness.matrix.getOwnershipRange())
+        rest = supports.spread(found.rest, owned)
+        field = made.rigid_motion(found.motion) + rest
+        dead = dead - internal_forces(made.elasticity, supports, rest)
+        opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
+        slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
+    return replace(problem, dead=dead, opening_origin=opening, slip_origin=slip), field
+
+
+def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
+    """Dead load that gives typical sizes, and the openings at which springs are at rest.
+
+    These are movements of supports where they are all of the dead load, else loads alone.
+    """
+    load, problem = made.elasticity.dead, made.problem
+    if not made.scene.dead.movement or problem.max(np.abs(load)) > 0.0:
+        return load, np.zeros_like(spring)
+    origin = problem.opening_origin
+    closing = problem.joint_forces(spring * origin, spring * problem.slip_origin)
+    return problem.dead + closing, origin
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
@@ -318,6 +323,8 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
     """
     live_work = problem.dot(problem.live, bonded.live)
     dead_work = problem.dot(problem.dead, bonded.dead)
+    if dead_work == 0.0:  # supports move
+        dead_work = problem.dot(problem.stiffness @ bonded.dead, bonded.dead)
     live_force = problem.max(bonded.live_pressure)
     if dead_work > 0.0:
         factor = float(np.sqrt(dead_work / live_work))

@@ -114,7 +114,7 @@ def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Ar
     u.x.array[:count] = supports.to_cartesian(displacement, first)
     u.x.scatter_forward()
     fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.lame))
-    compat.add_ghosts(force)
+    compat.add_ghosts(force.x)
     return supports.constrain_vector(force.x.array[:count], first)
 
 

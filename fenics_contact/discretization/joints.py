@@ -32,6 +32,7 @@ from fenics_contact.discretization.supports import Supports
 from fenics_contact.mesh import Array, Indices, Labels
 from fenics_contact.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene import JointLaw, Scene
+from fenics_contact.solvers.problem import sparse_rows
 
 
 @dataclass(frozen=True)
@@ -161,14 +162,13 @@ def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:
 
     Mid nodes of curved sides are where their arcs are: pressures would follow the facets else.
     """
-    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 2, 2))  # the last for none
+    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
     position[boundary.nodes] = boundary.points
     if boundary.nodes.shape[1] == 3:
         ends = boundary.points[:, :2], boundary.nodes[:, :2]
         height = arc_heights(*ends, boundary.normal)
         position[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
-    first, second = np.einsum("nsi,nsik->snk", stencil.weights, position[stencil.nodes])
-    return np.asarray(np.sum(normal * (second - first), axis=1))
+    return np.asarray(np.sum(normal * stencil.jump(position), axis=1))
 
 
 def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:
@@ -211,8 +211,8 @@ def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) ->
     points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
     dofs, normal_rows, tangential_rows = coefficients(joints, supports, points)
     return JointOperators(
-        normal=_sparse_rows(stiffness, dofs, normal_rows),
-        tangential=_sparse_rows(stiffness, dofs, tangential_rows),
+        normal=sparse_rows(stiffness, dofs, normal_rows),
+        tangential=sparse_rows(stiffness, dofs, tangential_rows),
         points=points,
         sides=joints.bodies[points],
         dofs=dofs.astype(PETSc.IntType),
@@ -236,16 +236,3 @@ def coefficients(
         for axis in (joints.normal, joints.tangent)
     )
     return dofs, normal_rows, tangential_rows
-
-
-def _sparse_rows(stiffness: PETSc.Mat, dofs: Indices, rows: Array) -> PETSc.Mat:
-    """A matrix with the stiffness's columns from coefficients of global dofs, -1: none."""
-    kept = dofs >= 0
-    indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
-    matrix = PETSc.Mat().createAIJ(
-        ((len(rows), PETSc.DETERMINE), (stiffness.getLocalSize()[1], PETSc.DETERMINE)),
-        csr=(indptr, dofs[kept].astype(PETSc.IntType), rows[kept]),
-        comm=stiffness.comm,
-    )
-    matrix.assemble()
-    return matrix

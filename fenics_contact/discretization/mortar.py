@@ -50,6 +50,12 @@ class Stencil:
     nodes: Indices
     weights: Array
 
+    def jump(self, values: Array) -> Array:
+        """Vectors of the second side minus those of the first, shape (points, 2), from nodes'."""
+        padded = np.vstack([values, np.zeros((1, 2))])  # the last for none
+        first, second = np.einsum("nsi,nsik->snk", self.weights, padded[self.nodes])
+        return np.asarray(second - first)
+
 
 @dataclass(frozen=True)
 class Pieces:

@@ -63,11 +63,11 @@ class Supports:
         """Displacements u' = Q^T u."""
         return self._times(np.swapaxes(self.frame, 1, 2), values, first)
 
-    def held_displacements(self, owned: range) -> Array:
-        """Held ones of the displacements that a rank owns, zero where nothing is held, m."""
+    def spread(self, motion: Array, owned: range) -> Array:
+        """The displacements that a rank owns, of those of all held nodes, zero elsewhere, m."""
         first, values = owned.start // 2, np.zeros((len(owned) // 2, 2))
         mine = (self.nodes >= first) & (self.nodes < first + len(values))
-        values[self.nodes[mine] - first] = self.motion[mine]
+        values[self.nodes[mine] - first] = motion[mine]
         return self.to_supports(values.ravel(), first)
 
     def constrain_vector(self, values: Array, first: int) -> Array:

@@ -19,7 +19,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.imposed import ground_motion
-from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.folder import writing
 
@@ -209,21 +209,25 @@ def write_joints(
     cells = {"connectivity": joints.segments.ravel(), "offsets": 2 * np.arange(1, len(first) + 1)}
     cells["types"] = np.full(len(first), VTK_LINE, dtype=np.uint8)
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
-    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
-    # XML allows no two hyphens in a comment.
-    file.append(Comment(f" state: {states}; group: {groups.replace('--', '- -')} "))
+    file.append(Comment(_numbers_in_words(joints)))
     grid = SubElement(file, "UnstructuredGrid")
     _add_arrays(grid, "FieldData", {"mode_scale": np.array([scale])})
     sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}
     piece = SubElement(grid, "Piece", sizes)
     _add_arrays(piece, "Points", {"points": joints.position})
-    _add_arrays(piece, "Cells", cells)
-    _add_arrays(piece, "PointData", points)
-    _add_arrays(piece, "CellData", lines)
+    for section, columns in (("Cells", cells), ("PointData", points), ("CellData", lines)):
+        _add_arrays(piece, section, columns)
     with writing(discretization.scene.comm):
         if discretization.scene.comm.rank == 0:
             ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
+
+
+def _numbers_in_words(joints: Joints) -> str:
+    """What the numbers of states and groups mean."""
+    states = ", ".join(f"{contact.value} {contact.name.lower()}" for contact in Contact)
+    groups = ", ".join(f"{k} {name}" for k, name in enumerate(joints.names))
+    # XML allows no two hyphens in a comment.
+    return f" state: {states}; group: {groups.replace('--', '- -')} "
 
 
 def _add_arrays(parent: Element, section: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:

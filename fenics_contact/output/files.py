@@ -123,7 +123,7 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
         return
     if end.state is None or end.mode is None or end.joints is None:
         return
-    state, mode = discretization.without_imposed(end.state), end.mode
+    state, mode = discretization.with_imposed(end.state), end.mode
     if options.pictures:
         stress = partial(draw_stress, raster=stress_raster(discretization, state.elastic))
         panels: dict[str, list[Draw]] = {

@@ -102,8 +102,10 @@ def draw_thrust(axes: Any, view: View) -> Any:
     add_lines(axes, lines.segments, **style)
     style = {"color": "white", "mec": BLACK, "mew": 0.7 * fine, "ls": "none", "zorder": 4}
     style |= {"marker": "o", "ms": 4.0 * max(fine, 0.5), "label": "centre of pressure"}
-    entries = axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
-    entries += axes.plot(*lines.centre.T, **style)
+    entries: list[Any] = []
+    if len(lines.segments):
+        entries += axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
+        entries += axes.plot(*lines.centre.T, **style)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
     axes.set_title("line of thrust at collapse (width: force)", fontsize=10)
     return axes

@@ -140,13 +140,17 @@ def _list(items: Iterable[str]) -> str:
     return "<ul>" + "".join(f"<li>{_text(item)}</li>" for item in items) + "</ul>"
 
 
-def _table(rows: Iterable[Sequence[object]], head: Sequence[str] = ()) -> str:
-    """A table; the first cell of a row names it."""
-    lines = ["".join(f'<th scope="col">{_text(cell)}</th>' for cell in head)] if head else []
+def _table(rows: Iterable[Sequence[object]], head: Sequence[str] = (), title: str = "") -> str:
+    """A table below its title, or nothing without rows; the first cell of a row names it."""
+    lines = []
     for name, *values in rows:
         cells = "".join(f"<td>{_text(value)}</td>" for value in values)
-        lines.append(f'<th scope="row">{_text(name)}</th>{cells}')
-    return "<table>" + "".join(f"<tr>{line}</tr>\n" for line in lines) + "</table>"
+        lines.append(f'<tr><th scope="row">{_text(name)}</th>{cells}</tr>\n')
+    if not lines:
+        return ""
+    above = "".join(f'<th scope="col">{_text(cell)}</th>' for cell in head)
+    table = f"<table>{f'<tr>{above}</tr>' if head else ''}{''.join(lines)}</table>"
+    return _heading(title, 3) + table if title else table
 
 
 def _value(value: Any, unit: str = "") -> str:
@@ -309,24 +313,17 @@ def _scene(record: Record) -> Iterator[str]:
         "Forces are per metre of thickness.",
     )
     for name in ("materials", "joints", "foundations"):
-        if scene[name]:
-            yield _heading(KEYS[name], 3)
-            yield _table(_rows(scene[name], units), ("group", "property", "value"))
-    if scene["supports"]:
-        yield _heading(KEYS["supports"], 3)
-        yield _table(scene["supports"].items(), ("group", "kind"))
-    if scene["contacts"]:
-        yield _heading("Where the blocks touch", 3)
-        places = [
-            (at["group"], at["kind"], at["points"], _value(at["length"]))
-            for at in scene["contacts"]
-        ]
-        yield _table(places, ("group", "kind", "joint points", "length (m)"))
-    yield _heading("Loads", 3)
+        yield _table(_rows(scene[name], units), ("group", "property", "value"), KEYS[name])
+    yield _table(scene["supports"].items(), ("group", "kind"), KEYS["supports"])
+    contacts = [
+        (at["group"], at["kind"], at["points"], _value(at["length"])) for at in scene["contacts"]
+    ]
+    head = ("group", "kind", "joint points", "length (m)")
+    yield _table(contacts, head, "Where the blocks touch")
     rows: list[tuple[str, ...]] = [*_rows(scene["loads"], units)]
     for name, force in scene["resultants"].items():
         rows.append((name, "resultant", _value(force, units["resultants"])))
-    yield _table(rows, ("load", "what", "value"))
+    yield _table(rows, ("load", "what", "value"), "Loads")
     yield _paragraph(
         "The dead load acts first and stays. The live load is multiplied by the load factor."
         " A body force is an acceleration; the force is density times it."
@@ -365,7 +362,6 @@ def _verification(record: Record) -> Iterator[str]:
         if not details.get("residuals"):
             continue
         shown = True
-        yield _heading(f"State with the {_direction(direction)}", 3)
         allowed = details["tolerances"]
         rows = []
         for name, value in details["residuals"].items():
@@ -374,7 +370,8 @@ def _verification(record: Record) -> Iterator[str]:
             amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
             label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
             rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
-        yield _table(rows, ("condition", "what it means", "residual", "allowed", "passed"))
+        head = ("condition", "what it means", "residual", "allowed", "passed")
+        yield _table(rows, head, f"State with the {_direction(direction)}")
     if not shown:
         yield _paragraph("There is no collapse state to verify.")
 
@@ -390,12 +387,11 @@ def _computation(record: Record) -> Iterator[str]:
     rows += [(MEANING[key], _value(iterations[key])) for key in ("fixed_point", "factorizations")]
     rows += [("processes (MPI ranks)", record["ranks"]), ("date (UTC)", record["date"])]
     yield _table(rows)
-    yield _heading("Times", 3)
     seconds = record["seconds"].items()
-    yield _table([(PHASES.get(name, name), _value(value, "s")) for name, value in seconds])
+    times = [(PHASES.get(name, name), _value(value, "s")) for name, value in seconds]
+    yield _table(times, title="Times")
     if record["skipped"]:
         yield _heading("What the scene did not need", 3)
         yield _list(record["skipped"])
-    yield _heading("Versions", 3)
     named = {"fenics-contact": record["version"], **record["versions"]}
-    yield _table([(name, version or "not known") for name, version in named.items()])
+    yield _table([(k, version or "not known") for k, version in named.items()], title="Versions")

@@ -44,7 +44,7 @@ class ThrustOptions:
     touching: float = 1e-6
     parallel: float = 1e-3
     loaded: float = 1e-6
-    aside: float = 0.5
+    aside: float = 0.3
     along: float = 0.7
 
 
@@ -62,6 +62,7 @@ class Resultants:
         centre: Centre of pressure, m, shape (faces, 2); the middle where no force acts.
         normal: Unit normal from first to second body, shape (faces, 2).
         ends: Ends of the faces, m, shape (faces, 2, 2).
+        loaded: Whether they carry a force, shape (faces,).
         parts: Whether most points open in the collapse mode and none carries force, shape (faces,).
     """
 
@@ -71,17 +72,8 @@ class Resultants:
     centre: Array
     normal: Array
     ends: Array
+    loaded: Flags
     parts: Flags
-
-    @property
-    def loaded(self) -> Flags:
-        """Faces that carry a force."""
-        return _loaded(self.normal_force)
-
-
-def _loaded(normal_force: Array) -> Flags:
-    """Which of some forces are not nothing beside the largest."""
-    return normal_force > OPTIONS.loaded * normal_force.max(initial=0.0)
 
 
 def face_resultants(joints: Joints, values: JointValues) -> Resultants:
@@ -103,6 +95,7 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         centre = np.column_stack(moment) / normal_force[:, None]
     first = faces.ends[:, 0]
     pressed = normal_force > 0.0
+    loaded = normal_force > OPTIONS.loaded * normal_force.max(initial=0.0)
     return Resultants(
         bodies=np.asarray(joints.bodies[first], dtype=np.int64),
         force=np.column_stack([x, y]),
@@ -110,7 +103,8 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         centre=np.where(pressed[:, None], centre, ends.mean(axis=1)),
         normal=joints.normal[first],
         ends=ends,
-        parts=opens & ~_loaded(normal_force),
+        loaded=loaded,
+        parts=opens & ~loaded,
     )
 
 

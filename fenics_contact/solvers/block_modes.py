@@ -138,6 +138,7 @@ class BlockModes(Closing):
             live=self._basis.T @ problem.live,
             friction=problem.friction,
             strength=problem.strength,
+            opening_origin=problem.opening_origin,
             slip_origin=problem.slip_origin,
         )
         return new

@@ -30,7 +30,14 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.solvers.bound_qp import BoundQP
-from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap
+from fenics_contact.solvers.problem import (
+    Array,
+    Closing,
+    ContactProblem,
+    Owner,
+    SparseMap,
+    sparse_rows,
+)
 
 Integers = npt.NDArray[np.integer]
 Entries = Iterator[tuple[Integers, Integers, Array]]
@@ -91,8 +98,8 @@ class DelassusOperator(Closing):
         problem = self._problem
         free = self._response(problem.dead + self._rho * near)
         right = self.join(
-            -(problem.normal @ free),
-            problem.slip_origin - problem.tangential @ free,
+            -problem.openings(free),
+            -problem.slips(free),
             work - problem.dot(problem.live, free),
         )
         return right + self.hold * held, free
@@ -239,10 +246,4 @@ def _one_side(points: JointPoints, side: int, stiffness: PETSc.Mat) -> PETSc.Mat
     columns = slice(half * side, half * (side + 1))
     dofs = np.tile(points.dofs[:, columns], (2, 1))
     rows = np.concatenate([points.normal[:, columns], points.tangential[:, columns]])
-    kept = dofs >= 0
-    indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
-    csr = indptr, dofs[kept].astype(PETSc.IntType), rows[kept]
-    sizes = (len(rows), PETSc.DETERMINE), stiffness.getSizes()[1]
-    matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=stiffness.comm)
-    matrix.assemble()
-    return matrix
+    return sparse_rows(stiffness, dofs, rows)

@@ -271,7 +271,7 @@ class PerturbedKKT:
         """Openings and slips of this rank's points, with those of the points' own compliance."""
         p = self.problem
         c_n, c_t = p.compliance
-        return p.normal @ u + c_n * pressure, p.tangential @ u - p.slip_origin + c_t * shear
+        return p.openings(u) + c_n * pressure, p.slips(u) + c_t * shear
 
 
 class Linearization:

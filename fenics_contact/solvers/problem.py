@@ -102,6 +102,17 @@ class _Transposed:
         return self.right.array_r.copy()
 
 
+def sparse_rows(stiffness: PETSc.Mat, dofs: npt.NDArray[np.integer], rows: Array) -> PETSc.Mat:
+    """A matrix with the stiffness's columns from coefficients of global dofs, -1: none."""
+    kept = dofs >= 0
+    indptr = np.concatenate([[0], np.cumsum(kept.sum(axis=1))]).astype(PETSc.IntType)
+    csr = indptr, dofs[kept].astype(PETSc.IntType), rows[kept]
+    sizes = (len(rows), PETSc.DETERMINE), stiffness.getSizes()[1]
+    matrix = PETSc.Mat().createAIJ(sizes, csr=csr, comm=stiffness.comm)
+    matrix.assemble()
+    return matrix
+
+
 @dataclass(frozen=True)
 class Scales:
     """Typical sizes, so that no tolerance depends on units.
@@ -160,6 +171,7 @@ class ContactProblem:
         strength: Given bound on the shear force at this rank's points, N per metre (Tresca).
         rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
         slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
+        opening_origin: B_N u from which openings are measured, m; below zero for initial gaps.
         compliance: Compliance of the joint points themselves that K lacks, normal and tangential,
             m per N/m, shape (2, points): openings and slips are B u + compliance r.
     """
@@ -173,12 +185,14 @@ class ContactProblem:
     strength: Array
     rigid: SparseMap
     slip_origin: Array = field(default_factory=lambda: np.zeros(0))
+    opening_origin: Array = field(default_factory=lambda: np.zeros(0))
     compliance: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
     def __post_init__(self) -> None:
         points = len(self.friction)
-        if len(self.slip_origin) != points:
-            object.__setattr__(self, "slip_origin", np.zeros(points))
+        for name in ("slip_origin", "opening_origin"):
+            if len(getattr(self, name)) != points:
+                object.__setattr__(self, name, np.zeros(points))
         if self.compliance.shape[1] != points:
             object.__setattr__(self, "compliance", np.zeros((2, points)))
 
@@ -218,6 +232,14 @@ class ContactProblem:
     def bound(self, pressure: Array) -> Array:
         """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""
         return self.friction * pressure + self.strength
+
+    def openings(self, u: Array) -> Array:
+        """Openings of this rank's points, m."""
+        return self.normal @ u - self.opening_origin
+
+    def slips(self, u: Array) -> Array:
+        """Slips of this rank's points, m."""
+        return self.tangential @ u - self.slip_origin
 
     def joint_forces(self, pressure: Array, shear: Array) -> Array:
         """B_N^T r_N + B_T^T r_T, N per metre of thickness."""

@@ -8,7 +8,6 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
@@ -113,21 +112,18 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
     start = time.perf_counter()
     try:
         result = solve(family.scene(values), structure)
-    except InputError as error:
-        return Point(values, WRONG_INPUT, reason=_line(str(error)))
-    except SolverError as error:
-        return Point(values, "not_converged", reason=_line(str(error)))
+    except (InputError, SolverError) as error:
+        status = WRONG_INPUT if isinstance(error, InputError) else "not_converged"
+        return Point(values, status, reason=_line(str(error)))
     found: dict[str, Any] = {}
     for name, end in result.ends.items():
         suffix = "_negative" if name == "negative" else ""
-        bounds = end.bounds
-        found[f"load_factor{suffix}"] = float(end.load_factor)
-        for side in ("lower", "upper"):
-            bound = getattr(bounds, side)
-            found[side + suffix] = math.nan if bound is None else float(bound)
-    estimate = None if result.collapse is None else result.collapse.mesh_error
-    if estimate is not None:
-        found["load_factor_point_hinges"] = float(estimate.load_factor_point_hinges)
+        low, high = end.bounds.lower, end.bounds.upper
+        ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
+        found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
+    if result.collapse is not None and result.collapse.mesh_error is not None:
+        hinges = result.collapse.mesh_error.load_factor_point_hinges
+        found["load_factor_point_hinges"] = float(hinges)
     return Point(
         values,
         result.status,
@@ -140,14 +136,11 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
 
 def _failures(result: LimitLoad) -> str:
     """What keeps states from being verified."""
-    missed = [text for end in result.ends.values() for text in _failures_of(end)]
-    return "" if result.status != "not_converged" else ", ".join(missed) or "no state was found"
-
-
-def _failures_of(end: Collapse) -> list[str]:
-    if end.certificate is None:
-        return []
-    return [f"{law} {value:.1e}" for law, value in end.certificate.failures.items()]
+    if result.status != "not_converged":
+        return ""
+    certificates = [end.certificate for end in result.ends.values() if end.certificate]
+    missed = [f"{law} {value:.1e}" for c in certificates for law, value in c.failures.items()]
+    return ", ".join(missed) or "no state was found"
 
 
 def value_text(value: Any) -> str:

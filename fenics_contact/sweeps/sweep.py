@@ -58,8 +58,7 @@ class Sweep(Sequence[Point]):
     def worst(self) -> Point | None:
         """The point with the lowest load factor; None if none is solved and finite."""
         found = [point for point in self if math.isfinite(point.least)]
-        least = [point.least for point in found]
-        return found[int(np.argmin(least))] if found else None
+        return min(found, key=lambda point: point.least) if found else None
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the load factor with its bracket over the parameter; returns the axes."""

@@ -46,12 +46,8 @@ class Table:
         with self._told():
             folder.mkdir(parents=True, exist_ok=True)
             before = json.loads(described.read_text()) if described.exists() else None
-            if before is not None and record.get("mesh") is None:
-                raise InputError(
-                    f"'{folder}' has a sweep; one of a scene made in Python cannot go on there,"
-                    " choose another folder"
-                )
-            if before is not None and before != json.loads(json.dumps(record)):
+            same = "mesh" in record and before == json.loads(json.dumps(record))
+            if before is not None and not same:  # the mesh of a scene made in Python has no record
                 raise InputError(
                     f"'{folder}' has a sweep of another scene or other values; choose another"
                     " folder with -o, or remove that one"

@@ -43,13 +43,16 @@ ELASTIC = {
 
 @pytest.fixture(scope="module")
 def plain() -> dict[str, float]:
-    return {name: limit_load(BANK[name].scene(tolerance=EXACT)).load_factor for name in WALLS}
+    return {
+        name: limit_load(BANK[name].scene(tolerance=EXACT, error=False)).load_factor
+        for name in WALLS
+    }
 
 
 @pytest.mark.parametrize("variant", SAME)
 @pytest.mark.parametrize("name", WALLS)
 def test_load_factor_is_invariant(plain, name, variant):
-    result = limit_load(BANK[name].scene(variant=SAME[variant], tolerance=EXACT))
+    result = limit_load(BANK[name].scene(variant=SAME[variant], tolerance=EXACT, error=False))
     assert result.status == "limit"
     assert result.load_factor == pytest.approx(plain[name], rel=AGREED)
 
@@ -57,10 +60,12 @@ def test_load_factor_is_invariant(plain, name, variant):
 def test_reversed_load_on_mirrored_wall_is_the_same(plain):
     """The negative direction of a wall is the positive one of its mirror image, with its sign."""
     wall = BANK["W3 coulomb 0.65"]
-    result = limit_load(wall.scene(direction="both", tolerance=EXACT))
+    result = limit_load(wall.scene(direction="both", tolerance=EXACT, error=False))
     assert result.load_factor == pytest.approx(plain[wall.name], rel=AGREED)
     mirrored = Variant(mirrored=True)
-    opposite = limit_load(wall.scene(variant=mirrored, direction="negative", tolerance=EXACT))
+    opposite = limit_load(
+        wall.scene(variant=mirrored, direction="negative", tolerance=EXACT, error=False)
+    )
     assert opposite.load_factor_negative == pytest.approx(result.load_factor_negative, rel=AGREED)
     assert result.load_factor_negative < 0.0
 
@@ -78,7 +83,9 @@ def test_elasticity_does_not_change_exact_load_factors(name, variant):
 @pytest.mark.parametrize("variant", ELASTIC)
 @pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W2 coulomb 0.65", "W3 coulomb 0.65"])
 def test_elasticity_hardly_changes_those_of_walls(name, variant):
-    result = limit_load(BANK[name].scene(variant=ELASTIC[variant]))
+    # W3 has a second state at 0.38. If it hardly changes its volume, either may be found.
+    several = {"states": "lowest"} if name.startswith("W3") and "incompress" in variant else {}
+    result = limit_load(BANK[name].scene(variant=ELASTIC[variant], error=False, **several))
     assert result.status == "limit"
     assert result.load_factor == pytest.approx(BANK[name].expected, rel=5e-3)
 

@@ -28,8 +28,8 @@ def slow(*names: str) -> list[Any]:
 
 
 def solved(scene: Scene) -> LimitLoad:
-    """The result, which must be verified."""
-    result = limit_load(scene)
+    """The result, which must be verified. Its error estimate has tests of its own."""
+    result = limit_load(replace(scene, solve=replace(scene.solve, error=False)))
     assert result.status == "limit"
     return result
 
@@ -70,7 +70,7 @@ def test_arch_by_joint_forces(method):
     assert result.load_factor == pytest.approx(result.bounds.upper, rel=2e-5)
 
 
-@pytest.mark.parametrize("name", ["W1", "W2", "W4"])
+@pytest.mark.parametrize("name", ["W1", "W4", *slow("W2")])
 def test_fixed_point_alone_ends_in_the_same_state(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(method="fixed-point"), tmp_path)
@@ -96,7 +96,7 @@ def test_raising_the_load_ends_at_the_linear_program_with_given_friction(name, t
     assert factor * (1.0 - 2e-4) <= path["equilibrium_up_to"] <= factor * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("name", ["W1", "W4", *slow("W2", "W3")])
+@pytest.mark.parametrize("name", ["W1", *slow("W2", "W3", "W4")])
 def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(control="load"), tmp_path)
@@ -108,7 +108,7 @@ def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     assert high - low <= 2e-4 * low
 
 
-@pytest.mark.parametrize("name", ["W4", *slow("W2")])
+@pytest.mark.parametrize("name", slow("W4", "W2"))
 def test_slip_measured_by_load_steps_ends_in_a_verified_state(name):
     wall = BANK[f"{name} coulomb 0.65"]
     stepped = solved(wall.scene(control="load", slip="load-steps"))

@@ -83,6 +83,12 @@ GROUPS = {
     "supports": no_group("supports", "fixed"),
     "dead traction": no_group("loads.dead.traction", [1.0, 0.0]),
     "live traction": no_group("loads.live.traction", [1.0, 0.0]),
+    "movement": Wrong(
+        ("loads.dead.movement.nowhere", "'base'"), {"loads.dead.movement.nowhere.rotation": 1.0}
+    ),
+    "live movement": Wrong(
+        ("loads.live.movement", "loads.dead.movement"), {"loads.live.movement.base.rotation": 1.0}
+    ),
     "cells without material": Wrong(("'high'",), {"materials": {"low": STEEL}}, "stack"),
     "group of two roles": Wrong(("'base'",), {"supports.base": "fixed"}),
 }
@@ -97,6 +103,10 @@ VALUES = {
     **{f"tolerance {x}": value("solve.tolerance", x) for x in (0.0, -1e-6, 1e-13, 0.2, NAN)},
     **{f"degree {x}": value("mesh.degree", x) for x in (0, 3)},
     **{f"capacity {x}": value("output.capacity", x) for x in (-1, 10**6)},
+    **{f"movement {x}": value("loads.dead.movement.base.displacement", x)
+       for x in (1.0, [1.0], [NAN, 0.0], ["a", 0.0])},
+    **{f"rotation {x}": value("loads.dead.movement.base.rotation", x) for x in (30.0, NAN, "a")},
+    "movement as a list": value("loads.dead.movement.base", [1e-3, 0.0], "table"),
     "law": law("law", "glue", law="glue"),
     "method": value("solve.method", "newton", "newton", "fixed-point"),
     **{f"method {x!r}": value("solve.method", x, f"'{x}'", *METHODS)

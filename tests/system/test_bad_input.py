@@ -127,6 +127,10 @@ DOUBTS = {
         Wrong((), {"foundations.base.friction": 35.0}),
         ("foundations.base.friction = 35",),
     ),
+    "large movement": (
+        Wrong((), {"loads.dead.movement.base.displacement": [0.3, 0.0]}),
+        ("loads.dead.movement.base moves it by up to 0.3 m",),
+    ),
     "GPa": (Wrong((), {"materials.default.young": 20.0}), ("young = 20 Pa",)),
     "hardly compressible": (Wrong((), {"materials.default.poisson": 0.499}), ("poisson",)),
     "block without weight": (

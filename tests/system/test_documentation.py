@@ -1,8 +1,8 @@
 """What the documentation says is so: its programs, commands and scenes run, its keys are there.
 
 `make docs` checks links. In the pages, blocks of code are of these kinds: `sh`, `python` and `toml`
-are run, `text` is what the block before prints, `py` is a sketch. "Save this as `NAME`" before a
-block makes a file of it; other scenes are parts of one, and are checked.
+are run, `text` and a comment `load factor = ...` are what is printed, `py` is a sketch. "Save this
+as `NAME`" before a block makes a file of it; other scenes are parts of one, and are checked.
 """
 
 from __future__ import annotations
@@ -146,6 +146,8 @@ def test_pages_run_as_they_are_written(page, shell, capsys):
         elif block.kind in RUN:
             found = done(block, shell, capsys)
             assert found.code == 0, f"{block.text}\n{found.out}{found.err}"
+            said = re.findall(r"# (load factor = [\d.]+)", block.text)
+            assert all(line in found.out for line in said), found.out
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -129,6 +129,7 @@ def test_bad_drawing(name, folder, capsys):
         (["good.dxf", "--size", "0"], ("size = 0",)),
         (["good.dxf", "--size", "nan"], ("size = nan",)),
         (["good.dxf", "--size", "1e-6"], ("cells", "--size")),
+        (["good.dxf", "--size", "1e3"], ("larger than the drawing", "--size in m")),
         (["good.dxf", "-o", "wall.vtk"], ("wall.vtk", ".msh")),
         (["good.dxf", "-o", "nowhere/wall.msh"], ("nowhere/wall.msh", "No such file")),
         (["good.dxf", "-o", "folder.msh"], ("folder.msh", "folder")),

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import InputError, Load, SolveOptions, equilibrium
+from fenics_contact import InputError, Load, SolveOptions, equilibrium, limit_load
+from fenics_contact.limit_load import Monitor
 from tests.bank import BANK, block_recipe
 
 BLOCK = block_recipe(0.4, 1.0, 0.3)
@@ -66,6 +67,17 @@ def test_dead_load_alone_and_live_load_alone():
     as_live = equilibrium(replace(scene, dead=Load(), live=scene.dead))
     assert alone.status == as_live.status == "equilibrium"
     assert as_live.joints["pressure"] == pytest.approx(alone.joints["pressure"], rel=1e-8)
+
+
+def test_other_direction_is_not_solved_where_the_dead_load_is_in_equilibrium():
+    heard = set()
+
+    class Listener(Monitor):
+        def step(self, direction, step):
+            heard.add(direction)
+
+    result = limit_load(BANK["arch 15 0.15"].scene(), Listener())
+    assert result.status == "limit" and heard == {"positive"}
 
 
 @pytest.mark.parametrize(("factor", "steps"), [(float("nan"), 1), (float("inf"), 1), (0.1, 0)])

@@ -291,7 +291,7 @@ def test_limit_load_of_a_spread_arch_is_verified_and_the_same():
 def test_verification_counts_the_movement():
     with Discretization(arch(0.0)) as still, Discretization(arch(5e-3)) as moved:
         state = equilibrium(arch(0.0), 0.0).state
-        scales = typical_sizes(still.sizing, still.bonded(GENERAL))
+        scales = typical_sizes(still.problem, still.bonded(GENERAL))
         good, bad = (
             max(state_residuals(made.problem, state, scales).values()) for made in (still, moved)
         )
@@ -311,11 +311,36 @@ def test_kept_matrices_give_the_numbers_of_new_ones(make):
         for one, other in (
             (changed.problem.dead, new.problem.dead),
             (changed.problem.slip_origin, new.problem.slip_origin),
+            (changed.problem.opening_origin, new.problem.opening_origin),
             (changed.imposed, new.imposed),
         ):
             assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * np.abs(other).max(initial=0))
-        largest = new.problem.max(np.abs(new.imposed))
+        largest = new.problem.max(np.abs(new.problem.opening_origin))
     assert largest > 1e-3
+
+
+@pytest.mark.mpi
+def test_block_on_ground_that_breaks_under_it():
+    """It stands on what stays, and the rest of the ground goes down by any amount."""
+    drawing = grid_blocks(((0.0, 0.0), (2.0, 0.5), (8, 2)))
+    side, at = drawing.facets["bottom0"], drawing.points[:, 0]
+    for name, inside in (("stays", at < 1.25 + 1e-9), ("sinks", at > 1.25 - 1e-9)):
+        drawing.facets[name] = side[np.all(inside[side], axis=1)]
+    scene = Scene(
+        mesh_of(drawing.model()),
+        {"default": STONE},
+        live=Load((1.0, 0.0)),
+        dead=Load((0.0, -9.81)),
+        foundations={"stays": coulomb(0.5), "sinks": coulomb(0.5)},
+    )
+    few, more = (
+        equilibrium(moving(scene, sinks=Movement((0.0, -drop))), 0.0) for drop in (1e-2, 3e-2)
+    )
+    sinks, force = few.joints["group"] == "sinks", few.joints["force"][:, 1]
+    assert force[sinks] == pytest.approx(np.zeros(sinks.sum()), abs=1e-6)
+    assert force[~sinks].sum() == pytest.approx(STONE.density * 9.81, rel=1e-9)
+    opened = more.joints["gap"] - few.joints["gap"]
+    assert opened[sinks] == pytest.approx(np.full(sinks.sum(), 2e-2), rel=1e-9)
 
 
 def test_movements_that_are_refused():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,6 +51,11 @@ def test_values_of_a_parameter(text, values):
 def test_parameter_is_refused(text):
     with pytest.raises(InputError, match=r"KEY|range|values"):
         Parameter.parse(text)
+
+
+def test_arrays_and_paths_are_values_as_a_file_has_them():
+    given = [np.float64(0.5), np.int64(2), np.array([1.0, 2.0]), (3, 4), Path("a/b.msh")]
+    assert Parameter.of("a", given).values == (0.5, 2, [1.0, 2.0], [3, 4], "a/b.msh")
 
 
 def test_grid_of_two_parameters():
@@ -185,6 +191,14 @@ def test_picture_of_a_sweep(vary, label):
     axes = draw_sweep(parameters, found)
     assert axes.get_xlabel() == label
     axes.figure.canvas.draw()
+
+
+def test_one_end_of_a_bracket_is_drawn_and_the_worst_place_named():
+    parameters = [Parameter.parse("a=0:1:5")]
+    found = [replace(point, lower=math.nan) for point in points(grid(parameters))]
+    axes = draw_sweep(parameters, found)
+    labels = axes.get_legend_handles_labels()[1]
+    assert labels == ["load factor", "at most", "lowest: 0.5 at 0"]
 
 
 @pytest.mark.slow
