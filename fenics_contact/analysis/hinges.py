@@ -253,11 +253,13 @@ def _with_algebraic_error(
 
 
 def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
-    """The last state of the way, whose hinges are points; None where hinges change nothing."""
+    """The last state of the way, with what is left of c / m; None where hinges change nothing."""
     if not way.complete or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
-    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=0.0))
+    change = abs(found.load_factor - way.states[-2].load_factor) / _size(way.states[0])
+    left = change * way.halvings[-2] / way.halvings[-1]
+    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
 
 
 def _with_lengths(
