@@ -180,7 +180,7 @@ class _Search:
             )
         state, certificate = best.verified.state, best.verified.certificate
         if status == "not_converged":
-            _log.warning("not verified: %s", certificate.failures or "not converged")
+            _log.info("not verified: %s", certificate.failures or "not converged")
         elif status == "limit":
             if best.gap > self.tolerance:
                 text = "the load factor is known to %.1e, not to the tolerance asked"
