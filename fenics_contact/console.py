@@ -171,6 +171,8 @@ def _mesh_lines(end: Collapse) -> list[str]:
         return []
     if np.isnan(error.load_factor_point_hinges):
         lines = ["mesh: what the length of hinges does to the load factor is not known"]
+    elif error.hinge_length == 0.0:
+        lines = [f"mesh: the hinges are almost points; {_other_errors(error)}"]
     elif error.estimate == 0.0 and not error.state_changes and error.algebraic_error == 0.0:
         lines = ["mesh: the load factor does not depend on the mesh"]
     else:

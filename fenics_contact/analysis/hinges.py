@@ -187,10 +187,15 @@ def _independent(case: LoadCase, end: Collapse) -> bool:
     return end.joints is not None and _determinate(case, end, end.joints.contact != Contact.OPEN)
 
 
+def _dearest(case: LoadCase) -> float:
+    """`ErrorOptions.dearest`; there is no limit where an accuracy is wished."""
+    return OPTIONS.dearest if case.discretization.scene.solve.accuracy is None else math.inf
+
+
 def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
     """States with more and more compliant hinges, as long as they change the load factor."""
     whole, cost = case.discretization, _solve_cost(way.states[0])
-    most = whole.factorizations() + OPTIONS.dearest * cost
+    most = whole.factorizations() + _dearest(case) * cost
     tried: set[tuple[float, Start, int]] = set()
     for halvings, start in OPTIONS.ways:
         task = halvings, start, len(way.states)
@@ -234,7 +239,7 @@ def _with_algebraic_error(
     if not np.any(slides) or _independent(case, last):
         return replace(error, algebraic_error=0.0)
     expected = OPTIONS.near_solve * OPTIONS.other_cost[degree - 1]
-    if spent + expected > OPTIONS.dearest * _solve_cost(first):
+    if spent + expected > _dearest(case) * _solve_cost(first):
         _log.info("  other degree: too dear")
         return error
     other, same = with_other_degree(case, last, Softened(points, halvings), near)
@@ -248,10 +253,7 @@ def _with_algebraic_error(
 
 
 def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | None:
-    """The last state of the way, with the error that is left; None where hinges change nothing.
-
-    For a large number m of halvings this error falls like 1 / m.
-    """
+    """The last state of the way, with what is left of c / m; None where hinges change nothing."""
     if not way.complete or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
