@@ -80,14 +80,25 @@ def test_elasticity_does_not_change_exact_load_factors(name, variant):
     assert entry.right(result.status, result.load_factor), result.load_factor
 
 
-@pytest.mark.parametrize("variant", ELASTIC)
-@pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W2 coulomb 0.65", "W3 coulomb 0.65"])
+@pytest.mark.parametrize(
+    ("name", "variant"),
+    [
+        (f"{wall} coulomb 0.65", variant)
+        for wall, variant in product(("W1", "W2", "W3"), ELASTIC)
+        if (wall, variant) != ("W3", "nearly incompressible")
+    ],
+)
 def test_elasticity_hardly_changes_those_of_walls(name, variant):
-    # W3 has a second state at 0.38. If it hardly changes its volume, either may be found.
-    several = {"states": "lowest"} if name.startswith("W3") and "incompress" in variant else {}
-    result = limit_load(BANK[name].scene(variant=ELASTIC[variant], error=False, **several))
+    result = limit_load(BANK[name].scene(variant=ELASTIC[variant], error=False))
     assert result.status == "limit"
     assert result.load_factor == pytest.approx(BANK[name].expected, rel=5e-3)
+
+
+def test_lowest_state_of_a_wall_that_hardly_changes_its_volume():
+    """W3 has a second state at 0.38. With such blocks either may be found first."""
+    wall = BANK["W3 coulomb 0.65"]
+    result = limit_load(wall.scene(variant=Variant(poisson=0.49), states="lowest", error=False))
+    assert result.load_factor == pytest.approx(wall.expected, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W2 coulomb 0.65", "W3 coulomb 0.65"])
