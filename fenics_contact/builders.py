@@ -174,13 +174,7 @@ def bridge(
     """
     parts = parts or BridgeParts()
     _check_bridge((span, rise, ring), (voussoirs, spans), parts)
-    radius = 0.5 * (0.25 * span**2 / rise + rise)
-    half = np.arctan2(0.5 * span, radius - rise)
-    angles = np.linspace(-half, half, voussoirs + 1)
-    ray = np.column_stack([np.sin(angles), np.cos(angles)])
-    curves = [
-        (radius + k * ring) * ray + (0.5 * span, rise - radius) for k in range(parts.rings + 1)
-    ]
+    curves = _ring_curves(span, rise, ring * np.arange(parts.rings + 1), voussoirs)
     reach, level = -float(curves[-1][0, 0]), float(curves[-1][0, 1])  # of the outer springing
     wide, high = parts.pier
     least = 2.0 * reach if spans > 1 else reach
@@ -209,6 +203,15 @@ def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: Bridge
     _require(parts.cover > 0.0, "bridge: the cover must be positive")
     _require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
     _require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
+
+
+def _ring_curves(span: float, rise: float, above: Array, voussoirs: int) -> list[Array]:
+    """Corners of voussoirs along the intrados and so much above it, shape (voussoirs + 1, 2)."""
+    radius = 0.5 * (0.25 * span**2 / rise + rise)
+    half = np.arctan2(0.5 * span, radius - rise)
+    angles = np.linspace(-half, half, voussoirs + 1)
+    ray = np.column_stack([np.sin(angles), np.cos(angles)])
+    return [(radius + one) * ray + (0.5 * span, rise - radius) for one in above]
 
 
 def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
