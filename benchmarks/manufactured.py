@@ -106,7 +106,7 @@ class Manufactured(Discretization):
             here = ufl.conditional(ufl.lt(abs(x[1] - height), 1e-6), 1.0, 0.0)
             force = here * n[1] * ufl.as_vector([-shear, -pressure])
             fem.assemble_vector(dead.x.array, fem.form(-ufl.inner(force, v) * ufl.ds(degree=8)))
-        compat.add_ghosts(dead)
+        compat.add_ghosts(dead.x)
         values = dead.x.array[: len(made.dead)] - made.live
         self.problem = replace(self.problem, dead=values)
         self.bodies = replace(self.bodies, dead=self.resultants(values))
