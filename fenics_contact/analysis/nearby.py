@@ -56,7 +56,7 @@ class NearbyOptions:
         )
     )
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=1.0, missing=1)
+        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
     )
     more_work: float = 0.1
     tolerance: float = 1e-6

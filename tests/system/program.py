@@ -242,7 +242,7 @@ MESHES: dict[str, Callable[[], Any]] = {
     "block": lambda: wall([[1.0]], (1.0, 0.5)),
     "tower": lambda: wall([[1.0], [1.0]], (0.5, 0.5)),
     "wall": lambda: running_bond(2, 2),
-    "long wall": lambda: running_bond(12, 12),
+    "long wall": lambda: running_bond(20, 20),
     "stack": _stack,
     "apart": _apart,
     "overhang": _overhang,
