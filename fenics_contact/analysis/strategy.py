@@ -339,6 +339,7 @@ class WorkOptions:
         missing: Works in a row without a state after which none is looked for.
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
+        change: Of the load factor of one state with more work, at most, in units of its gap.
         unlimited: A load factor that grows like this power of the work is not limited.
     """
 
@@ -348,6 +349,7 @@ class WorkOptions:
     largest: float = 1e10
     missing: int = 4
     gap: float = 2.5e-2
+    change: float = 100.0
     unlimited: float = 0.9
 
 

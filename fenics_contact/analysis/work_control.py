@@ -7,6 +7,7 @@ rigid-block program with the state's friction forces, tells how far the plateau 
 
 from __future__ import annotations
 
+import itertools
 import logging
 from dataclasses import dataclass, replace
 from functools import partial
@@ -133,7 +134,19 @@ class _Search:
         """The state to be reported: verified rather than not, then the one with the least gap."""
         if not self.found:
             return None
-        return min(self.found, key=lambda one: (not one.passed, one.gap))
+        return min(self._of_one, key=lambda one: (not one.passed, one.gap))
+
+    @property
+    def _of_one(self) -> list[_Found]:
+        """States up to the first that has nothing to do with a verified one before.
+
+        More work leaves a collapse state where it is; at large works, rounding may lead to another.
+        """
+        for count, (before, after) in enumerate(itertools.pairwise(self.found), start=1):
+            allowed = self.options.change * before.gap * before.verified.certificate.size
+            if before.passed and abs(after.load_factor - before.load_factor) > allowed:
+                return self.found[:count]
+        return self.found
 
     @property
     def verified(self) -> bool:
@@ -145,7 +158,7 @@ class _Search:
         best = self.best
         if best is None or not best.passed:
             return False
-        if last is None or best.gap <= self.gap:
+        if last is None or best.gap <= self.gap or len(self._of_one) < len(self.found):
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
         return last.gap > before
