@@ -134,13 +134,14 @@ class _Search:
         """The state to be reported: verified rather than not, then the one with the least gap."""
         if not self.found:
             return None
-        return min(self._of_one, key=lambda one: (not one.passed, one.gap))
+        return min(self._of_one_state, key=lambda one: (not one.passed, one.gap))
 
     @property
-    def _of_one(self) -> list[_Found]:
-        """States up to the first that has nothing to do with a verified one before.
+    def _of_one_state(self) -> list[_Found]:
+        """States found, up to the first that is another collapse state than a verified one before.
 
-        More work leaves a collapse state where it is; at large works, rounding may lead to another.
+        More work leaves the load factor of a collapse state as it is. At large works, rounding may
+        lead to another one.
         """
         for count, (before, after) in enumerate(itertools.pairwise(self.found), start=1):
             allowed = self.options.change * before.gap * before.verified.certificate.size
@@ -158,7 +159,7 @@ class _Search:
         best = self.best
         if best is None or not best.passed:
             return False
-        if last is None or best.gap <= self.gap or len(self._of_one) < len(self.found):
+        if last is None or best.gap <= self.gap or len(self._of_one_state) < len(self.found):
             return True
         before = min((one.gap for one in self.found[:-1]), default=np.inf)
         return last.gap > before
