@@ -104,11 +104,10 @@ def _report_most_accurate(result: Result) -> None:
     for name, end in result.ends.items():
         if end.status != "limit":
             continue
-        size = abs(end.load_factor) if end.certificate is None else end.certificate.size
         best = end.at_point_hinges or end
         least = math.nan
         if name in before:
-            change = abs(best.load_factor - before[name].load_factor) / size
+            change = abs(best.load_factor - before[name].load_factor) / end.size
             least = np.fmax(change, OPTIONS.falls * before[name].algebraic_error)
         for hinges, one in (("mesh", end), ("points", end.at_point_hinges)):
             if one is None:

@@ -12,14 +12,13 @@ Then lambda = -f_D.v - (work of given strengths), which no joint force and so no
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.rigid_motions import RigidBodies, motions
-from fenics_contact.mesh import Array, Flags
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
+from fenics_contact.mesh import Flags
 
 
 @dataclass(frozen=True)
@@ -53,10 +52,10 @@ def is_determinate(
     sticks, slides = closed & ~slips, closed & slips
     friction = -np.sign(values.slip_rate) * joints.friction
     along = joints.normal + friction[:, None] * joints.tangent
+    resisted = (sticks, joints.normal), (sticks, joints.tangent), (slides, along)
     rows = [
-        _rows(joints, bodies, sticks, joints.normal),
-        _rows(joints, bodies, sticks, joints.tangent),
-        _rows(joints, bodies, slides, along),
+        relative_motions(joints, bodies, np.flatnonzero(points), direction)
+        for points, direction in resisted
     ]
     used = np.any(bodies.free != 0.0, axis=1).ravel()
     live = np.einsum("bmk,bm->bk", bodies.free, bodies.live).ravel()[used]
@@ -65,19 +64,3 @@ def is_determinate(
     motion = splu(resists.tocsc()).solve(live / np.linalg.norm(live))
     moves = max((float(np.abs(one @ motion).max(initial=0.0)) for one in rows), default=0.0)
     return moves <= OPTIONS.still * float(np.abs(motion).max())
-
-
-def _rows(joints: Joints, bodies: RigidBodies, chosen: Flags, direction: Array) -> Any:
-    """Relative motion at some points along directions, by the bodies' free motions."""
-    from scipy.sparse import csr_matrix
-
-    points = np.flatnonzero(chosen)
-    row, side = np.nonzero(joints.bodies[points] != GROUND)
-    point = points[row]
-    body, sign = joints.bodies[point, side], 2.0 * side - 1.0
-    motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
-    along = sign[:, None] * np.einsum("nim,ni->nm", motion, direction[point])
-    along = np.einsum("nmk,nm->nk", bodies.free[body], along)
-    columns = 3 * body[:, None] + np.arange(3)
-    indices = np.repeat(row, 3), columns.ravel()
-    return csr_matrix((along.ravel(), indices), (len(points), 3 * len(bodies.centre)))

@@ -159,11 +159,6 @@ class _Way:
         return _Way((*self.states, new), points, (*self.halvings, halvings), changes)
 
 
-def _size(end: Collapse) -> float:
-    """Size by which errors are divided."""
-    return abs(end.load_factor) if end.certificate is None else end.certificate.size
-
-
 def _solve_cost(end: Collapse) -> float:
     """Factorisations that a collapse took, or would have from the bonded structure."""
     found = sum(step.factorizations for history in end.history for step in history.steps)
@@ -209,7 +204,7 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
         new = collapse_next_to(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
-        if abs(new.load_factor - last.load_factor) <= unchanged * _size(way.states[0]):
+        if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
             return replace(way, ended=True)
         way = way.grown(new, hinges(whole.joints, new.joints), halvings)
         way = replace(way, ended=_independent(case, new))
@@ -222,7 +217,7 @@ def _hinge_error(way: _Way) -> MeshError:
     if not way.complete:
         return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
     jumps = sum(change.after - change.before for change in way.changes)
-    error = abs(limit - end.load_factor - jumps) / _size(end)
+    error = abs(limit - end.load_factor - jumps) / end.size
     return MeshError(math.nan, limit, error, state_changes=way.changes)
 
 
@@ -243,7 +238,7 @@ def _with_algebraic_error(
         _log.info("  other degree: too dear")
         return error
     other, same = with_other_degree(case, last, Softened(points, halvings), near)
-    change = abs(other.load_factor - last.load_factor) / _size(first)
+    change = abs(other.load_factor - last.load_factor) / first.size
     if change <= negligible:
         return replace(error, algebraic_error=0.0)
     if not same:
@@ -257,7 +252,7 @@ def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | 
     if not way.complete or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
-    change = abs(found.load_factor - way.states[-2].load_factor) / _size(way.states[0])
+    change = abs(found.load_factor - way.states[-2].load_factor) / way.states[0].size
     left = change * way.halvings[-2] / way.halvings[-1]
     return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
 
@@ -283,7 +278,7 @@ def _with_lengths(
 
 def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
     """The collapse with lengths of hinges that its own forces give, and its hinges."""
-    end, size = way.states[0], _size(way.states[0])
+    end, size = way.states[0], way.states[0].size
     if end.joints is None:
         return end, way.points[0]
     halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
@@ -318,4 +313,4 @@ def _turns_back(found: tuple[Collapse, ...], new: Collapse) -> bool:
         return False
     before, last = (one.load_factor for one in found[-2:])
     came, goes = last - before, new.load_factor - last
-    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * _size(found[0]))
+    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * found[0].size)

@@ -73,6 +73,11 @@ class Collapse:
     at_point_hinges: Collapse | None = None
 
     @property
+    def size(self) -> float:
+        """Load factor by which errors are divided."""
+        return abs(self.load_factor) if self.certificate is None else self.certificate.size
+
+    @property
     def splitting(self) -> SplittingHistory | None:
         """Counts of a method on joint forces; None for other methods."""
         return self.history[-1].splitting if self.history else None

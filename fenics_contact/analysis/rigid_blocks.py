@@ -32,8 +32,8 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.rigid_motions import RigidBodies, motions
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.problem import Array
 
@@ -158,9 +158,9 @@ class _Program:
         """E, sparse."""
         from scipy.sparse import diags, hstack
 
-        ends, rough = self._ends
-        normal = self._columns(ends, self.joints.normal)
-        shear = self._columns(self.faces.ends[:, 0], self.joints.tangent)
+        (ends, rough), whole = self._ends, (self.joints, self.bodies)
+        normal = relative_motions(*whole, ends, self.joints.normal).T
+        shear = relative_motions(*whole, self.faces.ends[:, 0], self.joints.tangent).T
         sliding = hstack([shear, shear]) @ diags(np.tile(self.faces.friction, 2))
         columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], shear])
         return columns.tocsr()[self._used]
@@ -192,21 +192,6 @@ class _Program:
         motion = np.einsum("bmk,bk->bm", self.bodies.free, motion.reshape(-1, 3))
         motion[:, 2] /= self.bodies.size
         return motion
-
-    def _columns(self, points: npt.NDArray[np.int64], directions: Array) -> Any:
-        """Generalised forces on the bodies' free motions of unit forces at joint points."""
-        from scipy.sparse import csc_matrix
-
-        bodies, joints = self.bodies, self.joints
-        column, side = np.nonzero(joints.bodies[points] != GROUND)
-        point = points[column]
-        body, sign = joints.bodies[point, side], 2.0 * side - 1.0
-        motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
-        force = sign[:, None] * np.einsum("nim,ni->nm", motion, directions[point])
-        values = np.einsum("nmk,nm->nk", bodies.free[body], force)
-        rows = 3 * body[:, None] + np.arange(3)
-        indices = rows.ravel(), np.repeat(column, 3)
-        return csc_matrix((values.ravel(), indices), (3 * len(bodies.centre), len(points)))
 
 
 class RigidBlocks:
