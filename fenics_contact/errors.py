@@ -24,6 +24,14 @@ class SolverError(ContactError):
     """A solver stopped without an answer; the message names its reason and residual."""
 
 
+class EffortError(SolverError):
+    """A hard limit on the number of factorisations is reached."""
+
+
+class Stopped(ContactError):
+    """The run is to end: its time is over, or somebody asked for it; the message says which."""
+
+
 @contextmanager
 def raised_together(comm: MPI.Comm) -> Iterator[None]:
     """Raise on all ranks the input or output error of the lowest rank that raised one inside.

@@ -34,11 +34,15 @@ from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.errors import InputError
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
-from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
+from fenics_contact.solvers.effort import Effort, Tally
+from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
+
+#: Cost of a factorisation of block modes, in units of one of the structure; measured.
+MODE_COST = 0.2
 
 #: Parts of a scene that no matrix depends on; of the laws the matrices know the groups.
 LAWS, WITHOUT_MATRICES = ("joints", "foundations"), ("dead", "live", "title", "solve", "output")
@@ -77,6 +81,7 @@ class Discretization:
         bodies: Rigid motions of the blocks.
         imposed: u_d of `imposed`, this rank's part in the supports' coordinates, m.
         problem: What the solvers see; its displacements are u - u_d.
+        effort: Cost of all factorisations, with its limit.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
         compile_seconds: Time to compile the forms, or to look them up, s.
@@ -109,7 +114,9 @@ class Discretization:
         loads, laws = (made.dead, made.live), self._laws()
         self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
         self.problem, self.imposed = _with_imposed(self)
-        self.tally, self.mode_tally = Tally(), Tally()
+        self.effort = Effort()
+        self.tally = Tally(effort=self.effort)
+        self.mode_tally = Tally(cost=MODE_COST, effort=self.effort)
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
 

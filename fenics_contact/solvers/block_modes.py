@@ -29,7 +29,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness, Tally
+from fenics_contact.solvers.effort import Tally
+from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap, State
 
 Integers = npt.NDArray[np.int32]

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
 Integers = npt.NDArray[np.int32]
@@ -46,17 +47,6 @@ class MumpsOptions:
     smallest_pivot: float = 1e-20
     minimum_fill: int = 2
     minimum_fill_up_to: int = 100_000
-
-
-@dataclass
-class Tally:
-    """Number of numeric factorisations so far."""
-
-    count: int = 0
-
-    def restart(self) -> None:
-        """Count from 0."""
-        self.count = 0
 
 
 @dataclass(frozen=True)
@@ -163,14 +153,14 @@ class JointStiffness(Closing):
         Springs are those of this rank's joint points, N/m.
 
         Raises:
-            SolverError: If A is numerically singular.
+            SolverError: If A is numerically singular, or no more factorisations are allowed.
         """
+        self.tally.add()
         self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         self._add_springs(self._matrix, normal, tangential, coupling)
         self._matrix.setOption(PETSc.Mat.Option.SPD, self._kind == SYMMETRIC)
         preconditioner = self._solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
-        self.tally.count += 1
         self._made += 1
         error = int(preconditioner.getFactorMatrix().getMumpsInfog(1))
         if error < 0:

@@ -9,8 +9,9 @@ import pytest
 
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.solvers.block_modes import MODES, BlockModes, BlockModesOptions, modes
+from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, Tally
+from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, outlined

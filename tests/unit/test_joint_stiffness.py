@@ -9,13 +9,13 @@ import pytest
 
 from fenics_contact import SolverError
 from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.joint_stiffness import (
     GENERAL,
     SYMMETRIC,
     Factor,
     JointRows,
     JointStiffness,
-    Tally,
 )
 from tests.unit.core import (
     THREE_BLOCKS,

@@ -1,0 +1,85 @@
+"""Factorisations: how many were done, how many more may be done, and who may stop a run there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from fenics_contact.errors import EffortError
+
+#: Part of a factorisation by which sums of costs may be rounded.
+ROUNDING = 1e-6
+
+
+class Effort:
+    """Cost of all factorisations of a run, with a hard limit.
+
+    Attributes:
+        spent: Cost so far, in units of one factorisation of the structure.
+        watch: Called before every factorisation, on all ranks alike; it may raise `Stopped`.
+    """
+
+    def __init__(self) -> None:
+        self.spent = 0.0
+        self.watch: Callable[[], None] = _nothing
+        self._limit = math.inf
+
+    @property
+    def left(self) -> float:
+        """Cost that may still be spent."""
+        return self._limit - self.spent
+
+    def spend(self, cost: float) -> None:
+        """Ask for one more factorisation, before it is done.
+
+        Args:
+            cost: In units of one factorisation of the structure.
+
+        Raises:
+            EffortError: If the limit does not allow it.
+            Stopped: If the run is to end.
+        """
+        self.watch()
+        if cost > self.left + ROUNDING:
+            raise EffortError(f"the limit of {self._limit:.4g} factorisations is reached")
+        self.spent += cost
+
+    @contextmanager
+    def at_most(self, cost: float) -> Iterator[None]:
+        """Limit what is spent inside; limits nest, and the tightest one counts."""
+        before = self._limit
+        self._limit = min(before, self.spent + cost)
+        try:
+            yield
+        finally:
+            self._limit = before
+
+
+def _nothing() -> None:
+    """Nobody watches."""
+
+
+@dataclass
+class Tally:
+    """Number of numeric factorisations of one kind so far.
+
+    Attributes:
+        count: How many.
+        cost: Of one, in units of one factorisation of the structure.
+        effort: Where the cost is summed up and limited.
+    """
+
+    count: int = 0
+    cost: float = 1.0
+    effort: Effort = field(default_factory=Effort)
+
+    def add(self) -> None:
+        """Count one more; raises as `Effort.spend` does."""
+        self.effort.spend(self.cost)
+        self.count += 1
+
+    def restart(self) -> None:
+        """Count from 0."""
+        self.count = 0
