@@ -16,8 +16,9 @@ which have an answer: f = f_D tells whether the dead load has an equilibrium, f 
 whether nothing limits the live load. The multipliers of missing forces are motions of the blocks
 by which the loads do work and no joint resists (Farkas' lemma): how the blocks fall.
 
-On a straight face between two bodies only the resultants matter: the normal forces at its two ends
-and one shear force are enough, whatever the mesh.
+On a straight face between two bodies only the resultants matter: the normal forces at its two ends,
+with their friction, and one shear force by given strengths are enough, whatever the mesh. Each side
+carries them where its nodes are: across a gap these are two lines, as far apart all along.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class ProgramOptions:
     """Numbers of the linear programs.
 
     Attributes:
-        collinear: Difference of direction, and offset over the structure's size, of one line.
+        collinear: Difference of direction, and of offset and gap over the structure's size, of one
+            face.
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
         iterations: At most, for each row and column.
         rounding: Missing forces in the same units, summed, that count as none.
@@ -84,7 +86,9 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
         return Faces(none.reshape(0, 2), np.empty(0), np.empty(0), none)
     size = np.ptp(joints.position, axis=0).max() or 1.0
     offset = np.sum(joints.normal * (joints.position - joints.position[0]), axis=1) / size
-    line = np.round(np.column_stack([joints.normal, offset]) / OPTIONS.collinear).astype(np.int64)
+    across = (joints.sides[:, 1] - joints.sides[:, 0]) / size
+    line = np.column_stack([joints.normal, offset, across])
+    line = np.round(line / OPTIONS.collinear).astype(np.int64)
     keys = np.column_stack([joints.bodies, joints.law, line])
     face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
@@ -160,9 +164,10 @@ class _Program:
 
         (ends, rough), whole = self._ends, (self.joints, self.bodies)
         normal = relative_motions(*whole, ends, self.joints.normal).T
-        shear = relative_motions(*whole, self.faces.ends[:, 0], self.joints.tangent).T
-        sliding = hstack([shear, shear]) @ diags(np.tile(self.faces.friction, 2))
-        columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], shear])
+        shear = relative_motions(*whole, ends, self.joints.tangent).T.tocsc()
+        sliding = shear @ diags(np.tile(self.faces.friction, 2))
+        given = shear[:, : len(self.faces.ends)]
+        columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], given])
         return columns.tocsr()[self._used]
 
     def load(self, resultants: Array) -> Array:

@@ -44,6 +44,9 @@ class Joints:
             ground, and inside a facet; shape (points, 2).
         bodies: Bodies of both sides, `GROUND` for rigid ground, shape (points, 2).
         position: m, shape (points, 2).
+        sides: Where the first and second side carry the force of the point: their nodes' mean with
+            the weights of `stencil`, m, shape (points, 2, 2). Across a gap these are two places; on
+            rigid ground it is the point's own.
         normal: Unit normal from first to second side, shape (points, 2).
         length: Length of joint that belongs to the point, m, shape (points,).
         law: Law of every point as an index into `laws`.
@@ -59,6 +62,7 @@ class Joints:
     nodes: Indices
     bodies: Labels
     position: Array
+    sides: Array
     normal: Array
     length: Array
     law: Indices
@@ -133,6 +137,7 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     point = point.reshape(share.shape)
     stencil = stencil_of(boundary, pieces, point)
     position = lagrange(pieces.places, per_piece) @ boundary.points[pieces.facet]
+    position = position.reshape(-1, 2)[rows]
     nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
     laws = (*scene.joints.values(), *scene.foundations.values())
     law, gapped = pieces.law[piece[rows]], np.array([one.gap > 0.0 for one in laws], dtype=bool)
@@ -143,7 +148,8 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     return Joints(
         nodes=nodes.reshape(2, -1).T[rows],
         bodies=pieces.bodies[piece[rows]],
-        position=position.reshape(-1, 2)[rows],
+        position=position,
+        sides=_sides(boundary, stencil, position),
         normal=normal,
         length=length,
         law=law,
@@ -162,13 +168,26 @@ def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:
 
     Mid nodes of curved sides are where their arcs are: pressures would follow the facets else.
     """
-    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
-    position[boundary.nodes] = boundary.points
+    position = _node_positions(boundary)
     if boundary.nodes.shape[1] == 3:
         ends = boundary.points[:, :2], boundary.nodes[:, :2]
         height = arc_heights(*ends, boundary.normal)
         position[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
     return np.asarray(np.sum(normal * stencil.jump(position), axis=1))
+
+
+def _node_positions(boundary: Boundary) -> Array:
+    """Positions of the boundary's nodes by their numbers, m, shape (nodes, 2)."""
+    position = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
+    position[boundary.nodes] = boundary.points
+    return position
+
+
+def _sides(boundary: Boundary, stencil: Stencil, position: Array) -> Array:
+    """`Joints.sides` of joint points at some positions."""
+    on_ground = np.all(stencil.nodes == GROUND, axis=2)
+    mean = stencil.means(_node_positions(boundary))
+    return np.where(on_ground[:, :, None], position[:, None], mean)
 
 
 def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:

@@ -52,9 +52,13 @@ class Stencil:
 
     def jump(self, values: Array) -> Array:
         """Vectors of the second side minus those of the first, shape (points, 2), from nodes'."""
+        means = self.means(values)
+        return np.asarray(means[:, 1] - means[:, 0])
+
+    def means(self, values: Array) -> Array:
+        """Weighted sums of nodes' vectors on both sides, shape (points, 2 sides, 2)."""
         padded = np.vstack([values, np.zeros((1, 2))])  # the last for none
-        first, second = np.einsum("nsi,nsik->snk", self.weights, padded[self.nodes])
-        return np.asarray(second - first)
+        return np.asarray(np.einsum("nsi,nsik->nsk", self.weights, padded[self.nodes]))
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,8 @@ def motions(arm: Array, size: float) -> Array:
 def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along: Array) -> Any:
     """Matrix that gives relative motions at joint points, second side less first, along directions.
 
-    Its transpose gives the generalised forces of unit forces there.
+    Each side moves where its nodes are (`Joints.sides`), as in B_N and B_T. Its transpose gives the
+    generalised forces of unit forces there.
 
     Args:
         joints: All joint points.
@@ -83,7 +84,7 @@ def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along
     row, side = np.nonzero(joints.bodies[points] != GROUND)
     point = points[row]
     body, sign = joints.bodies[point, side], 2.0 * side - 1.0
-    motion = motions(joints.position[point] - bodies.centre[body], bodies.size)
+    motion = motions(joints.sides[point, side] - bodies.centre[body], bodies.size)
     moved = sign[:, None] * np.einsum("nim,ni->nm", motion, along[point])
     moved = np.einsum("nmk,nm->nk", bodies.free[body], moved)
     columns = 3 * body[:, None] + np.arange(3)

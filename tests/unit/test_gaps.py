@@ -18,8 +18,18 @@ from fenics_contact import (
     limit_load,
 )
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.rigid_motions import relative_motions
+from fenics_contact.meshing import polygons
 from fenics_contact.planar_cells import arc_heights
-from tests.helpers import Drawing, coulomb, grid_blocks, mesh_of, node_positions, rotation
+from tests.helpers import (
+    Drawing,
+    coulomb,
+    grid_blocks,
+    mesh_of,
+    node_positions,
+    on_ground,
+    rotation,
+)
 
 GAP, MODULUS, PRESSURE = 2e-3, 1e8, 1e5
 SMOOTH = JointLaw("frictionless", gap=1.5 * GAP)
@@ -140,3 +150,86 @@ def test_gaps_that_are_refused():
     scene = pressed(columns(3))
     with pytest.raises(InputError, match=r"foundations\.left0 takes no gap"):
         replace(scene, foundations={"left0": SMOOTH})
+
+
+def arc(half_angle: float, chords: int) -> np.ndarray:
+    """Points on a circle of radius 1 about the origin, around its top, from the right."""
+    angle = np.linspace(0.5 * np.pi - half_angle, 0.5 * np.pi + half_angle, chords + 1)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def centroid(outline: np.ndarray) -> tuple[float, float]:
+    """Area of a polygon and height of its centroid."""
+    (x, y), (x1, y1) = outline.T, np.roll(outline, -1, axis=0).T
+    cross = x * y1 - x1 * y
+    area = 0.5 * float(np.sum(cross))
+    return area, float(np.sum((y + y1) * cross)) / (6.0 * area)
+
+
+def saddle(chords: tuple[int, int]) -> tuple[Drawing, float, float]:
+    """A stone on a round one, drawn with some chords each, and the load factors at which they rock.
+
+    These are arm of the weight / arm of the push about the end of the arc, of the upper one alone,
+    and about the foot, of both.
+    """
+    below, above = (arc(np.radians(15.0), count) for count in chords)
+    foot = np.array([[below[-1, 0], 0.0], [below[0, 0], 0.0]])
+    top = foot[::-1] + np.array([0.0, 2.5])
+    outlines = [np.concatenate([below, foot]), np.concatenate([above[::-1], top])]
+    (area, height), (of_upper, above_foot) = map(centroid, outlines)
+    whole = (area * height + of_upper * above_foot) / (area + of_upper)
+    drawing = Drawing.of(polygons(outlines, 0.1, groups={"base": [(foot[0], foot[1])]}))
+    edge = above[0, 0]
+    return drawing, edge / (above_foot - above[0, 1]), edge / whole
+
+
+@pytest.mark.parametrize("chords", [(6, 6), (5, 7), (11, 6)])
+def test_stone_on_arcs_of_unlike_chords_rocks_at_its_hand_value(chords):
+    drawing, alone, together = saddle(chords)
+    fixed = {"foundations": {}, "supports": {"base": "fixed"}}
+    # Where the arcs are a little apart, so are the two sides' normal forces.
+    for held, expected, allowed in ((fixed, alone, 1e-6), ({}, together, 1e-3)):
+        result = limit_load(on_ground(drawing.model(), coulomb(1.2), **held))
+        result.hold_against_brackets()
+        assert result.status == "limit"
+        assert result.load_factor == pytest.approx(expected, rel=allowed)
+        assert result.load_factor <= result.bounds.upper * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+@pytest.mark.parametrize(("gap", "law"), [(1e-5, 0.0), (1e-3, 2e-3)])
+def test_stacked_blocks_a_hair_apart_rock_as_one(gap, law, angle):
+    # By hand: they turn about their common corner where the push is width over height.
+    drawing = grid_blocks(((0, 0), (0.4, 0.2), (2, 2)), ((0, 0.2 + gap), (0.4, 0.2), (2, 2)))
+    drawing.facets["base"] = drawing.facets["bottom0"]
+    weight, push = (tuple(rotation(angle) @ force) for force in ([0.0, -10.0], [10.0, 0.0]))
+    drawing, friction = drawing.turned(angle), replace(coulomb(2.0), gap=law)
+    loads = {"dead": Load(weight), "live": Load(push), "foundations": {"base": coulomb(2.0)}}
+    result = limit_load(on_ground(drawing.model(), friction, **loads))
+    result.hold_against_brackets()
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(1.0, rel=1e-6)
+    assert result.bounds.upper == pytest.approx(1.0, rel=1e-6)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    "drawn", [lambda: columns(5, 0.7), lambda: columns(3), lambda: saddle((5, 7))[0]]
+)
+def test_programs_move_joint_points_as_the_matrices_do(drawn, degree):
+    drawing = drawn()
+    held = {"base": drawing.facets.get("base", drawing.facets.get("bottom0"))}
+    drawing = replace(drawing, facets=held)
+    law, ground = replace(coulomb(0.5), gap=1.5 * GAP), {"base": coulomb(0.5)}
+    scene = on_ground(drawing.model(), law, foundations=ground, degree=degree)
+    with Discretization(scene) as made:
+        motion = np.random.default_rng(1).normal(size=(len(made.bodies.centre), 3))
+        u, points = made.rigid_motion(motion), made.operators.points
+        scaled = (motion * [1.0, 1.0, made.bodies.size])[:, :, None]
+        free = np.linalg.solve(made.bodies.free, scaled).ravel()
+        normal = made.problem.normal, made.joints.normal
+        tangential = made.problem.tangential, made.joints.tangent
+        for matrix, direction in (normal, tangential):
+            rigid = relative_motions(made.joints, made.bodies, points, direction) @ free
+            assert matrix @ u == pytest.approx(rigid, abs=1e-12)

@@ -51,10 +51,12 @@ def joints_in_a_row(count: int) -> Joints:
     """Points along one joint with a facet between neighbours."""
     places = np.arange(count)
     nodes = np.column_stack([places, places + count])
+    position = np.column_stack([places, np.zeros(count)]).astype(float)
     return Joints(
         nodes=nodes,
         bodies=np.tile([0, 1], (count, 1)),
-        position=np.column_stack([places, np.zeros(count)]).astype(float),
+        position=position,
+        sides=np.stack([position, position], axis=1),
         normal=np.tile([0.0, 1.0], (count, 1)),
         length=np.ones(count),
         law=np.zeros(count, dtype=int),
