@@ -39,14 +39,18 @@ from fenics_contact.meshing import polygons, wall
 # ---- contact patch test
 
 
-PRESSED = {"top": (0.0, -1e6), "right": (-5e5, 0.0)}
+#: On top of the blocks, Pa.
+PRESSURE = 1e6
+SMOOTH = JointLaw("frictionless")
 #: Blocks of two courses in running bond, and sizes of their elements if meshed one by one, m.
 BOND = [(0.0, 0.0, 0.4), (0.4, 0.0, 0.8), (0.0, 0.2, 0.2), (0.2, 0.2, 0.6), (0.6, 0.2, 0.8)]
 SIZES = [0.1, 0.067, 0.05, 0.077, 0.029]
 
 
-def patch(degree: int = 1, size: float | Sequence[float] = 0.1) -> Scene:
-    """Smooth blocks in running bond pressed from above and from the side, half as much.
+def patch(
+    degree: int = 1, size: float | Sequence[float] = 0.1, law: JointLaw = SMOOTH, side: float = 5e5
+) -> Scene:
+    """Blocks in running bond pressed from above, 1 MPa, and from the side.
 
     `size` of elements, one for all or one for every block.
     """
@@ -57,8 +61,8 @@ def patch(degree: int = 1, size: float | Sequence[float] = 0.1) -> Scene:
     return Scene(
         mesh_of(polygons(blocks, size, None, sides)),
         {"default": Material(1e9, 0.2)},
-        live=Load(traction=PRESSED),
-        joints={"default": JointLaw("frictionless")},
+        live=Load(traction={"top": (0.0, -PRESSURE), "right": (-side, 0.0)}),
+        joints={"default": law},
         supports={"base": "roller", "left": "roller"},
         degree=degree,
     )
@@ -70,10 +74,8 @@ def patch_errors(scene: Scene) -> tuple[float, float]:
     The first is the largest nodal force or opening of the exact state, relative; the second is that
     of the state found, in L2.
     """
-    material, stress = (
-        scene.materials["default"],
-        np.array([PRESSED["right"][0], PRESSED["top"][1]]),
-    )
+    material, loads = scene.materials["default"], scene.live.traction
+    stress = np.array([loads["right"][0], loads["top"][1]])
     nu = material.poisson
     strain = (1.0 + nu) / material.young * (stress - nu * stress.sum())
     with Discretization(scene) as made:
@@ -93,6 +95,18 @@ def patch_errors(scene: Scene) -> tuple[float, float]:
     return missed, float(np.sqrt(np.sum(weight * (found - exact) ** 2) / np.sum(weight * exact**2)))
 
 
+def loop_errors(size: float | Sequence[float], degree: int) -> tuple[float, float]:
+    """Errors of joint pressures of rough blocks that are pressed from above alone.
+
+    The largest pressure on head joints, which carry none, and the error in beds in L2, relative.
+    """
+    joints = equilibrium(patch(degree, size, JointLaw(friction=0.6), 0.0)).joints
+    head = np.abs(joints["normal"][:, 0]) > 0.5
+    pressure, weight = joints["pressure"] / PRESSURE, joints["length"][~head]
+    bed = float(np.sqrt(np.sum(weight * (pressure[~head] - 1.0) ** 2) / weight.sum()))
+    return float(pressure[head].max()), bed
+
+
 def patch_figures() -> list[Figure]:
     """Errors of the patch test with nodes that match and with others."""
     figures = []
@@ -102,6 +116,9 @@ def patch_figures() -> list[Figure]:
             where = f"{name}, degree {degree}"
             figures.append(Figure(f"{where}: exact state", 0.0, exact, 1e-10, True))
             figures.append(Figure(f"{where}: pressure found", 0.0, found, 1e-8, True))
+            head, bed = loop_errors(size, degree)
+            figures.append(Figure(f"{where}, friction 0.6: head joints", 0.0, head, 1e-5, True))
+            figures.append(Figure(f"{where}, friction 0.6: beds", 0.0, bed, 1e-5, True))
     return figures
 
 

@@ -19,6 +19,7 @@ from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.hinges import with_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
 from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
@@ -260,6 +261,7 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
         start = time.perf_counter()
         found |= {name: _with_mesh_error(cases[name], found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
+    found = {name: with_least_forces(discretization, found[name]) for name in asked}
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
 from fenics_contact.analysis.joint_values import JointValues, joint_values
+from fenics_contact.analysis.least_forces import least_forces
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import Reached, raise_load_to
 from fenics_contact.analysis.strategy import Strategy
@@ -66,12 +67,12 @@ def _verified(case: LoadCase, reached: Reached) -> ServiceState:
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
     residuals = state_residuals(problem, state, scales)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
-    sign, written = case.sign, case.written(state)
+    sign, written, whole = case.sign, case.written(state), case.discretization
     return ServiceState(
         "not_converged" if missed else "equilibrium",
         sign * state.load_factor,
         replace(written, load_factor=sign * state.load_factor, work=sign * written.work),
-        joint_values(problem, case.discretization, state, state.displacement),
+        least_forces(whole, joint_values(problem, whole, state, state.displacement)),
         residuals,
         f"not verified: {', '.join(missed)}" if missed else "",
     )

@@ -1,0 +1,126 @@
+"""Joint forces of least size: they load the nodes as those of the solver, and obey all laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from fenics_contact import JointLaw, limit_load
+from fenics_contact.analysis.certificate import certify
+from fenics_contact.analysis.least_forces import least_forces
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.solvers.joint_stiffness import GENERAL
+from tests.bank import Variant, coulomb, tresca, wall_recipe
+from tests.helpers import dense
+
+COHESIVE = JointLaw(friction=0.5, cohesion=2e3)
+SCENES = {
+    "W3": ("W3", coulomb(0.65), Variant()),
+    "W4, degree 2": ("W4", coulomb(0.65), Variant(degree=2)),
+    "W4, one by one": ("W4", coulomb(0.5), Variant(one_by_one=1)),
+    "W2, cohesion": ("W2", COHESIVE, Variant()),
+    "W1, Tresca": ("W1", tresca(2e3), Variant()),
+}
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def solved(request):
+    """A result, its matrices, and the solver's joint forces at all points, shape (points, 2)."""
+    name, law, variant = SCENES[request.param]
+    result = limit_load(wall_recipe(name, law).scene(2, variant=variant, error=False))
+    assert result.status == "limit"
+    state = result.positive.state
+    with Discretization(result.scene) as whole:
+        raw = np.column_stack([whole.all_points(r) for r in (state.pressure, state.shear)])
+        yield result, whole, raw
+
+
+def least(result) -> np.ndarray:
+    values = result.positive.joints
+    return np.column_stack([values.normal_force, values.shear_force])
+
+
+def size(forces, joints) -> float:
+    """The sum of force^2 / length."""
+    return float(np.sum(forces**2 / joints.length[:, None]))
+
+
+def nodal_rows(whole) -> np.ndarray:
+    """B_N and B_T of all joint points on all ranks, shape (points, 2, displacements)."""
+    order = np.argsort(np.concatenate(whole.scene.comm.allgather(whole.operators.points)))
+    operators = whole.operators.normal, whole.operators.tangential
+    return np.stack([dense(operator)[order] for operator in operators], axis=1)
+
+
+@pytest.mark.mpi
+def test_nodes_are_loaded_alike_by_less(solved):
+    result, whole, raw = solved
+    changed = least(result) - raw
+    nodal = np.einsum("pcd,pc->d", nodal_rows(whole), changed)
+    assert np.abs(nodal).max() <= 1e-10 * np.abs(raw).max()
+    assert np.abs(changed).max() > 1e-3 * np.abs(raw).max()
+    assert size(least(result), whole.joints) < size(raw, whole.joints)
+
+
+@pytest.mark.mpi
+def test_the_certificate_passes_with_least_forces(solved):
+    result, whole, _ = solved
+    end, mine = result.positive, whole.operators.points
+    values = end.joints
+    state = replace(end.state, pressure=values.normal_force[mine], shear=values.shear_force[mine])
+    bonded = whole.bonded(GENERAL)
+    case = LoadCase.of(whole, bonded, 1.0, GENERAL, lambda step: None)
+    scales = case.scales_at(max(abs(state.work), case.bonded_work), state.load_factor)
+    certificate = certify(case.problem, state, end.mode, scales, end.load_factor, mine)
+    assert not certificate.failures
+    assert certificate.kinematic_factor == pytest.approx(end.certificate.kinematic_factor, rel=1e-7)
+
+
+def test_laws_hold_and_bounds_stay(solved):
+    result, whole, raw = solved
+    joints, (normal, shear) = whole.joints, least(result).T
+    largest = np.abs(raw).max()
+    bound = joints.friction * normal + joints.shear_strength
+    assert normal.min() >= 0.0
+    assert np.max(np.abs(shear) - bound) <= 1e-10 * largest
+    strict = joints.friction * raw[:, 0] + joints.shear_strength - np.abs(raw[:, 1])
+    at_bound = (raw[:, 0] < 1e-8 * largest) | (strict < 1e-8 * largest)
+    assert np.array_equal(least(result)[at_bound], raw[at_bound])
+    moves = result.positive.joints.opens | result.positive.joints.slips
+    assert np.array_equal(least(result)[moves], raw[moves])
+
+
+def test_no_admissible_forces_are_less(solved):
+    """No way to other forces of sticking points leads down: a linear program, with its gradient."""
+    result, whole, raw = solved
+    joints, found = whole.joints, least(result)
+    strict = joints.friction * raw[:, 0] + joints.shear_strength - np.abs(raw[:, 1])
+    free = (raw[:, 0] > 2e-6 * np.abs(raw).max()) & (strict > 2e-6 * np.abs(raw).max())
+    assert np.any(free)
+    # Unknown are changes (normal, shear), each of size 1 at most, of the forces at these points.
+    now, friction = found[free] / np.abs(raw).max(), joints.friction[free]
+    count = len(now)
+    rows = nodal_rows(whole)[free].transpose(2, 1, 0).reshape(-1, 2 * count)
+    one, ratio, none = np.eye(count), np.diag(friction), np.zeros((count, count))
+    laws = np.block([[-one, none], [-ratio, one], [-ratio, -one]])
+    strength = joints.shear_strength[free] / np.abs(raw).max()
+    rest = friction * now[:, 0] + strength
+    slack = np.concatenate([now[:, 0], rest - now[:, 1], rest + now[:, 1]])
+    gradient = (now / joints.length[free, None]).T.ravel()
+    scale = np.abs(gradient).max()
+    slack = np.maximum(slack, 0.0)
+    best = linprog(gradient / scale, laws, slack, rows, np.zeros(len(rows)), (-1.0, 1.0))
+    assert best.status == 0
+    assert best.fun > -1e-6
+
+
+def test_least_forces_again_change_nothing(solved):
+    result, whole, _ = solved
+    again = least_forces(whole, result.positive.joints)
+    assert again.normal_force == pytest.approx(
+        result.positive.joints.normal_force, abs=1e-9 * again.normal_force.max()
+    )
