@@ -5,7 +5,7 @@ forces at that place, the head joint pressed and the beds sheared, loads no node
 problem tells its size, and a solver's answer has any. At each such place, with d the part of the
 joint that belongs to a point, this takes the forces with
 
-    min sum (r_N^2 + r_T^2) / d,    B_N^T r_N + B_T^T r_T as given,    r_N >= 0,    |r_T| <= F r_N + c,
+    min sum (r_N^2 + r_T^2) / d,   B_N^T r_N + B_T^T r_T as given,   r_N >= 0,   |r_T| <= F r_N + c,
 
 the least in the norm of the pressures. Points at their bounds, open or slipping, keep their forces,
 so that complementarity, friction and dissipation remain. In an orthonormal basis of the loops this
