@@ -133,18 +133,14 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
-    if end.reason:
-        status = end.status.replace("_", " ").upper()
-        return [f"{name}: {status}, {reason}"]
+    status = end.status.replace("_", " ").upper()
     if end.state is None or end.certificate is None or np.isnan(end.load_factor):
-        return [f"{name}: NOT CONVERGED, no state was found"]
+        return [f"{name}: {status}, {reason}"]
     programs = "rigid blocks without friction, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
     certificate = end.certificate
     if end.status != "limit":
-        failures = (f"{law} {value:.1e}" for law, value in certificate.failures.items())
-        missed = ", ".join(failures) or "no convergence"
-        return [first, f"NOT CONVERGED: this is not a limit load ({missed})"]
+        return [first, f"{status}: this is not a limit load; {reason}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
     return [
         first,

@@ -23,6 +23,7 @@ from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
 from fenics_contact.analysis.plan import skipped, skipped_iterations
+from fenics_contact.analysis.reasons import explained
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.service_state import service_state
@@ -256,10 +257,11 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     enough = stands_frictionless or direction == "both" or _stands(cases[direction])
     found = {name: _collapse(cases[name]) for name in (asked if enough else SIGNS)}
     found = reaching_zero(cases, found, asked)
+    found = {name: explained(cases[name], found[name]) for name in asked}
     seconds["solve"] = time.perf_counter() - start
     if scene.solve.error:
         start = time.perf_counter()
-        found |= {name: _with_mesh_error(cases[name], found[name]) for name in asked}
+        found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
     found = {name: with_least_forces(discretization, found[name]) for name in asked}
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}

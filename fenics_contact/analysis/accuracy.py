@@ -115,7 +115,8 @@ def _report_most_accurate(result: Result) -> None:
             error = one.mesh_error or MeshError(math.nan, math.nan, math.nan)
             algebraic = float(np.fmax(error.algebraic_error, least))  # of what is known
             error = replace(error, algebraic_error=algebraic)
-            result.ends[name] = replace(one, mesh_error=error)
+            found = replace(one, mesh_error=error, attempts=end.attempts, trace=end.trace)
+            result.ends[name] = found
             about = name, result.discretization.size, result.scene.degree, hinges
             row = Pass(*about, one.load_factor, error.hinge_error, algebraic, seconds)
             _log.info("pass: %s, estimate %.2g", row, row.estimate)

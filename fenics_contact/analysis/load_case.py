@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fenics_contact.analysis.history import Step
+from fenics_contact.analysis.record import Record, TracePoint
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.solvers.joint_stiffness import JointStiffness
@@ -34,6 +35,7 @@ class LoadCase:
         monitor: Told every iteration.
         stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
+        record: What is tried for this load case.
     """
 
     discretization: Discretization
@@ -45,6 +47,7 @@ class LoadCase:
     monitor: Callable[[Step], None]
     stiffness: JointStiffness
     sign: float = 1.0
+    record: Record = field(default_factory=Record)
 
     @classmethod
     def of(
@@ -54,8 +57,12 @@ class LoadCase:
         sign: float,
         kind: str,
         monitor: Callable[[Step], None],
+        told: Callable[[TracePoint], None] = lambda point: None,
     ) -> LoadCase:
-        """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only."""
+        """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only.
+
+        `told` is called with every point of the path that is followed.
+        """
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
         loads = replace(discretization.problem, dead=discretization.elasticity.dead)
@@ -66,14 +73,21 @@ class LoadCase:
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
         stiffness = discretization.stiffness(kind)
-        return cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
+        made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
+        return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, told))
 
     def reversed(self) -> LoadCase:
         """The same structure under the opposite live load."""
         given = replace(self.bonded, live=self.sign * self.bonded.live)
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
         origin = self.problem.slip_origin
-        return replace(case, problem=replace(case.problem, slip_origin=origin))
+        problem = replace(case.problem, slip_origin=origin)
+        return replace(case, problem=problem, record=self.record.reversed())
+
+    @property
+    def unrecorded(self) -> LoadCase:
+        """The same with a record of its own, which nobody reads."""
+        return replace(self, record=Record())
 
     def written(self, state: State) -> State:
         """A state with its displacements u in place of u - u_d, and the work on these."""

@@ -17,6 +17,7 @@ from fenics_contact.analysis.history import CapacityPoint, CollapseState, Histor
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.analysis.record import TracePoint, Trial
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
@@ -54,6 +55,8 @@ class Collapse:
         mesh_error: Estimate of the discretisation error; None if it was not made.
         at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
             where that changes nothing, or was not looked for.
+        attempts: What was tried, in order.
+        trace: Points of the path that was followed, in order.
     """
 
     status: str
@@ -71,6 +74,8 @@ class Collapse:
     wedging: Array | None = None
     mesh_error: MeshError | None = None
     at_point_hinges: Collapse | None = None
+    attempts: tuple[Trial, ...] = ()
+    trace: tuple[TracePoint, ...] = ()
 
     @property
     def size(self) -> float:
@@ -105,8 +110,10 @@ class Collapse:
             return replace(self, load_factor=np.nan) if outside > 0.0 else self
         residuals = {**self.certificate.residuals, "bracket": outside}
         certificate = replace(self.certificate, residuals=residuals)
-        status = "limit" if certificate.passed else "not_converged"
-        return replace(self, status=status, certificate=certificate)
+        if certificate.passed:
+            return replace(self, certificate=certificate)
+        reason = f"the load factor {self.load_factor:.6g} is outside its bracket ({bounds})"
+        return replace(self, status="not_converged", certificate=certificate, reason=reason)
 
     def reversed(self) -> Collapse:
         """Collapse under the reversed live load, in multiples of the live load as given."""
@@ -126,6 +133,7 @@ class Collapse:
             history=tuple(map(with_steps, self.history)),
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
+            trace=tuple(map(_negated, self.trace)),
             at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )

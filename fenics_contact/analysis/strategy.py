@@ -167,7 +167,7 @@ def further_along_rising_work(task: Task) -> Solution:
     """State by continuation of the structure from the last state, as the work rises."""
     if task.last is None:
         raise SolverError("no state at less work")
-    path = rising(task.kkt)
+    path = rising(task.kkt, passed=task.case.record.along("structure, rising work"))
     point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
     return _to_end(task, point.state, point.mu)
 
@@ -186,9 +186,11 @@ def along_block_modes(task: Task) -> Solution:
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
         kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
         start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
-        path = rising(kkt)
+        on_the_way = partial(case.record.along, prolonged=modes.prolonged)
+        path = rising(kkt, passed=on_the_way("block modes, rising work"))
         point = path.follow(path.begin(start, task.rising_mu), task.work)
-        point = falling(kkt).follow(point, task.mu(OPTIONS.ends[0]))
+        path = falling(kkt, passed=on_the_way("block modes, falling products"))
+        point = path.follow(point, task.mu(OPTIONS.ends[0]))
     return _to_end(task, modes.prolonged(point.state), point.mu)
 
 
@@ -196,14 +198,14 @@ def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> At
     """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
 
     @monolithic
-    def attempt(task: Task) -> Solution:
+    def next_to_another_state(task: Task) -> Solution:
         if direction is None:
             raise SolverError("no direction in which to go on")
         u = state.displacement + (task.work - state.work) * direction
         moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
         return _warm(task, task.kkt, moved, warm)
 
-    return attempt
+    return next_to_another_state
 
 
 def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
@@ -228,7 +230,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
 def _to_end(task: Task, state: State, mu: float) -> Solution:
     """The state at the end of the central path, from a point near it, or `SolverError`."""
     kkt = replace(task.kkt, work=state.work)
-    path = falling(kkt)
+    path = falling(kkt, passed=task.case.record.along("structure, falling products"))
     point = path.begin(state, mu)
     for end in OPTIONS.ends:
         point = path.follow(point, task.mu(end))
@@ -324,6 +326,12 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 
 
 # ---- the list
+
+
+def name_of(attempt: Attempt) -> str:
+    """Name of an attempt: that of its function, in words."""
+    name: str = getattr(attempt, "func", attempt).__name__
+    return name.replace("_", " ")
 
 
 @dataclass(frozen=True)

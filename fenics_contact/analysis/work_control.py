@@ -20,8 +20,16 @@ from fenics_contact.analysis.collapse_mode import Verified, verify
 from fenics_contact.analysis.history import CollapseState, History
 from fenics_contact.analysis.joint_values import joint_values
 from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.reasons import missed
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import COULOMB, Attempt, Strategy, Task, fixed_point
+from fenics_contact.analysis.strategy import (
+    COULOMB,
+    Attempt,
+    Strategy,
+    Task,
+    fixed_point,
+    name_of,
+)
 from fenics_contact.errors import SolverError
 from fenics_contact.solvers.problem import State
 
@@ -81,6 +89,14 @@ class _Found:
         return self.verified.state.load_factor
 
     @property
+    def outcome(self) -> str:
+        """Whether it is verified, in words."""
+        if self.passed:
+            return "a state, verified"
+        text = missed(self.verified.certificate) or "load factor and friction not settled"
+        return f"a state, not verified: {text}"
+
+    @property
     def passed(self) -> bool:
         return self.history.converged and self.verified.certificate.passed
 
@@ -105,20 +121,22 @@ class _Search:
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
         for attempt in self._attempts():
+            count = case.discretization.factorizations
             try:
-                solution, history = attempt(task)
+                with case.record.attempt(
+                    name_of(attempt), work, count, case.discretization.effort
+                ) as ended:
+                    solution, history = attempt(task)
+                    ended("a state, not yet verified")
+                    verified = verify(case, solution.state, scales, self.tolerance, self.gap)
+                    self.found.append(_Found(verified, history, ratio))
+                    ended(self.found[-1].outcome)
             except SolverError as error:
                 _log.info("  no state with T = %.3g: %s", work, error)
                 continue
-            verified = verify(case, solution.state, scales, self.tolerance, self.gap)
-            self.found.append(_Found(verified, history, ratio))
-            _log.info(
-                "  T = %.3g: load factor %.8g, gap %.1e, fails %s",
-                work,
-                solution.state.load_factor,
-                verified.certificate.gap,
-                sorted(verified.certificate.failures),
-            )
+            gap = verified.certificate.gap
+            factor, outcome = solution.state.load_factor, self.found[-1].outcome
+            _log.info("  T = %.3g: load factor %.8g, gap %.1e, %s", work, factor, gap, outcome)
             return self.found[-1]
         return None
 

@@ -166,6 +166,7 @@ def result_record(result: Result) -> Record:
         "load_factor_negative": result.load_factor_negative,
         "bounds": _record(result.bounds, "lower", "upper"),
         "reason": result.reason() or None,
+        "attempts": [] if collapse is None else [dict(vars(trial)) for trial in collapse.attempts],
         "falling_blocks": result.falling.tolist(),
         "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),
         "method": None,
@@ -219,6 +220,8 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "reason": result.reason(end) or None,
         "wedged_blocks": result.wedged(end).tolist(),
         "mechanism": moves,
+        "attempts": [dict(vars(trial)) for trial in end.attempts],
+        "path": [dict(vars(point)) for point in end.trace],
     }
 
 

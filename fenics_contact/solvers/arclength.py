@@ -18,6 +18,7 @@ not reach the path, this one led too far, and is made again, shorter.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,12 +128,19 @@ class Continuation:
     """Follows one path of one structure."""
 
     def __init__(
-        self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
+        self,
+        kkt: PerturbedKKT,
+        path: Path,
+        options: ArclengthOptions | None = None,
+        passed: Callable[[PathPoint], None] = lambda point: None,
     ) -> None:
-        """Choose what varies; the work of the conditions is replaced as the path says."""
+        """Choose what varies; the work of the conditions is replaced as the path says.
+
+        `passed` is told of every point that a step from it shows to be on the path.
+        """
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
-        self.path, self.options = path, options or ArclengthOptions()
+        self.path, self.options, self._passed = path, options or ArclengthOptions(), passed
 
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
@@ -172,6 +180,8 @@ class Continuation:
             else:
                 limit = min(limit / options.shorter, usual)
                 astray = 0 if reached else astray + 1
+                if reached:
+                    self._passed(point)
                 before, point = point if reached else None, new
             values = point.iterate.load_factor, point.mu, point.work
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *values)

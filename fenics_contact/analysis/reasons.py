@@ -1,0 +1,92 @@
+"""Why a limit load was not found, in words, from the record of what was tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.record import Trial
+from fenics_contact.analysis.result import Collapse
+from fenics_contact.scene import Scene
+
+#: Methods in the order in which they are recommended.
+METHODS = "auto", "monolithic", "fixed-point"
+#: Coefficients of friction above this one are rare, and hard to solve for.
+HIGH_FRICTION = 1.5
+#: Tolerance on the load factor that all methods reach.
+USUAL_TOLERANCE = 1e-6
+
+
+def explained(case: LoadCase, end: Collapse) -> Collapse:
+    """A collapse with the record of its load case, and why it is none, if it is not converged."""
+    record = case.record
+    end = replace(end, attempts=tuple(record.attempts), trace=tuple(record.trace))
+    if end.status != "not_converged":
+        return end
+    return replace(end, reason=_not_converged(end, case.sign, case.discretization.scene))
+
+
+def _not_converged(end: Collapse, sign: float, scene: Scene) -> str:
+    """What was reached, what was tried, and what to do, where no limit load was found."""
+    parts = [end.reason or _reached(end, sign), *_tried(end.attempts)]
+    return "; ".join([*parts, f"try {_either(_cures(scene))}"])
+
+
+def _reached(end: Collapse, sign: float) -> str:
+    """The best state found, and what it misses."""
+    if end.state is None or end.certificate is None:
+        return "no state was found"
+    factor = sign * end.load_factor
+    state = f"no state was verified: the best one, with load factor {factor:.6g},"
+    if not end.certificate.passed:
+        return f"{state} misses {missed(end.certificate)}"
+    last = end.history[-1] if end.history else None
+    if last is None or not last.steps:
+        return f"{state} did not settle"
+    change = f"{last.steps[-1].bound_change:.1e}"
+    return f"{state} still changes its friction by {change} after {len(last.steps)} iterations"
+
+
+def missed(certificate: Certificate) -> str:
+    """Residuals above their tolerances, in words."""
+    allowed = certificate.tolerances
+    return ", ".join(
+        f"{name.replace('_', ' ')} ({value:.1e}, allowed {allowed[name]:.0e})"
+        for name, value in certificate.failures.items()
+    )
+
+
+def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
+    """Attempts that found nothing, those of one kind in a row together."""
+    lost = (trial for trial in attempts if not trial.found)
+    for name, group in groupby(lost, key=lambda trial: trial.name):
+        trials = list(group)
+        count = f" ({len(trials)} times, the last time:" if len(trials) > 1 else " ("
+        last = trials[-1]
+        space = " " if len(trials) > 1 else ""
+        yield f"'{name}' found no state{count}{space}{last.outcome})"
+
+
+def _cures(scene: Scene) -> Iterator[str]:
+    """What may help, the easiest first."""
+    options = scene.solve
+    if options.control == "load":
+        yield "solve.control = 'work'"
+    yield from (f"solve.method = '{name}'" for name in METHODS if name != options.method)
+    if options.tolerance < USUAL_TOLERANCE:
+        yield f"solve.tolerance = {USUAL_TOLERANCE:g}"
+    laws = [*scene.joints.values(), *scene.foundations.values()]
+    if any(law.gap for law in laws):
+        yield "joints without gaps"
+    if max((law.friction or 0.0 for law in laws), default=0.0) > HIGH_FRICTION:
+        yield f"friction of at most {HIGH_FRICTION:g}"
+    yield "a finer mesh"
+
+
+def _either(cures: Iterator[str]) -> str:
+    """A list of alternatives."""
+    *first, last = cures
+    return f"{', '.join(first)} or {last}" if first else last

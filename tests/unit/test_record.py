@@ -1,0 +1,97 @@
+"""The record of a solve: attempts, the path, and why no limit load was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import SolverError, limit_load
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.reasons import explained
+from fenics_contact.analysis.strategy import Strategy, Task, WorkOptions, interior_point
+from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.output.files import result_record, strict
+from fenics_contact.scene import SolveOptions
+from fenics_contact.solvers.joint_stiffness import GENERAL
+from tests.bank import coulomb, wall_recipe
+from tests.unit.core import BOND, load_case
+
+
+def finds_nothing(task: Task) -> None:
+    task.case.discretization.effort.spend(0.0)
+    raise SolverError("made up")
+
+
+def not_settled(task: Task):
+    solution, history = interior_point(task)
+    return solution, replace(history, converged=False)
+
+
+def collapse_of(case: LoadCase, *attempts):
+    work = WorkOptions(largest=100.0, missing=2)
+    return explained(case, find_collapse(case, Strategy(attempts, GENERAL, work=work), 1e-6))
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Wall W1 with friction .65, on one element along half a block."""
+    recipe = wall_recipe("W1", coulomb(0.65))
+    return limit_load(replace(recipe.scene(1), solve=SolveOptions(error=False)))
+
+
+def test_attempts_of_a_limit_load(found):
+    attempts = found.collapse.attempts
+    assert attempts[-1].found and attempts[-1].outcome == "a state, verified"
+    assert sum(trial.factorizations for trial in attempts) == found.factorizations - 1  # bonded
+    record = strict(result_record(found))
+    assert record["attempts"][-1]["name"] == "along block modes"
+    assert {"name", "work", "outcome", "factorizations"} <= set(record["attempts"][0])
+    assert record["reason"] is None
+
+
+def test_path_to_a_limit_load(found):
+    path = found.collapse.trace
+    assert path[0].phase == "block modes, rising work"
+    rising = [point for point in path if point.phase == "block modes, rising work"]
+    assert max(point.work for point in path) == pytest.approx(
+        found.collapse.attempts[-1].work, rel=0.01
+    )
+    assert len(rising) > 3
+    assert path[-1].load_factor == pytest.approx(found.load_factor, rel=0.05)
+    ratios = [point.work / point.displacement for point in path]
+    assert np.ptp(ratios) < 1e-9 * ratios[0]
+
+
+def test_load_factors_of_the_path_have_the_users_sign():
+    scene = replace(BOND.scene(1), solve=SolveOptions(direction="negative", error=False))
+    end = limit_load(scene).collapse
+    assert end.load_factor < 0.0
+    assert min(point.load_factor for point in end.trace) < 0.5 * end.load_factor
+
+
+def test_reason_where_nothing_is_found():
+    with load_case(BOND.scene(1)) as case:
+        end = collapse_of(case, finds_nothing)
+    assert end.status == "not_converged"
+    assert [trial.outcome for trial in end.attempts] == ["made up"] * 2
+    assert end.reason.startswith("no state was found; 'finds nothing' found no state (2 times")
+    assert "solve.method = 'monolithic' or" not in end.reason
+    assert "try solve.method = 'monolithic', solve.method = 'fixed-point'" in end.reason
+
+
+def test_reason_where_nothing_is_verified():
+    with load_case(BOND.scene(1)) as case:
+        end = collapse_of(case, not_settled)
+    assert end.status == "not_converged" and end.attempts[0].found
+    assert "not settled" in end.attempts[0].outcome
+    assert f"the best one, with load factor {end.load_factor:.6g}" in end.reason
+
+
+def test_a_method_does_not_recommend_itself():
+    recipe = wall_recipe("W1", coulomb(0.65))
+    scene = replace(recipe.scene(1), solve=SolveOptions(method="monolithic"))
+    with load_case(scene) as case:
+        end = collapse_of(case, finds_nothing)
+    assert "'monolithic'" not in end.reason and "'auto'" in end.reason
