@@ -134,7 +134,8 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
     status = end.status.replace("_", " ").upper()
-    if end.state is None or end.certificate is None or np.isnan(end.load_factor):
+    found = end.state is not None and not np.isnan(end.load_factor)
+    if end.certificate is None or not found or end.status == "no_equilibrium":
         return [f"{name}: {status}, {reason}"]
     programs = "rigid blocks without friction, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
