@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dolfinx import fem
 
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
-from fenics_contact.analysis.service_state import ServiceState, service_state
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.service_state import (
+    ServiceState,
+    service_state,
+    without_equilibrium,
+)
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
@@ -75,6 +80,11 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         raise InputError(f"steps = {steps} must be 1 or more")
     strategy, sign = strategy_of(scene), math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
+        bodies = replace(made.bodies, live=sign * made.bodies.live)
+        blocks = RigidBlocks(made.joints, bodies, scene.comm)
+        proved = without_equilibrium(blocks, abs(load_factor), sign)
+        if proved is not None:
+            return Equilibrium(**vars(proved), discretization=made)
         bonded = made.bonded(strategy.kind)
         case = LoadCase.of(made, bonded, sign, strategy.kind, lambda step: None)
         found = service_state(case, strategy, scene.solve, abs(load_factor), steps)

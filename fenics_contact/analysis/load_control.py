@@ -68,7 +68,7 @@ def raise_load(
 
     The first state is next to `start`, or else next to the bonded response to the dead load.
     """
-    bounds = case.problem.comm.bcast(case.blocks.bounds())
+    bounds = case.problem.comm.bcast(case.blocks.classical_bounds())
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
@@ -115,7 +115,8 @@ def _against_the_live_load(
     direction = None if motion is None else case.discretization.rigid_motion(motion)
     strategy = replace(strategy, attempts=(next_to(state, direction),))
     found = find_collapse(case, strategy, tolerance).reversed()
-    return replace(found, program=climb.case.blocks.bounds)
+    # The lower end holds where the live load does positive work.
+    return replace(found, program=climb.case.blocks.classical_bounds)
 
 
 @dataclass(frozen=True)

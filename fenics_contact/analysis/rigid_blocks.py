@@ -33,6 +33,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from fenics_contact.analysis.lower_end import GivenFriction, LeastForce, lower_end, meet
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
 from fenics_contact.errors import SolverError
@@ -103,16 +104,26 @@ class LimitBounds:
     """Values of the linear programs for one direction of the live load.
 
     Attributes:
-        lower: Frictionless, not below 0; None if the dead load needs friction to stand.
-        upper: Associative; infinite if nothing limits the load, None if it is not known.
+        lower: No collapse state is below; None if nothing is known.
+        upper: Associative: nothing beyond is carried; infinite if nothing limits the load, None if
+            it is not known.
+        frictionless: Carried without friction, not below 0; None if the dead load needs friction
+            to stand.
     """
 
     lower: float | None
     upper: float | None
+    frictionless: float | None = None
+
+    @property
+    def meet(self) -> bool:
+        """Whether the ends are so close that all collapse states have one load factor."""
+        return self.lower is not None and self.upper is not None and meet(self.lower, self.upper)
 
     def reversed(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
-        return LimitBounds(*(None if b is None else -b + 0.0 for b in (self.upper, self.lower)))
+        values = self.upper, self.lower, self.frictionless
+        return LimitBounds(*(None if b is None else -b + 0.0 for b in values))
 
     def told(self, number: Callable[[float], str]) -> str:
         """The bounds in words, with a form for numbers."""
@@ -190,6 +201,19 @@ class _Program:
         count = len(self.joints.length)
         return np.stack([np.bincount(ends, f, count) for f in (forward + backward, shear)])
 
+    def pressing(self, weights: Array) -> Array:
+        """Weighted sum of the faces' normal forces, as coefficients of x."""
+        _, rough = self._ends
+        ends = np.tile(weights, 2)
+        return np.concatenate([ends, ends[rough], np.zeros(len(weights))])
+
+    def face_forces(self, x: Array) -> Array:
+        """Normal forces of the faces, in the unit of x."""
+        ends, rough = self._ends
+        forward, edges, _ = np.split(x, [len(ends), len(ends) + len(rough)])
+        normal = forward + np.bincount(rough, edges, len(ends))
+        return np.asarray(normal.reshape(2, -1).sum(axis=0))
+
     def motions(self, multipliers: Array) -> Array:
         """Rigid motions (a, b, c) of all bodies from multipliers of equilibrium."""
         motion = np.zeros(len(self._used))
@@ -234,13 +258,16 @@ class RigidBlocks:
         """Whether the dead load alone has an equilibrium."""
         return self.fall() is None
 
-    def fall(self) -> Array | None:
-        """Rigid motions (a, b, c) of the bodies by which the dead load falls; None if it stands.
+    def fall(self, load_factor: float = 0.0) -> Array | None:
+        """Rigid motions (a, b, c) of the bodies by which the loads fall; None if they stand.
 
         Shape (bodies, 3), about their centres. No joint resists them, with associative friction:
-        they prove that there is no equilibrium.
+        they prove that there is no equilibrium under the dead load and this multiple of the live
+        load.
         """
-        return self._on_root(lambda: self._fall)
+        if load_factor == 0.0:
+            return self._on_root(lambda: self._fall)
+        return self._on_root(lambda: self._fall_under(load_factor))
 
     def wedging(self) -> Array | None:
         """Forces (normal, shear) at all joint points that balance the live load alone, or None.
@@ -270,15 +297,136 @@ class RigidBlocks:
         return self._on_root(lambda: self._largest(self._program).pressure)
 
     def bounds(self) -> LimitBounds:
-        """Both bounds, solved on this rank alone, where and when they are shown.
+        """The bracket, its lower end as in `lower_end` where that is better than no friction.
+
+        Solved on this rank alone, once, where and when it is shown.
+        """
+        return self._bounds
+
+    def classical_bounds(self) -> LimitBounds:
+        """Drucker's bounds, without friction and with associative friction; else as `bounds`.
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
+        return self._classical_bounds
+
+    @cached_property
+    def _bounds(self) -> LimitBounds:
+        bounds = self._classical_bounds
+        stands = bounds.lower is not None or self._fall is None
+        if bounds.upper is None or bounds.meet or not stands:
+            return bounds
+        lower = lower_end(self, bounds.upper)
+        if bounds.lower is not None:
+            lower = max(lower, bounds.lower)
+        return bounds if lower == -np.inf else replace(bounds, lower=min(lower, bounds.upper) + 0.0)
+
+    @cached_property
+    def _classical_bounds(self) -> LimitBounds:
         bare = self.frictionless._fall is None
         stands = bare or self._fall is None
         lower = self.frictionless._shown() if bare else None
-        upper = self._shown() if stands else np.inf
-        return LimitBounds(None if lower is None else max(lower, 0.0), upper)
+        lower = None if lower is None else max(lower, 0.0)
+        return LimitBounds(lower, self._shown() if stands else np.inf, lower)
+
+    @property
+    def friction(self) -> Array:
+        """Coulomb's coefficients of the faces, shape (faces,)."""
+        return self._program.faces.friction
+
+    @property
+    def strength(self) -> Array:
+        """Given bounds on the shear forces of the faces, N/m, shape (faces,)."""
+        return self._program.faces.strength
+
+    @property
+    def unit(self) -> float:
+        """Force that is 1 in the programs, N/m: of the largest dead load."""
+        return self._force
+
+    @property
+    def equations(self) -> int:
+        """Number of equations of equilibrium."""
+        return int(self._program.forces.shape[0])
+
+    def given_friction(self, strength: Array, iterations: int) -> GivenFriction:
+        """Limit load where the shear forces of the faces have given bounds, on this rank alone.
+
+        Let x be what HiGHS finds, s = A x - b what it misses, and y the multipliers. As a function
+        of b the limit load is concave with the slope y: it is not less than lambda - |y|.|s|.
+
+        Args:
+            strength: Bounds, N/m, shape (faces,).
+            iterations: Of HiGHS, at most.
+
+        Raises:
+            SolverError: If HiGHS finds no answer in as many iterations.
+        """
+        none = np.zeros_like(strength)
+        faces = replace(self._program.faces, friction=none, strength=strength)
+        program = replace(self._program, faces=faces)
+        columns, right = self._equilibrium(program)
+        limits = [(None, None), *program.limits(self._force)]
+        cost = -np.eye(1, len(limits)).ravel()
+        answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
+        if answer.status == 0:
+            x, multipliers = np.clip(answer.x, *_ends_of(limits)), answer.eqlin.marginals
+            lost = np.abs(multipliers) @ np.abs(columns @ x - right)
+            factor = float(x[0] - lost) * self._load
+        elif answer.status == 1:
+            raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        else:
+            missing, multipliers, _ = _least_missing(columns, right, limits)
+            factor = -np.inf if missing > OPTIONS.rounding else np.inf
+            if factor > 0.0 and self._wedging(program) is None:
+                raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        slip = np.abs(columns.T @ multipliers)[-len(strength) :]
+        return GivenFriction(factor, slip, int(answer.nit))
+
+    def least_force(
+        self, weights: Array, factors: tuple[float, float], iterations: int
+    ) -> LeastForce:
+        """Least weighted sum of normal forces of faces, with associative friction.
+
+        Solved on this rank alone. With the multipliers y the sum is not less than b.y + min r.x
+        over all x within their bounds, r = c - A^T y, whatever HiGHS' tolerance; unbounded x are
+        held to be no larger than the largest found.
+
+        Args:
+            weights: Of the faces, not negative, shape (faces,).
+            factors: Least and largest load factor.
+            iterations: Of HiGHS, at most.
+
+        Raises:
+            SolverError: If HiGHS finds no answer in as many iterations.
+        """
+        program = self._program
+        columns, right = self._equilibrium(program)
+        low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)
+        limits = [(low, high), *program.limits(self._force)]
+        cost = np.concatenate([[0.0], program.pressing(weights)])
+        answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
+        count = int(answer.nit)
+        if answer.status == 2 and _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
+            return LeastForce(np.inf, np.nan, np.zeros(len(weights)), count)
+        if answer.status != 0:
+            raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        multipliers = answer.eqlin.marginals
+        largest = float(np.abs(answer.x).max())
+        rest = cost - columns.T @ multipliers
+        least, most = np.nan_to_num(_ends_of(limits), posinf=largest, neginf=-largest)
+        value = right @ multipliers + np.minimum(rest * least, rest * most).sum()
+        normal = program.face_forces(answer.x[1:]) * self._force
+        factor = float(answer.x[0]) * self._load
+        return LeastForce(float(value) * self._force, factor, normal, count)
+
+    def _equilibrium(self, program: _Program) -> tuple[Any, Array]:
+        """Columns and right side of equilibrium in (lambda, x), in units of force and load."""
+        from scipy.sparse import hstack
+
+        loads = -self._bodies.dead, self._bodies.live
+        right, live = (program.load(load) / self._force for load in loads)
+        return hstack([self._load * live[:, None], program.forces]).tocsr(), right
 
     def _shown(self) -> float | None:
         """A load factor to be shown, no -0.0; None if the program fails."""
@@ -297,9 +445,14 @@ class RigidBlocks:
     @cached_property
     def _fall(self) -> Array | None:
         """Motions by which the dead load falls, solved for on this rank alone."""
+        return self._fall_under(0.0)
+
+    def _fall_under(self, load_factor: float) -> Array | None:
+        """Motions by which the loads fall, solved for on this rank alone."""
         program = self._program
-        right = -program.load(self._bodies.dead) / self._force
-        limits = program.limits(self._force)
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        limits = program.limits(unit)
         # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
         plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
         none = np.zeros(len(limits))
@@ -321,11 +474,7 @@ class RigidBlocks:
 
     def _largest(self, program: _Program) -> _Optimum:
         """The largest load factor of a program."""
-        from scipy.sparse import hstack
-
-        loads = -self._bodies.dead, self._bodies.live
-        right, live = (program.load(load) / self._force for load in loads)
-        columns = hstack([self._load * live[:, None], program.forces]).tocsr()
+        columns, right = self._equilibrium(program)
         limits = [(None, None), *program.limits(self._force)]
         cost = -np.eye(1, len(limits)).ravel()
         # The interior point method is ten times as fast on large walls.
@@ -355,6 +504,12 @@ class RigidBlocks:
         if message:
             raise SolverError(message)
         return answer
+
+
+def _ends_of(limits: list[Any]) -> Array:
+    """Least and largest values of unknowns, infinite where there is none, shape (2, unknowns)."""
+    ends = [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in limits]
+    return np.array(ends).T
 
 
 def _least_missing(columns: Any, right: Array, limits: list[Any]) -> tuple[float, Array, Array]:
@@ -388,6 +543,6 @@ def _answer(
     from scipy.optimize import linprog
 
     names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-    options = dict.fromkeys(names, OPTIONS.feasibility) | (options or {})
-    options["maxiter"] = OPTIONS.iterations * sum(columns.shape)  # HiGHS may go round in circles
+    most = OPTIONS.iterations * sum(columns.shape)  # HiGHS may go round in circles
+    options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": most} | (options or {})
     return linprog(cost, None, None, columns, right, limits, method, options=options)

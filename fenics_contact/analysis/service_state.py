@@ -15,6 +15,7 @@ from fenics_contact.analysis.joint_values import JointValues, joint_values
 from fenics_contact.analysis.least_forces import least_forces
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.load_control import Reached, raise_load_to
+from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.strategy import Strategy
 from fenics_contact.errors import SolverError
 from fenics_contact.scene import SolveOptions
@@ -27,7 +28,7 @@ class ServiceState:
 
     Attributes:
         status: "equilibrium" if it is verified; "no_equilibrium" if rigid blocks with associative
-            friction prove that there is none; else "not_converged".
+            friction prove that there is none, see `without_equilibrium`; else "not_converged".
         load_factor: As asked for.
         state: State found, in the supports' coordinates; None if there is none.
         joint_values: Forces, openings and slips of the joints; its rates are those of a motion
@@ -44,6 +45,26 @@ class ServiceState:
     reason: str = ""
 
 
+def without_equilibrium(blocks: RigidBlocks, load_factor: float, sign: float) -> ServiceState | None:
+    """The answer for a load that rigid blocks with associative friction prove to be too large.
+
+    None if they carry it. No matrix is factored.
+
+    Args:
+        blocks: Rigid-block programs of one direction of the live load.
+        load_factor: Not negative.
+        sign: 1 for the live load as given, -1 for that load reversed.
+    """
+    if blocks.fall(load_factor) is None:
+        return None
+    reason = "with associative friction rigid blocks do not stand under the dead load alone"
+    if blocks.stands():
+        upper = blocks.limit()
+        most = "do not stand" if upper is None else f"carry {sign * upper:.6g} at most"
+        reason = f"with associative friction rigid blocks {most}"
+    return ServiceState("no_equilibrium", sign * load_factor, reason=reason)
+
+
 def service_state(
     case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
 ) -> ServiceState:
@@ -51,10 +72,6 @@ def service_state(
     try:
         reached = raise_load_to(case, strategy, options, load_factor, steps)
     except SolverError as error:
-        upper = case.problem.comm.bcast(case.blocks.bounds()).upper
-        if upper is not None and upper < load_factor:
-            reason = f"with associative friction rigid blocks carry {upper:.6g} at most"
-            return ServiceState("no_equilibrium", case.sign * load_factor, reason=reason)
         return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
     return _verified(case, reached)
 
