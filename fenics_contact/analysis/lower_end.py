@@ -58,8 +58,8 @@ class LowerEndOptions:
         meet: Relative difference up to which the ends of the bracket are one load factor.
     """
 
-    programs: int = 150
-    pivots: int = 4_000_000
+    programs: int = 120
+    pivots: int = 2_500_000
     gain: float = 0.05
     shrinks: float = 0.25
     thinnest: float = 0.01

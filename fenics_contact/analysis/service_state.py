@@ -45,7 +45,9 @@ class ServiceState:
     reason: str = ""
 
 
-def without_equilibrium(blocks: RigidBlocks, load_factor: float, sign: float) -> ServiceState | None:
+def without_equilibrium(
+    blocks: RigidBlocks, load_factor: float, sign: float
+) -> ServiceState | None:
     """The answer for a load that rigid blocks with associative friction prove to be too large.
 
     None if they carry it. No matrix is factored.

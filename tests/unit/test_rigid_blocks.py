@@ -87,7 +87,7 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
     """tan(16.7) = 0.3 is the friction."""
     slope = bank.on_slope(degrees, (-GRAVITY, 0.0))
     with programs(block(coulomb(0.3), **slope)) as (blocks, _):
-        assert blocks.bounds().lower is None and blocks.stands() == stands
+        assert blocks.bounds().frictionless is None and blocks.stands() == stands
         assert not blocks.frictionless.stands()
     off = bank.on_slope(degrees, (0.0, GRAVITY))
     with programs(block(SMOOTH, **off)) as (blocks, _):
