@@ -137,12 +137,14 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     found = end.state is not None and not np.isnan(end.load_factor)
     if end.certificate is None or not found or end.status == "no_equilibrium":
         return [f"{name}: {status}, {reason}"]
-    programs = "rigid blocks without friction, and with associative friction"
+    programs = "rigid blocks with the least friction there can be, and with associative friction"
     first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
     certificate = end.certificate
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {reason}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
+    if end.bounds.meet:
+        first += "; no other collapse state exists"
     return [
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"

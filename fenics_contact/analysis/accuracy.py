@@ -116,9 +116,10 @@ def _report_most_accurate(result: Result) -> None:
             algebraic = float(np.fmax(error.algebraic_error, least))  # of what is known
             error = replace(error, algebraic_error=algebraic)
             found = replace(one, mesh_error=error, attempts=end.attempts, trace=end.trace)
-            result.ends[name] = found
+            result.ends[name] = found = found.with_errors_in_bracket()
+            error = found.mesh_error or error
             about = name, result.discretization.size, result.scene.degree, hinges
-            row = Pass(*about, one.load_factor, error.hinge_error, algebraic, seconds)
+            row = Pass(*about, one.load_factor, error.hinge_error, error.algebraic_error, seconds)
             _log.info("pass: %s, estimate %.2g", row, row.estimate)
             result.passes += (row,)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from fenics_contact.analysis.lower_end import meet
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,31 @@ class MeshError:
     def estimate(self) -> float:
         """Sum of both errors, relative; nan if one is not known."""
         return self.hinge_error + self.algebraic_error
+
+    def within(self, load_factor: float, size: float, ends: tuple[float, float]) -> MeshError:
+        """Errors with a sum not above the distance to the farther end of the bracket.
+
+        All collapse states are in the bracket, those of the finest mesh too. An unknown error of
+        100 % and more stays unknown.
+
+        Args:
+            load_factor: On this mesh.
+            size: Load factor by which errors are divided.
+            ends: Of the bracket.
+        """
+        farthest = max(load_factor - ends[0], ends[1] - load_factor, 0.0) / size
+        if not farthest < 1.0:
+            return self
+        hinge = min(farthest if math.isnan(self.hinge_error) else self.hinge_error, farthest)
+        rest = farthest - hinge
+        other = min(rest if math.isnan(self.algebraic_error) else self.algebraic_error, rest)
+        limit = self.load_factor_point_hinges
+        if math.isnan(limit) and meet(*ends):
+            limit = load_factor
+        limit = min(max(limit, ends[0]), ends[1])  # nan stays
+        return replace(
+            self, hinge_error=hinge, algebraic_error=other, load_factor_point_hinges=limit
+        )
 
 
 @dataclass(frozen=True)

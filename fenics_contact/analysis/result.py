@@ -95,6 +95,8 @@ class Collapse:
     def held_against_bracket(self) -> Collapse:
         """With the load factor's distance from its bracket in the certificate, and what follows.
 
+        Errors by the mesh do not lead out of the bracket.
+
         The forces of a verified state solve the associative program: this checks the other
         residuals. The load factor of a state that is none of equilibrium is left out if it is
         beyond the bracket.

@@ -42,6 +42,9 @@ from fenics_contact.version import __version__
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
+#: What result.json says of `LimitBounds`.
+BRACKET = ("lower", "upper", "frictionless", "meet")
+
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 
@@ -164,7 +167,7 @@ def result_record(result: Result) -> Record:
         "title": scene.title,
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        "bounds": _record(result.bounds, "lower", "upper"),
+        "bounds": _record(result.bounds, *BRACKET),
         "reason": result.reason() or None,
         "attempts": [] if collapse is None else [dict(vars(trial)) for trial in collapse.attempts],
         "falling_blocks": result.falling.tolist(),
@@ -182,7 +185,7 @@ def result_record(result: Result) -> Record:
     if negative is not None and negative is not collapse:
         record["negative"] = {
             "status": negative.status,
-            "bounds": _record(negative.bounds, "lower", "upper"),
+            "bounds": _record(negative.bounds, *BRACKET),
             **_collapse_record(result, negative),
         }
     return record | {
@@ -216,7 +219,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
     return {
         "status": end.status,
         "load_factor": end.load_factor,
-        "bounds": _record(end.bounds, "lower", "upper"),
+        "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "wedged_blocks": result.wedged(end).tolist(),
         "mechanism": moves,

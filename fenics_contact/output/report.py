@@ -211,18 +211,22 @@ def _answer(record: Record) -> Iterator[str]:
 
 def _load_factor_rows(direction: str, end: Record, record: Record) -> Iterator[Sequence[str]]:
     """Load factor, bracket and errors of one end."""
-    factor, bounds, sure = end["load_factor"], end["bounds"], ("lower", "upper")
+    factor, bounds, sides = end["load_factor"], end["bounds"], ("lower", "upper")
     if direction == "negative":
-        sure = sure[::-1]
+        sides = sides[::-1]
     name = "load factor" if end["status"] == "limit" else "load factor reached, not verified"
     if end["status"] == "unbounded":
         yield "load factor", "no limit"
         return
     yield name, "none" if factor is None else _alike(factor, factor)
-    carried, beyond = (bounds[side] for side in sure)
+    sure = bounds.get("frictionless")
+    first, beyond = (bounds[side] for side in sides)
     lost = "not known, or the dead load needs friction to stand"
-    yield "surely carried, from 0 to", lost if carried is None else _alike(carried, factor)
+    yield "surely carried, from 0 to", lost if sure is None else _alike(sure, factor)
+    yield "no collapse state before", "not known" if first is None else _alike(first, factor)
     yield "surely not carried beyond", _alike(beyond, factor)
+    if bounds.get("meet") and end["status"] == "limit":
+        yield "other collapse states", "none exists: the bracket is closed"
     if end["status"] == "limit":
         yield from _error_rows(factor, _details(record, direction), record)
 

@@ -91,9 +91,10 @@ PICTURES: Mapping[str, str] = {
 
 NOTES = (
     "With Coulomb friction several collapse states may exist. The load factor is that of one"
-    " verified state. It is not a lower bound. All states lie in the bracket.",
-    "Loads up to the lower end of the bracket are carried without friction, and so with it. Loads"
-    " beyond the upper end are not carried even by rigid blocks with associative friction.",
+    " verified state. All states lie in the bracket. Where its ends meet there is no other.",
+    "The lower end of the bracket is the limit load with the least friction that any collapse state"
+    " can have. Loads beyond the upper end are not carried even by rigid blocks with associative"
+    " friction. Loads that are surely carried need no friction.",
     "The blocks are elastic. They do not crush or crack.",
     "Displacements are small. The problem is planar.",
 )

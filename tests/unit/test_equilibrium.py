@@ -46,6 +46,22 @@ def test_load_beyond_the_limit_has_no_equilibrium():
     assert found.reason == "with associative friction rigid blocks carry 0.3 at most"
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize(("factor", "carried"), [(0.30001, 0.3), (1e6, 0.3), (-0.31, -0.3)])
+def test_load_that_is_proved_too_large_costs_no_factorisation(factor, carried):
+    found = equilibrium(BLOCK.scene(2), factor)
+    assert found.status == "no_equilibrium" and found.load_factor == factor
+    assert found.reason == f"with associative friction rigid blocks carry {carried} at most"
+    assert found.discretization.factorizations() == 0
+
+
+def test_dead_load_that_falls_costs_no_factorisation():
+    found = equilibrium(BANK["sliding stack -0.001"].scene(1), 0.0)
+    assert found.status == "no_equilibrium"
+    assert found.reason.endswith("rigid blocks do not stand under the dead load alone")
+    assert found.discretization.factorizations() == 0
+
+
 def test_where_associative_friction_proves_nothing_the_state_is_only_not_found():
     found = equilibrium(BANK["W3 coulomb 0.65"].scene(elements=1), 0.38)  # 0.356, associative 0.404
     assert (found.status, found.state) == ("not_converged", None)
