@@ -95,16 +95,16 @@ class Collapse:
     def held_against_bracket(self) -> Collapse:
         """With the load factor's distance from its bracket in the certificate, and what follows.
 
-        Errors by the mesh do not lead out of the bracket.
-
         The forces of a verified state solve the associative program: this checks the other
-        residuals. The load factor of a state that is none of equilibrium is left out if it is
+        residuals. Errors by the mesh do not lead out of the bracket. The load factor of a state that is none of equilibrium is left out if it is
         beyond the bracket.
         """
         if self.certificate is None or self.status == "unbounded":
             return self
         bounds = self.bounds
-        lower = -np.inf if bounds.lower is None else bounds.lower
+        # Equilibrium without a collapse may be below the lower end.
+        lower = bounds.lower if self.status == "limit" else bounds.frictionless
+        lower = -np.inf if lower is None else lower
         upper = np.inf if bounds.upper is None else bounds.upper
         outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
         outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
@@ -113,9 +113,18 @@ class Collapse:
         residuals = {**self.certificate.residuals, "bracket": outside}
         certificate = replace(self.certificate, residuals=residuals)
         if certificate.passed:
-            return replace(self, certificate=certificate)
+            return replace(self, certificate=certificate).with_errors_in_bracket()
         reason = f"the load factor {self.load_factor:.6g} is outside its bracket ({bounds})"
         return replace(self, status="not_converged", certificate=certificate, reason=reason)
+
+    def with_errors_in_bracket(self) -> Collapse:
+        """With errors by the mesh that do not lead out of the bracket."""
+        bounds, error, finer = self.bounds, self.mesh_error, self.at_point_hinges
+        if error is None or bounds.lower is None or bounds.upper is None:
+            return self
+        error = error.within(self.load_factor, self.size, (bounds.lower, bounds.upper))
+        finer = finer and finer.with_errors_in_bracket()
+        return replace(self, mesh_error=error, at_point_hinges=finer)
 
     def reversed(self) -> Collapse:
         """Collapse under the reversed live load, in multiples of the live load as given."""
