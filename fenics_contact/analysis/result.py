@@ -96,8 +96,8 @@ class Collapse:
         """With the load factor's distance from its bracket in the certificate, and what follows.
 
         The forces of a verified state solve the associative program: this checks the other
-        residuals. Errors by the mesh do not lead out of the bracket. The load factor of a state that is none of equilibrium is left out if it is
-        beyond the bracket.
+        residuals. Errors by the mesh do not lead out of the bracket. The load factor of a state
+        that is none of equilibrium is left out if it is beyond the bracket.
         """
         if self.certificate is None or self.status == "unbounded":
             return self
