@@ -29,6 +29,7 @@ blocks against the live load, belong to the opposite direction.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 from dataclasses import dataclass, field
@@ -53,6 +54,8 @@ class LowerEndOptions:
         gain: Least gain of a step, in units of the slice: for less, slices get smaller.
         shrinks: Factor by which slices get smaller, and larger again.
         thinnest: Slices are not thinner than this part of the first bracket.
+        judged: Steps of a slice, at first, in which it may turn out to be no gain.
+        at_once: Faces for each of which n is found by one program.
         together: Faces are minimised together while this leaves less of their least normal forces.
         unloaded: Normal forces that count as none, and slip rates, in units of the largest one.
         meet: Relative difference up to which the ends of the bracket are one load factor.
@@ -63,6 +66,8 @@ class LowerEndOptions:
     gain: float = 0.05
     shrinks: float = 0.25
     thinnest: float = 0.01
+    judged: int = 2
+    at_once: int = 8
     together: float = 0.5
     unloaded: float = 1e-9
     meet: float = 1e-6
@@ -89,19 +94,19 @@ class GivenFriction:
 
 
 @dataclass(frozen=True)
-class LeastForce:
+class LeastForces:
     """Admissible forces that press some faces least.
 
     Attributes:
-        value: Sum of their normal forces, weighted, N/m, not above it by rounding; infinite if no
-            forces are admissible.
-        factor: Load factor.
-        normal: Normal forces of all faces, N/m, shape (faces,).
+        values: Sums of their normal forces, weighted, N/m, not above them by rounding; infinite if
+            no forces are admissible.
+        factors: Load factors.
+        normal: Normal forces of all faces, N/m, shape (sums, faces).
         iterations: Of HiGHS.
     """
 
-    value: float
-    factor: float
+    values: Array
+    factors: Array
     normal: Array
     iterations: int
 
@@ -128,10 +133,10 @@ class FacePrograms(Protocol):
     def given_friction(self, strength: Array, iterations: int) -> GivenFriction:
         """P of given bounds on shear forces, N/m."""
 
-    def least_force(
+    def least_forces(
         self, weights: Array, factors: tuple[float, float], iterations: int
-    ) -> LeastForce:
-        """Least weighted sum of normal forces with load factors between two."""
+    ) -> LeastForces:
+        """Least weighted sums of normal forces with load factors between two."""
 
 
 def lower_end(programs: FacePrograms, upper: float) -> float:
@@ -249,18 +254,20 @@ class _Search:
         """No collapse state of a slice is below this, as far as it is worth while."""
         low, high = part.ends
         worthwhile = low + OPTIONS.gain * (high - low) if high < np.inf else low
-        while True:
+        for step in itertools.count():
             limit = self._limit(part.least)
             if limit.factor > high:
                 return limit.factor
             faces = self._unknown(part, limit.slip)
             if not len(faces):
                 return limit.factor
-            if np.all(np.isfinite(part.most)) and self._limit(part.most).factor <= worthwhile:
+            known = step < OPTIONS.judged and bool(np.all(np.isfinite(part.most)))
+            if known and self._limit(part.most).factor <= worthwhile:
                 return limit.factor
             self._minimise(part, faces)
             if part.empty:
-                return np.inf
+                break
+        return np.inf
 
     def _unknown(self, part: _Slice, slip: Array) -> Indices:
         """Faces that slip and whose n is not known yet, those with the most power first."""
@@ -279,28 +286,29 @@ class _Search:
         doubt = self._doubt(part)[faces].sum()
         while len(faces) > 1:
             before = doubt
-            self._least(part, faces)
+            together = np.zeros((1, len(part.least)))
+            together[0, faces] = 1.0
+            self._least(part, together)
             faces = faces[self._doubt(part)[faces] > 0.0]
             doubt = self._doubt(part)[faces].sum()
             if doubt > OPTIONS.together * before:
                 break
-        for face in faces:
-            if self._doubt(part)[face] > 0.0 and not part.empty:
-                value = self._least(part, np.array([face]))
-                part.least[face] = max(value, part.least[face])
-                part.most[face] = part.least[face]
+        while len(faces) and not part.empty:
+            first = faces[: OPTIONS.at_once]
+            values = self._least(part, np.eye(len(part.least))[first])
+            part.least[first] = np.maximum(values, part.least[first])
+            part.most[first] = part.least[first]
+            faces = faces[self._doubt(part)[faces] > 0.0]
 
-    def _least(self, part: _Slice, faces: Indices) -> float:
-        """Least sum of normal forces of some faces in a slice, N/m; it learns from the forces."""
-        weights = np.zeros_like(part.least)
-        weights[faces] = 1.0
-        found = self.blocks.least_force(weights, part.ends, self._iterations)
+    def _least(self, part: _Slice, weights: Array) -> Array:
+        """Least sums of normal forces in a slice, N/m; it learns from the forces."""
+        found = self.blocks.least_forces(weights, part.ends, self._iterations)
         self._count(found.iterations)
-        part.empty = part.empty or found.value == np.inf
+        part.empty = part.empty or bool(np.any(found.values == np.inf))
         if not part.empty:
-            self.found.append((found.factor, found.normal))
-            part.most = np.minimum(part.most, found.normal)
-        return found.value
+            self.found += zip(found.factors, found.normal, strict=True)
+            part.most = np.minimum(part.most, found.normal.min(axis=0))
+        return found.values
 
     def _limit(self, normal: Array) -> GivenFriction:
         """P(F N + s) for given normal forces of the faces, N/m."""

@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
-from fenics_contact.analysis.lower_end import GivenFriction, LeastForce, lower_end, meet
+from fenics_contact.analysis.lower_end import GivenFriction, LeastForces, lower_end, meet
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
 from fenics_contact.errors import SolverError
@@ -362,10 +362,9 @@ class RigidBlocks:
         Raises:
             SolverError: If HiGHS finds no answer in as many iterations.
         """
-        none = np.zeros_like(strength)
-        faces = replace(self._program.faces, friction=none, strength=strength)
-        program = replace(self._program, faces=faces)
-        columns, right = self._equilibrium(program)
+        faces = replace(self._bare.faces, strength=strength)
+        program = replace(self._bare, faces=faces)
+        columns, right = self._bare_equilibrium
         limits = [(None, None), *program.limits(self._force)]
         cost = -np.eye(1, len(limits)).ravel()
         answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
@@ -383,42 +382,61 @@ class RigidBlocks:
         slip = np.abs(columns.T @ multipliers)[-len(strength) :]
         return GivenFriction(factor, slip, int(answer.nit))
 
-    def least_force(
+    def least_forces(
         self, weights: Array, factors: tuple[float, float], iterations: int
-    ) -> LeastForce:
-        """Least weighted sum of normal forces of faces, with associative friction.
+    ) -> LeastForces:
+        """Least weighted sums of normal forces of faces, with associative friction.
 
-        Solved on this rank alone. With the multipliers y the sum is not less than b.y + min r.x
-        over all x within their bounds, r = c - A^T y, whatever HiGHS' tolerance; unbounded x are
-        held to be no larger than the largest found.
+        Solved on this rank alone, as one program. With the multipliers y a sum is not less than
+        b.y + min r.x over all x within their bounds, r = c - A^T y, whatever HiGHS' tolerance;
+        unbounded x are held to be no larger than the largest found.
 
         Args:
-            weights: Of the faces, not negative, shape (faces,).
+            weights: Of the faces, not negative, shape (sums, faces).
             factors: Least and largest load factor.
             iterations: Of HiGHS, at most.
 
         Raises:
             SolverError: If HiGHS finds no answer in as many iterations.
         """
-        program = self._program
-        columns, right = self._equilibrium(program)
+        from scipy.sparse import block_diag
+
+        program, count = self._program, len(weights)
+        columns, right = self._whole_equilibrium
         low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)
         limits = [(low, high), *program.limits(self._force)]
-        cost = np.concatenate([[0.0], program.pressing(weights)])
-        answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
-        count = int(answer.nit)
+        cost = np.array([[0.0, *program.pressing(one)] for one in weights])
+        whole = block_diag([columns] * count, "csr")
+        options = {"maxiter": iterations}
+        rights = np.tile(right, count)
+        answer = _answer(cost.ravel(), whole, rights, limits * count, "highs-ds", options)
+        spent = int(answer.nit)
         if answer.status == 2 and _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
-            return LeastForce(np.inf, np.nan, np.zeros(len(weights)), count)
+            return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
         if answer.status != 0:
             raise SolverError(f"rigid-block linear program failed: {answer.message}")
-        multipliers = answer.eqlin.marginals
-        largest = float(np.abs(answer.x).max())
-        rest = cost - columns.T @ multipliers
+        x, multipliers = (v.reshape(count, -1) for v in (answer.x, answer.eqlin.marginals))
+        largest = float(np.abs(x).max())
+        rest = cost - multipliers @ columns
         least, most = np.nan_to_num(_ends_of(limits), posinf=largest, neginf=-largest)
-        value = right @ multipliers + np.minimum(rest * least, rest * most).sum()
-        normal = program.face_forces(answer.x[1:]) * self._force
-        factor = float(answer.x[0]) * self._load
-        return LeastForce(float(value) * self._force, factor, normal, count)
+        values = multipliers @ right + np.minimum(rest * least, rest * most).sum(axis=1)
+        normal = np.array([program.face_forces(one[1:]) for one in x])
+        factors_found = x[:, 0] * self._load
+        return LeastForces(values * self._force, factors_found, normal * self._force, spent)
+
+    @cached_property
+    def _bare(self) -> _Program:
+        """The program with given friction."""
+        none = np.zeros_like(self.friction)
+        return replace(self._program, faces=replace(self._program.faces, friction=none))
+
+    @cached_property
+    def _bare_equilibrium(self) -> tuple[Any, Array]:
+        return self._equilibrium(self._bare)
+
+    @cached_property
+    def _whole_equilibrium(self) -> tuple[Any, Array]:
+        return self._equilibrium(self._program)
 
     def _equilibrium(self, program: _Program) -> tuple[Any, Array]:
         """Columns and right side of equilibrium in (lambda, x), in units of force and load."""
