@@ -14,7 +14,7 @@ from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.meshing import buttress
+from fenics_contact.meshing import arch, buttress
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.property.scenes import Draw
@@ -32,6 +32,12 @@ def leaning(courses: int, foot: float, friction: float) -> Recipe:
     return Recipe(draw, coulomb(friction))
 
 
+def ring(voussoirs: int, thickness: float, radius: float, embrace: float) -> Recipe:
+    """A circular arch on rigid springings, friction 0.7; lengths in m, the angle in degrees."""
+    draw = lambda n, quads: arch(voussoirs, thickness, radius, embrace, n, quads)  # noqa: E731
+    return Recipe(draw, coulomb(0.7), {"foundations": {"springings": coulomb(0.7)}})
+
+
 @pytest.mark.parametrize(
     ("recipe", "expected"),
     [
@@ -40,6 +46,8 @@ def leaning(courses: int, foot: float, friction: float) -> Recipe:
         (stack_recipe(5, 0.3), 0.3),
         (stack_recipe(5, 0.7), 0.5),
         (BANK["trilith 0.7"].recipe, 0.3),
+        (ring(7, 0.15, 1.0, 157.5), 0.37361),  # I.J. Oppenheim, Earthq. Eng. Struct. Dyn. 21 (1992)
+        (ring(11, 0.5, 2.0, 180.0), 0.40938),
         (arch_recipe(7, 0.2), 0.30182),
         (arch_recipe(15, 0.15), 0.15047),
     ],
