@@ -117,6 +117,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+    lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
     if result.inaccurate:
         lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
@@ -149,7 +150,24 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
+        *_peak_lines(end),
         *_mesh_lines(end),
+    ]
+
+
+def _peak_lines(end: Collapse) -> list[str]:
+    """The most that the path to a collapse carries."""
+    peak = end.peak
+    if peak is None:
+        return []
+    if peak.status == "none":
+        return ["peak: none, the load factor rises to that of the collapse"]
+    if peak.status == "not_known":
+        return [f"peak: not known, {peak.reason}"]
+    return [
+        f"peak: on the way at least {peak.load_factor:.4g} was carried, at"
+        f" {1e3 * peak.displacement_m:.3g} mm; then joints slip and the load falls (it depends on"
+        " stiffness and mesh: quote the load factor of the collapse)"
     ]
 
 

@@ -22,6 +22,7 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
+from fenics_contact.analysis.peak import NOT_ASKED, Above, Limits, Peak, find_peak
 from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.analysis.reasons import explained
 from fenics_contact.analysis.result import Collapse, Result
@@ -44,11 +45,14 @@ from fenics_contact.output.plotting import (
 )
 from fenics_contact.output.view import View, view_of
 from fenics_contact.scene import Scene
+from fenics_contact.solvers.joint_stiffness import GENERAL
 
 _log = logging.getLogger("fenics_contact")
 
 #: Points of a capacity curve for which the scene gives no number.
 CURVE = 25
+#: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
+CURVE_SOLVE = 10.0
 
 
 class LimitLoad(Result):
@@ -104,6 +108,10 @@ class LimitLoad(Result):
         monitor, end = monitor or _Silent(), end if sign > 0.0 else end.reversed()
         with Discretization(scene) as made:
             case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+            if end.peak is not None and end.peak.status == "not_known":
+                end = _with_peak(case, end, CURVE_SOLVE, asked=True)
+                known = end if sign > 0.0 else end.reversed()
+                self.ends[direction] = replace(self.ends[direction], peak=known.peak)
             curve = capacity_curve(case, end, points, monitor.point)
             self.factorizations += made.factorizations()
             self.mode_factorizations += made.mode_tally.count
@@ -131,7 +139,9 @@ class LimitLoad(Result):
         if self.scene.comm.rank != 0:
             return None
         axes = axes or new_axes()
-        draw_capacity(axes, curve, self.collapse.load_factor if self.collapse else math.nan)
+        end = self.collapse
+        limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
+        draw_capacity(axes, curve, limit, peak)
         return axes
 
     def _repr_png_(self) -> bytes | None:
@@ -255,10 +265,17 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     # Where no state under the dead load alone is known, the range of load factors must reach to
     # either side of zero, whichever end of it was asked for.
     enough = stands_frictionless or direction == "both" or _stands(cases[direction])
-    found = {name: _collapse(cases[name]) for name in (asked if enough else SIGNS)}
+    effort = discretization.effort
+    before = effort.spent
+    directions = asked if enough else tuple(SIGNS)
+    found = {name: _collapse(cases[name]) for name in directions}
     found = reaching_zero(cases, found, asked)
     found = {name: explained(cases[name], found[name]) for name in asked}
     seconds["solve"] = time.perf_counter() - start
+    start, cost = time.perf_counter(), (effort.spent - before) / len(directions)
+    wanted = bool(scene.solve.peak)
+    found |= {name: _with_peak(cases[name], found[name], cost, wanted) for name in asked}
+    seconds["peak"] = time.perf_counter() - start
     if scene.solve.error:
         start = time.perf_counter()
         found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
@@ -283,6 +300,25 @@ def _collapse(case: LoadCase) -> Collapse:
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
+
+
+def _with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool) -> Collapse:
+    """A collapse with the peak of the path to it, within limits by the cost of the collapse."""
+    if end.status != "limit" or end.state is None or not case.problem.coulomb:
+        return end
+    options = case.discretization.scene.solve
+    above = Above(end.load_factor, end.size, end.state.work)
+    if end.path is not None:
+        peak = Peak.of_path(end.path, above)
+    elif options.peak is False and not asked:
+        peak = Peak("not_known", reason=NOT_ASKED)
+    elif case.kind != GENERAL:
+        reason = f"method = '{options.method}' does not look for it, method = 'auto' does"
+        peak = Peak("not_known", reason=reason)
+    else:
+        limits = Limits.of(cost, asked)
+        peak = find_peak(case, above, options.tolerance, limits)
+    return replace(end, peak=peak)
 
 
 def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:

@@ -266,6 +266,8 @@ class SolveOptions:
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         error: Estimate how much of the load factor is due to the mesh.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
+        peak: Look for the peak of the loading path before the collapse; None: as far as that takes
+            less than the limit load did.
     """
 
     method: str = "auto"
@@ -276,6 +278,7 @@ class SolveOptions:
     states: str = "first"
     error: bool = True
     accuracy: float | None = None
+    peak: bool | None = None
 
     def __post_init__(self) -> None:
         check_types(self)

@@ -94,6 +94,11 @@ def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
     Raises:
         SolverError: If A is singular.
     """
+    return rates(kkt, state)[0]
+
+
+def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
+    """du/dT and d(lambda)/dT = 1 / (f_L . A^-1 f_L) at a state; as `elastic_mode`."""
     near = kkt.on_central_path(state, OPTIONS.mu, COLD)
     linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
-    return linear.live_response / linear.flexibility
+    return linear.live_response / linear.flexibility, 1.0 / linear.flexibility

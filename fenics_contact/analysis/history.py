@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from fenics_contact.solvers.problem import Array
@@ -73,9 +75,43 @@ class LoadStep:
 
 @dataclass(frozen=True)
 class CapacityPoint(LoadStep):
-    """Point of the capacity curve: a state between rest and collapse, which was found."""
+    """Point of the capacity curve: a state between rest and collapse.
+
+    Attributes:
+        converged: Whether it was found; its load factor is nan if not.
+    """
 
     converged: bool = True
+
+
+@dataclass(frozen=True)
+class CurveEnd:
+    """How complete a capacity curve is.
+
+    Attributes:
+        points: Number of its points that were found.
+        not_found: Number of those that were not.
+        load_factor: Of the last point found; nan if there is none.
+        on_plateau: Whether that is the load factor of the collapse.
+    """
+
+    points: int
+    not_found: int
+    load_factor: float
+    on_plateau: bool
+
+    @classmethod
+    def of(cls, curve: Sequence[CapacityPoint], limit: float, apart: float = 1e-3) -> CurveEnd:
+        """The end of a curve to a load factor, on its plateau up to a relative distance."""
+        found = [point.load_factor for point in curve if point.converged]
+        last = found[-1] if found else math.nan
+        on_plateau = abs(last - limit) <= apart * abs(limit)
+        return cls(len(found), len(curve) - len(found), last, on_plateau)
+
+    def __str__(self) -> str:
+        missing = f", {self.not_found} not found" if self.not_found else ""
+        end = "" if self.on_plateau else f"; it ends at {self.load_factor:.6g}, not at the collapse"
+        return f"capacity curve: {self.points} points{missing}{end}"
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ Struct. 88 (2010) 859). The capacity curve prescribes the work of the live load 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -269,10 +270,11 @@ def capacity_curve(
     points: int,
     monitor: Callable[[int, int, CapacityPoint], None],
 ) -> list[CapacityPoint]:
-    """Load factors at rising work up to a collapse and a little beyond; those found.
+    """Load factors at rising work up to a collapse and a little beyond, through its peak.
 
-    Slip is measured from the stress-free state. With load control its steps are the points. The
-    monitor is told the number of a point, that of all, and the point.
+    Slip is measured from the stress-free state. With load control its steps are the points. Points
+    at which no state was found have nan, and are not `converged`. The monitor is told the number
+    of a point that was found, that of all, and the point.
     """
     if end.path is not None:
         return [CapacityPoint(**vars(step)) for step in end.path.steps]
@@ -284,9 +286,17 @@ def capacity_curve(
     works = [float(OPTIONS.beyond_onset * end.state.work * part) for part in fractions]
     tolerance = case.discretization.scene.solve.tolerance
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
-    curve: list[CapacityPoint] = []
+    found: dict[int, CapacityPoint] = {}
+
+    def point(state: State) -> CapacityPoint:
+        work = case.written(state).work
+        return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))
+
     for number, state in states_along_rising_work(task, works):
-        work, motion = case.written(state).work, _kept(case, state)
-        curve.append(CapacityPoint(state.load_factor, work / unit, work, motion))
-        monitor(number, points, curve[-1])
-    return curve
+        found[number] = point(state)
+        monitor(number, points, found[number])
+    none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
+    curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
+    if end.peak is not None and end.peak.state is not None:
+        curve.append(point(end.peak.state))
+    return sorted(curve, key=lambda point: point.work)

@@ -13,10 +13,17 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import CapacityPoint, CollapseState, History, LoadPath
+from fenics_contact.analysis.history import (
+    CapacityPoint,
+    CollapseState,
+    CurveEnd,
+    History,
+    LoadPath,
+)
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.analysis.peak import Peak
 from fenics_contact.analysis.record import TracePoint, Trial
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
@@ -57,6 +64,8 @@ class Collapse:
             where that changes nothing, or was not looked for.
         attempts: What was tried, in order.
         trace: Points of the path that was followed, in order.
+        peak: The most that the loading path carries before the collapse; None with given friction,
+            where it is the load factor itself, and where there is no limit.
     """
 
     status: str
@@ -76,6 +85,7 @@ class Collapse:
     at_point_hinges: Collapse | None = None
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
+    peak: Peak | None = None
 
     @property
     def size(self) -> float:
@@ -146,6 +156,7 @@ class Collapse:
             states=tuple(map(_negated, self.states)),
             trace=tuple(map(_negated, self.trace)),
             at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
+            peak=self.peak and self.peak.reversed(),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 
@@ -291,6 +302,15 @@ class Result:
     def load_factor_negative(self) -> float:
         """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
         return float("nan") if self.negative is None else self.negative.load_factor
+
+    @property
+    def curve_end(self) -> CurveEnd | None:
+        """How complete the capacity curve is; None if it was not traced."""
+        return (
+            CurveEnd.of(self.capacity, self.collapse.load_factor)
+            if self.collapse and self.capacity
+            else None
+        )
 
     @property
     def bounds(self) -> LimitBounds | None:

@@ -208,10 +208,12 @@ def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> At
     return next_to_another_state
 
 
-def coulomb_equilibrium(task: Task, start: State, load_factor: float) -> State:
+def coulomb_equilibrium(
+    task: Task, start: State, load_factor: float, warm: WarmStart = WARM
+) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
     kkt = task.case.coulomb(start.work, task.scales, load_factor)
-    return _warm(task, kkt, start, WARM).state
+    return _warm(task, kkt, start, warm).state
 
 
 def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
@@ -225,6 +227,11 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
             yield number, _to_end(replace(task, work=work), point.state, point.mu).state
         except SolverError as error:
             _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+
+
+def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
+    """State at the work of a task next to another one at that work, or `SolverError`."""
+    return _warm(task, task.kkt, start, warm).state
 
 
 def _to_end(task: Task, state: State, mu: float) -> Solution:

@@ -127,6 +127,7 @@ def write_series(
     Raises:
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
+    points = [point for point in points if point.motion is not None]
     comm, times = discretization.scene.comm, [1e3 * point.displacement for point in points]
     if np.any(np.diff(times) <= 0.0):
         times = [float(number) for number in range(len(points))]

@@ -18,6 +18,7 @@ from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.mechanism import mechanism
 from fenics_contact.analysis.mesh_error import MeshError
+from fenics_contact.analysis.peak import Peak
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
@@ -90,11 +91,12 @@ def _write_capacity(result: Result, folder: Path) -> None:
         table = csv.writer(file)
         table.writerow(["displacement_m", "load_factor", "work", "converged"])
         for p in result.capacity:
-            table.writerow([p.displacement, p.load_factor, p.work, int(p.converged)])
+            factor = p.load_factor if p.converged else ""
+            table.writerow([p.displacement, factor, p.work, int(p.converged)])
     if result.scene.output.pictures:
-        limit = math.nan if result.collapse is None else result.collapse.load_factor
-        title = _drawn(result.scene.title)
-        save_capacity(result.capacity, limit, title, _pictures(result, folder / "capacity"))
+        end, title = result.collapse, _drawn(result.scene.title)
+        limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
+        save_capacity(result.capacity, limit, peak, title, _pictures(result, folder / "capacity"))
 
 
 def _pictures(result: Result, path: Path) -> list[Path]:
@@ -176,6 +178,8 @@ def result_record(result: Result) -> Record:
         "error_estimate": None,
         "residuals": None,
         "discretization": None,
+        "peak": None,
+        "capacity": vars(result.curve_end) if result.curve_end else None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
@@ -249,8 +253,15 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record["states"] = [_record(state, *names) for state in collapse.states]
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
+    record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
+
+
+def _peak_record(peak: Peak) -> Record:
+    """The most that the loading path carries, or why that is not known."""
+    names = "status", "load_factor", "not_found_at", "work", "displacement_m"
+    return _record(peak, *names) | {"reason": peak.reason or None}
 
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:

@@ -14,6 +14,7 @@ import numpy as np
 
 from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.joint_values import JointValues
+from fenics_contact.analysis.peak import Peak
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.drawing import (
     BLACK,
@@ -159,13 +160,24 @@ def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
     return lines[long & (value < 0.0)], lines[long & (value > 0.0)]
 
 
-def draw_capacity(axes: Any, points: Sequence[CapacityPoint], limit: float = math.nan) -> Any:
-    """The capacity curve: load factor over displacement."""
-    curve = [(1e3 * point.displacement, point.load_factor) for point in points]
-    axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label="equilibrium states")
+def draw_capacity(
+    axes: Any,
+    points: Sequence[CapacityPoint],
+    limit: float = math.nan,
+    peak: Peak | None = None,
+) -> Any:
+    """The capacity curve: load factor over displacement, with the peak on it."""
+    curve = [(1e3 * point.displacement, point.load_factor) for point in points if point.converged]
+    missing = len(points) - len(curve)
+    label = f"equilibrium states ({missing} not found)" if missing else "equilibrium states"
+    axes.plot(*np.transpose(curve), "o-", color=BLUE, markersize=4, label=label)
     if np.isfinite(limit):
         text = f"limit load {rounded_alike([limit])[0]}"
         axes.axhline(limit, color=VERMILLION, linestyle="--", label=text)
+    if peak is not None and peak.status == "found":
+        text = f"peak, at least {rounded_alike([limit, peak.load_factor])[1]}"
+        place = 1e3 * peak.displacement_m, peak.load_factor
+        axes.plot(*place, "^", color=BLACK, markersize=8, label=text)
     axes.update_datalim([(0.0, 0.0)])
     axes.autoscale_view()
     axes.set(ylabel="load factor", xlabel="mean displacement along the live load (mm)")
@@ -242,13 +254,17 @@ def save_collapse(view: View, title: str, paths: Sequence[Path | BinaryIO]) -> N
 
 
 def save_capacity(
-    points: Sequence[CapacityPoint], limit: float, title: str, paths: Sequence[Path]
+    points: Sequence[CapacityPoint],
+    limit: float,
+    peak: Peak | None,
+    title: str,
+    paths: Sequence[Path],
 ) -> None:
     """The capacity curve."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-    draw_capacity(figure.subplots(), points, limit)
+    draw_capacity(figure.subplots(), points, limit, peak)
     _save(figure, title or "Capacity curve", paths)
 
 

@@ -228,7 +228,23 @@ def _load_factor_rows(direction: str, end: Record, record: Record) -> Iterator[S
     if bounds.get("meet") and end["status"] == "limit":
         yield "other collapse states", "none exists: the bracket is closed"
     if end["status"] == "limit":
+        yield from _peak_rows(factor, _details(record, direction)["peak"])
         yield from _error_rows(factor, _details(record, direction), record)
+
+
+def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
+    """What the loading path carries before it falls to the collapse."""
+    if peak is None or peak["status"] == "none":
+        return
+    if peak["status"] == "not_known":
+        yield "carried on the way to the collapse", f"not known: {peak['reason']}"
+        return
+    carried, moved = _alike(peak["load_factor"], factor), _value(1e3 * peak["displacement_m"], "mm")
+    yield (
+        "carried on the way to the collapse, at least",
+        f"{carried}, at {moved}; then joints slip and the load falls. This depends on the"
+        " stiffness and on the mesh: the load factor above is the one to quote.",
+    )
 
 
 def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequence[str]]:

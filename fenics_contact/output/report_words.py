@@ -53,6 +53,7 @@ KEYS: Mapping[str, str] = {
     "slip": "slip is measured from",
     "states": "collapse states looked for",
     "error": "error by the mesh estimated",
+    "peak": "peak of the loading path looked for",
 }
 
 MEANING: Mapping[str, str] = {
@@ -70,6 +71,7 @@ PHASES: Mapping[str, str] = {
     "bonded": "one elastic solve with closed joints",
     "bounds": "bracket",
     "solve": "finding the collapse",
+    "peak": "looking for the peak",
     "error": "error by the mesh",
     "capacity": "capacity curve",
     "write": "writing files",

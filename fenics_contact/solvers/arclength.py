@@ -133,11 +133,14 @@ class Continuation:
         path: Path,
         options: ArclengthOptions | None = None,
         passed: Callable[[PathPoint], None] = lambda point: None,
+        factored: Callable[[PathPoint, float], None] = lambda point, rate: None,
     ) -> None:
         """Choose what varies; the work of the conditions is replaced as the path says.
 
-        `passed` is told of every point that a step from it shows to be on the path.
+        `passed` is told of every point that a step from it shows to be on the path, `factored` of
+        every point at which a factor was made, and of d(lambda)/ds there.
         """
+        self._factored = factored
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
         self.path, self.options, self._passed = path, options or ArclengthOptions(), passed
@@ -217,6 +220,7 @@ class Continuation:
         options, path = self.options, self.path
         linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
+        self._factored(point, tangent.load_factor)
         rates = point.mu, path.log_mu_rate, options.smallest
         model = TangentModel.of(linear, correction, tangent, *rates)
         numbers = replace(options.elimination, allowed=limit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fenics_contact.discretization.discretization import Discretization
@@ -98,6 +98,8 @@ def solve(scene: Scene, structure: Structure) -> LimitLoad:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
+    if scene.solve.peak is None:  # a table of load factors has no room for it
+        scene = replace(scene, solve=replace(scene.solve, peak=False))
     if scene.solve.accuracy is None:
         result = limit_load_of(structure.of(scene))
     else:

@@ -1,0 +1,590 @@
+"""The peak: the most that the loading path carries before it falls to the collapse.
+
+With Coulomb friction the load factor lambda(T) need not rise to its plateau: joints that stick at
+first slip later, and it falls. A slowly raised load ends at the highest point of that path. Between
+two changes of contact the structure is linear, so lambda(T) is made of straight pieces of slope
+
+    d(lambda)/dT = 1 / (f_L . A^-1 f_L),   A as in `kkt`,
+
+and a peak is where the slope changes its sign, or where the path turns back.
+
+1. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
+   (1954) 71): where the collapse reaches it there is no peak.
+2. Else the path is followed on block modes with small products, settled at rising works. Between
+   two of these it may be higher where the tangents meet: there it is settled, too.
+3. A point above the collapse is finished with products zero. If it stays there, the structure
+   itself is taken up next to it, and its summit found from the slopes on both sides.
+
+The peak depends on stiffness and mesh, and a path may have several: it is a lower bound of what
+the model carries.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
+from fenics_contact.analysis.collapse_mode import rates
+from fenics_contact.analysis.history import LoadPath
+from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.strategy import (
+    OPTIONS as PATH,
+)
+from fenics_contact.analysis.strategy import (
+    Task,
+    WarmStart,
+    at_work,
+    coulomb_equilibrium,
+    falling,
+    next_to,
+    rising,
+)
+from fenics_contact.errors import EffortError, SolverError
+from fenics_contact.solvers.arclength import PathPoint
+from fenics_contact.solvers.block_modes import BlockModes
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Tolerances,
+    solve_interior_point,
+)
+from fenics_contact.solvers.joint_stiffness import GENERAL, JointStiffness
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.problem import Array, State
+
+_log = logging.getLogger("fenics_contact")
+
+#: Why a peak is not known, for people.
+TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
+NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The most that the loading path carries from the dead load on.
+
+    Attributes:
+        status: "found", "none" where the path rises to the collapse, or "not_known".
+        load_factor: lambda of a verified state of equilibrium; nan unless found.
+        not_found_at: Load factor next to it at which no equilibrium was found; nan if not tried.
+        work: T of that state, of the live load as it acts, N m per metre of thickness.
+        displacement_m: Mean displacement there along the live load as it acts, m.
+        reason: Why it is not known, and what to do, for people.
+        state: The state, in the supports' coordinates; None unless found.
+    """
+
+    status: str
+    load_factor: float = math.nan
+    not_found_at: float = math.nan
+    work: float = math.nan
+    displacement_m: float = math.nan
+    reason: str = ""
+    state: State | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def of_path(cls, path: LoadPath, above: Above) -> Peak:
+        """What a path of load control carries, if that is above the collapse."""
+        last = path.steps[-1]
+        if above(path.lower) <= OPTIONS.above:
+            return cls("none")
+        return cls("found", path.lower, path.upper, last.work, last.displacement)
+
+    def reversed(self) -> Peak:
+        """The peak under the reversed live load, in multiples of the live load as given."""
+        state = self.state
+        if state is not None:
+            state = replace(state, load_factor=-state.load_factor, work=-state.work)
+        changed = {"load_factor": -self.load_factor, "not_found_at": -self.not_found_at}
+        return replace(self, **changed, state=state)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Most cost of the search, in units of one factorisation of the structure.
+
+    Attributes:
+        seen: Until something above the collapse was seen on block modes.
+        found: In all.
+    """
+
+    seen: float
+    found: float
+
+    @classmethod
+    def of(cls, solve: float, asked: bool) -> Limits:
+        """Limits by the cost of the collapse, and whether the peak was asked for."""
+        seen, found = OPTIONS.asked if asked else OPTIONS.usual
+        return cls(seen * solve, found * solve)
+
+
+@dataclass(frozen=True)
+class PeakOptions:
+    """Numbers of the search.
+
+    Attributes:
+        usual: Limits on the cost until something is seen, and in all, in units of that of the
+            collapse.
+        asked: The same where the peak was asked for.
+        above: A peak is higher than the collapse by this, relative.
+        products: On the way, in units of force times elastic displacement; the second if the path
+            is lost with the first. Larger ones round the path off.
+        apart: Ratio of works at which the path is settled.
+        first: Least first work, in units of the bonded one.
+        past: The path of block modes may end on its plateau from this multiple of the onset's work.
+        last: It ends at this multiple of the bonded work, or of the onset's, whichever is more.
+        looks: Points at most between two others.
+        promising: They are where the tangent is higher than the collapse by this, relative.
+        another: A path that ends so far from the collapse, relative, ends on another one.
+        fallen: A summit is passed where the path has fallen by this, relative.
+        finish: When the interior point method stops with products zero.
+    """
+
+    usual: tuple[float, float] = (0.5, 5.0)
+    asked: tuple[float, float] = (20.0, 50.0)
+    above: float = 1e-3
+    products: tuple[float, ...] = (1e-4, 1e-3)
+    apart: float = 1.8
+    first: float = 0.1
+    past: float = 1.05
+    last: tuple[float, float] = (300.0, 2.0)
+    looks: int = 3
+    promising: float = 3e-3
+    another: float = 2e-2
+    fallen: float = 2e-2
+    finish: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
+    )
+
+
+#: How exact states are on the climb, and when the interior point method gives one up.
+ROUGH = Tolerances(1e-9, 1e-6)
+SHORT = InteriorPointOptions(max_steps=12, window=5, acceptable=1e-7)
+
+
+@dataclass(frozen=True)
+class ClimbOptions:
+    """Numbers of the climb on the structure.
+
+    Attributes:
+        first: First step of the work, relative; it grows by the factor `growth` from then on.
+        growth: That factor.
+        accuracy: Of the load factor at the summit, relative.
+        inside: Part of an interval that a new work keeps from its ends.
+        beyond: The next load factor at which equilibrium is looked for is higher by this, relative.
+        dips: Dips of the path that are stepped over so at most.
+        near: Next to the last state.
+        next_load: The same where the load factor is prescribed: nothing is tried from afar.
+    """
+
+    first: float = 0.02
+    growth: float = 2.0
+    accuracy: float = 3e-5
+    inside: float = 0.02
+    beyond: float = 5e-4
+    dips: int = 8
+    begin: WarmStart = field(default_factory=lambda: WarmStart((3e-4, 1e-2), (), ROUGH))
+    near: WarmStart = field(default_factory=lambda: WarmStart((1e-3,), (), ROUGH, SHORT))
+    next_load: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, SHORT))
+
+
+OPTIONS, CLIMB = PeakOptions(), ClimbOptions()
+
+
+@dataclass(frozen=True)
+class Above:
+    """What a peak is held against.
+
+    Attributes:
+        load_factor: That of the collapse.
+        size: Load factor by which differences are divided.
+        work: T at the onset of the collapse.
+    """
+
+    load_factor: float
+    size: float
+    work: float
+
+    def __call__(self, load_factor: float) -> float:
+        """How much higher a load factor is, relative."""
+        return (load_factor - self.load_factor) / self.size
+
+    def last_work(self, case: LoadCase) -> float:
+        """Work at which a path is on its plateau, as far as it is worth looking."""
+        of_bonded, of_onset = OPTIONS.last
+        return max(of_bonded * case.bonded_work, of_onset * self.work)
+
+
+def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) -> Peak:
+    """The peak of the loading path of a load case with Coulomb friction.
+
+    Args:
+        case: The load case, with a general factorisation.
+        above: Its collapse.
+        tolerance: On load factors, relative.
+        limits: On the cost.
+    """
+    upper = case.blocks.limit()
+    upper = math.inf if upper is None else upper
+    if above(upper) <= OPTIONS.above:
+        return Peak("none")
+    case = replace(case, monitor=lambda step: None)
+    effort = case.discretization.effort
+    begun = effort.spent
+    try:
+        with effort.at_most(limits.seen):
+            seed = _seed(case, above)
+        if seed is None:
+            return Peak("none")
+        with effort.at_most(limits.found - (effort.spent - begun)):
+            return _Summit(case, above, tolerance, upper).peak(seed)
+    except EffortError:
+        return Peak("not_known", reason=TOO_DEAR)
+    except SolverError as error:
+        return Peak("not_known", reason=str(error))
+
+
+@dataclass(frozen=True)
+class _OnPath(ABC):
+    """A point of a path, and d(lambda)/dT there."""
+
+    slope: float
+
+    @property
+    @abstractmethod
+    def work(self) -> float:
+        """T, N m per metre of thickness."""
+
+    @property
+    @abstractmethod
+    def load_factor(self) -> float:
+        """The load factor."""
+
+    def tangent(self, work: float) -> float:
+        """Load factor on the tangent."""
+        return self.load_factor + self.slope * (work - self.work)
+
+    def meets(self, right: _OnPath) -> float:
+        """Work in between at which the tangents meet; that of the right point if they do not."""
+        if self.slope <= right.slope:
+            return right.work
+        gap = right.tangent(self.work) - self.load_factor
+        return min(max(self.work + gap / (self.slope - right.slope), self.work), right.work)
+
+
+# ---- on block modes
+
+
+def _seed(case: LoadCase, above: Above) -> State | None:
+    """A state on the way that block modes have above the collapse; None: no state.
+
+    Raises:
+        EffortError: If that takes too long.
+        SolverError: If the path is lost, or ends elsewhere.
+    """
+    modes = case.discretization.block_modes.changed(case.problem)
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        for products in OPTIONS.products:
+            path = _ModesPath(case, modes, stiffness, above, products)
+            try:
+                return path.first_above()
+            except EffortError:
+                raise
+            except SolverError as error:
+                failed = error
+    raise failed
+
+
+@dataclass(frozen=True)
+class _Sample(_OnPath):
+    """A point on the path of the block modes."""
+
+    point: PathPoint
+
+    @property
+    def work(self) -> float:
+        return self.point.work
+
+    @property
+    def load_factor(self) -> float:
+        return self.point.iterate.load_factor
+
+
+class _ModesPath:
+    """The loading path of the block modes, with small products."""
+
+    def __init__(
+        self,
+        case: LoadCase,
+        modes: BlockModes,
+        stiffness: JointStiffness,
+        above: Above,
+        products: float,
+    ) -> None:
+        self._case, self._modes, self._above = case, modes, above
+        last = above.last_work(case)
+        scales = case.scales_at(last)
+        self._task = Task(case, last, scales, tolerance=1e-6)
+        self._mu = self._task.mu(products)
+        self._kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, last)
+        self._path = rising(self._kkt, told=self._note)
+        self._passed: list[_Sample] = []
+
+    def first_above(self) -> State | None:
+        """The first state above the collapse that stays there with products zero; None: no state.
+
+        It is on the path, as one of the structure.
+
+        Raises:
+            SolverError: If the path is lost, or ends at another collapse state.
+        """
+        bias, sample = 0.0, None
+        for sample in self._rise():
+            seen = self._above(sample.load_factor)
+            if seen <= OPTIONS.above + bias:
+                continue
+            left = self._above(self._finished(sample.point).load_factor)
+            _log.info("  peak: %.4g above the collapse, %.4g with products 0", seen, left)
+            if left > OPTIONS.above:
+                return self._modes.prolonged(sample.point.state)
+            bias = seen - left
+        if sample is not None and abs(self._above(sample.load_factor)) > OPTIONS.another + bias:
+            ended = self._above(self._finished(sample.point).load_factor)
+            if abs(ended) > OPTIONS.another:
+                raise SolverError("the path of block modes ends at another collapse state")
+        return None
+
+    def _rise(self) -> Iterator[_Sample]:
+        """Points at rising works up to the plateau, and those between them that may be higher."""
+        unit, ends = self._case.bonded_work, self._above
+        # Nothing is stiffer than the bonded structure: no state with less work is above.
+        work = max(ends.load_factor / self._case.scales.load_factor, OPTIONS.first) * unit
+        start = self._modes.restricted(self._case.bonded_state(work))
+        point = self._path.follow(self._path.begin(start, self._mu), work)
+        before: _Sample | None = None
+        while work < self._task.work:
+            work *= OPTIONS.apart
+            sample, point = self._next(point, work)
+            if before is not None:
+                yield from self._between(before, sample)
+            yield sample
+            before = sample
+            settled = abs(ends(sample.load_factor)) <= OPTIONS.above
+            if settled and sample.work > OPTIONS.past * ends.work:
+                return
+
+    def _note(self, point: PathPoint, rate: float) -> None:
+        """Take note of a point on the way, and of d(lambda)/ds there."""
+        self._passed.append(_Sample(rate / point.work, point))
+
+    def _next(self, point: PathPoint, work: float) -> tuple[_Sample, PathPoint]:
+        """A point with its slope, known once it is left, and the point at more work."""
+        self._passed.clear()
+        after = self._path.follow(point, work)
+        return self._passed[0], after
+
+    def _between(self, left: _Sample, right: _Sample) -> Iterator[_Sample]:
+        """Points between two others where the path, if it goes on as at the left, is higher."""
+        promising = self._above.load_factor + OPTIONS.promising * self._above.size
+        for _ in range(OPTIONS.looks):
+            if left.load_factor > promising or left.tangent(right.work) <= promising:
+                return
+            work = left.work + (promising - left.load_factor) / left.slope
+            point = self._path.follow(left.point, work)
+            linear = replace(self._kkt, work=point.work).linearize(point.iterate)
+            left = _Sample(1.0 / linear.flexibility, point)
+            yield left
+
+    def _finished(self, point: PathPoint) -> State:
+        """The state with products zero at the work of a point."""
+        kkt = replace(self._kkt, work=point.work)
+        path = falling(kkt)
+        mu = min(self._task.mu(PATH.ends[-1]), point.mu)
+        point = path.follow(path.begin(point.state, point.mu), mu)
+        tolerances = self._task.tolerances
+        return solve_interior_point(kkt, point.state, mu, tolerances, OPTIONS.finish).state
+
+
+# ---- on the structure
+
+
+@dataclass(frozen=True)
+class _Point(_OnPath):
+    """A verified state of the structure, and its rate of displacements du/dT."""
+
+    rate: Array
+    state: State
+
+    @property
+    def work(self) -> float:
+        return self.state.work
+
+    @property
+    def load_factor(self) -> float:
+        return self.state.load_factor
+
+
+@dataclass(frozen=True)
+class _Beyond:
+    """Work at which the path is past its summit, and the state there if it is still on the path."""
+
+    work: float
+    point: _Point | None = None
+
+
+class _Highest:
+    """The highest point of a path, which is left where it has fallen."""
+
+    def __init__(self, fallen: float) -> None:
+        self._fallen = fallen
+        self.point: PathPoint | None = None
+
+    def __call__(self, point: PathPoint, rate: float) -> None:
+        """See a point."""
+        if self.point is None or point.iterate.load_factor > self.point.iterate.load_factor:
+            self.point = point
+        elif self.point.iterate.load_factor - point.iterate.load_factor > self._fallen:
+            raise SolverError("the path has fallen")
+
+
+class _Summit:
+    """The highest point of the path of the structure next to a state.
+
+    Attributes:
+        best: The highest verified state so far.
+    """
+
+    def __init__(self, case: LoadCase, above: Above, tolerance: float, upper: float) -> None:
+        self._case, self._above, self._tolerance, self._upper = case, above, tolerance, upper
+        self.best: _Point | None = None
+
+    def peak(self, seed: State) -> Peak:
+        """The peak next to a state that the block modes have above the collapse."""
+        not_found_at = math.nan
+        try:
+            not_found_at = self._climb_from(self._begun(seed))
+        except SolverError as error:
+            if not self._found:
+                raise
+            _log.info("  peak: %s", error)
+        if self.best is None or not self._found:
+            return Peak("none")
+        state = self.best.state
+        work = self._case.written(state).work
+        moved = work / self._case.problem.sum(np.abs(self._case.problem.live))
+        return Peak("found", state.load_factor, not_found_at, work, moved, state=state)
+
+    @property
+    def _found(self) -> bool:
+        return self.best is not None and self._above(self.best.load_factor) > OPTIONS.above
+
+    def _climb_from(self, point: _Point) -> float:
+        """Climb to the summit, over small dips; the load factor at which no state is found."""
+        for _ in range(CLIMB.dips):
+            best = self._summit(point)
+            target = best.load_factor + CLIMB.beyond * self._above.size
+            if not self._found:
+                break
+            if target >= self._upper:
+                return self._upper
+            try:
+                point = self._at_load(best, target)
+            except EffortError:
+                raise
+            except SolverError:
+                return target
+        return math.nan
+
+    def _summit(self, start: _Point) -> _Point:
+        """The highest point next to one, by the slopes on both sides."""
+        left, right = self._sides(start)
+        best, step = max(start, left, key=lambda point: point.load_factor), CLIMB.first
+        while (work := self._next_work(left, right, best, step)) is not None:
+            step *= CLIMB.growth
+            try:
+                new = self._at(work, left)
+            except EffortError:
+                raise
+            except SolverError:
+                right = _Beyond(work)
+                continue
+            best = max(best, new, key=lambda point: point.load_factor)
+            if new.slope > 0.0 and new.load_factor >= left.load_factor:
+                left = new
+            else:  # with a slope above 0 it is on another piece of the path, past a fold
+                right = _Beyond(work, new if new.slope <= 0.0 else None)
+        return best
+
+    def _sides(self, start: _Point) -> tuple[_Point, _Beyond | None]:
+        """A rising point on the left of the summit, and one past it if `start` is."""
+        left, right, step = start, None, CLIMB.first
+        while left.slope <= 0.0:
+            right = _Beyond(left.work, left)
+            left, step = self._at(left.work * (1.0 - step), left), CLIMB.growth * step
+        return left, right
+
+    def _next_work(
+        self, left: _Point, right: _Beyond | None, best: _Point, step: float
+    ) -> float | None:
+        """Where to look next for something higher; None if there is nothing."""
+        least = best.load_factor + CLIMB.accuracy * self._above.size
+        if right is None:
+            work = (1.0 + step) * left.work
+            return work if left.tangent(2.0 * left.work) > least else None
+        width = right.work - left.work
+        if right.point is None:
+            return left.work + 0.5 * width if left.tangent(right.work) > least else None
+        work, inside = left.meets(right.point), CLIMB.inside * width
+        if left.tangent(work) <= least:
+            return None
+        return min(max(work, left.work + inside), right.work - inside)
+
+    def _begun(self, seed: State) -> _Point:
+        """The state next to the highest point of the path with small products, from the seed."""
+        task = self._task(seed.work)
+        highest = _Highest(OPTIONS.fallen * self._above.size)
+        onto, path = rising(task.kkt), rising(task.kkt, told=highest)
+        start = onto.begin(seed, task.mu(OPTIONS.products[0]))
+        try:
+            path.follow(onto.follow(start, seed.work), self._above.last_work(self._case))
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  peak: %s", error)
+        point = highest.point
+        if point is None:
+            raise SolverError("no path")
+        task = self._task(point.work)
+        return self._point(at_work(task, point.state, CLIMB.begin))
+
+    def _at(self, work: float, near: _Point) -> _Point:
+        """The state at some work, from one next to it."""
+        solution, _ = next_to(near.state, near.rate, CLIMB.near)(self._task(work))
+        return self._point(solution.state)
+
+    def _at_load(self, near: _Point, load_factor: float) -> _Point:
+        """The state at a load factor, from one next to it."""
+        task = self._task(near.work)
+        return self._point(coulomb_equilibrium(task, near.state, load_factor, CLIMB.next_load))
+
+    def _task(self, work: float) -> Task:
+        scales = self._case.scales_at(work, self._above.load_factor)
+        return Task(self._case, work, scales, self._tolerance)
+
+    def _point(self, state: State) -> _Point:
+        """A state with its slope, verified; `SolverError` if it is no state of equilibrium."""
+        scales, problem = self._task(state.work).scales, self._case.problem
+        residuals = state_residuals(problem, state, scales)
+        missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
+        _log.info("  peak: T = %.6g, load factor %.8g", state.work, state.load_factor)
+        if missed:
+            raise SolverError(f"not verified: {', '.join(missed)}")
+        rate, slope = rates(self._case.coulomb(state.work, scales), state)
+        point = _Point(slope, rate, state)
+        if self.best is None or point.load_factor > self.best.load_factor:
+            self.best = point
+        return point
