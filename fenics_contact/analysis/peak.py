@@ -46,7 +46,7 @@ from fenics_contact.analysis.strategy import (
     rising,
 )
 from fenics_contact.errors import EffortError, SolverError
-from fenics_contact.solvers.arclength import PathPoint
+from fenics_contact.solvers.arclength import ArclengthOptions, PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
@@ -146,14 +146,14 @@ class PeakOptions:
 
     usual: tuple[float, float] = (0.5, 5.0)
     asked: tuple[float, float] = (20.0, 50.0)
-    above: float = 1e-3
+    above: float = 2e-3
     products: tuple[float, ...] = (1e-4, 1e-3)
     apart: float = 1.8
     first: float = 0.1
     past: float = 1.05
     last: tuple[float, float] = (300.0, 2.0)
     looks: int = 3
-    promising: float = 3e-3
+    promising: float = 4e-3
     another: float = 2e-2
     fallen: float = 2e-2
     finish: InteriorPointOptions = field(
@@ -163,6 +163,7 @@ class PeakOptions:
 
 #: How exact states are on the climb, and when the interior point method gives one up.
 ROUGH = Tolerances(1e-9, 1e-6)
+LONG = InteriorPointOptions(max_steps=20, window=8, acceptable=1e-7)
 SHORT = InteriorPointOptions(max_steps=12, window=5, acceptable=1e-7)
 
 
@@ -171,24 +172,32 @@ class ClimbOptions:
     """Numbers of the climb on the structure.
 
     Attributes:
-        first: First step of the work, relative; it grows by the factor `growth` from then on.
-        growth: That factor.
+        first: First step to more work, relative: a path may turn back there.
+        back: First step to less work, relative.
+        growth: Steps grow by this factor.
         accuracy: Of the load factor at the summit, relative.
         inside: Part of an interval that a new work keeps from its ends.
         beyond: The next load factor at which equilibrium is looked for is higher by this, relative.
         dips: Dips of the path that are stepped over so at most.
-        near: Next to the last state.
-        next_load: The same where the load factor is prescribed: nothing is tried from afar.
+        products: Of the first iterate at other work, in units of force times elastic displacement
+            and of the relative change of the work.
+        least: Such products at least.
+        path: Numbers of the path of the structure: short steps, so that none leads past a summit.
+        begin: How a state next to that path is found.
+        next_load: How one is found at a prescribed load factor: nothing is tried from afar.
     """
 
-    first: float = 0.02
+    first: float = 0.03
+    back: float = 0.15
     growth: float = 2.0
     accuracy: float = 3e-5
     inside: float = 0.02
     beyond: float = 5e-4
     dips: int = 8
-    begin: WarmStart = field(default_factory=lambda: WarmStart((3e-4, 1e-2), (), ROUGH))
-    near: WarmStart = field(default_factory=lambda: WarmStart((1e-3,), (), ROUGH, SHORT))
+    products: float = 0.1
+    least: float = 3e-4
+    path: ArclengthOptions = field(default_factory=lambda: ArclengthOptions(largest_change=0.2))
+    begin: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, LONG))
     next_load: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, SHORT))
 
 
@@ -292,9 +301,8 @@ def _seed(case: LoadCase, above: Above) -> State | None:
             path = _ModesPath(case, modes, stiffness, above, products)
             try:
                 return path.first_above()
-            except EffortError:
-                raise
             except SolverError as error:
+                case.discretization.effort.require(1.0)
                 failed = error
     raise failed
 
@@ -331,7 +339,7 @@ class _ModesPath:
         self._task = Task(case, last, scales, tolerance=1e-6)
         self._mu = self._task.mu(products)
         self._kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, last)
-        self._path = rising(self._kkt, told=self._note)
+        self._path = rising(self._kkt, factored=self._note)
         self._passed: list[_Sample] = []
 
     def first_above(self) -> State | None:
@@ -436,31 +444,59 @@ class _Beyond:
     point: _Point | None = None
 
 
-class _Highest:
-    """The highest point of a path, which is left where it has fallen."""
+class _Way:
+    """Points along a path, which is left where it has fallen.
 
-    def __init__(self, fallen: float) -> None:
-        self._fallen = fallen
-        self.point: PathPoint | None = None
+    Attributes:
+        points: On the way, with their slopes.
+    """
+
+    def __init__(self, fallen: float, level: float) -> None:
+        """Take load factors as fallen, and as one, by their differences."""
+        self._fallen, self._level = fallen, level
+        self.points: list[_Sample] = []
 
     def __call__(self, point: PathPoint, rate: float) -> None:
-        """See a point."""
-        if self.point is None or point.iterate.load_factor > self.point.iterate.load_factor:
-            self.point = point
-        elif self.point.iterate.load_factor - point.iterate.load_factor > self._fallen:
+        """Take note of a point, and of d(lambda)/ds there."""
+        self.points.append(_Sample(rate / point.work, point))
+        last, highest = self.points[-1], self.highest
+        turned = last.work < highest.work and last.load_factor < highest.load_factor
+        if turned or highest.load_factor - last.load_factor > self._fallen:
             raise SolverError("the path has fallen")
+
+    @property
+    def highest(self) -> _Sample:
+        """The first of the highest points."""
+        most = max(point.load_factor for point in self.points) - self._level
+        return next(point for point in self.points if point.load_factor >= most)
+
+    @property
+    def before(self) -> _Sample:
+        """The point before the highest one."""
+        return self.points[max(self.points.index(self.highest) - 1, 0)]
+
+    @property
+    def summit(self) -> float:
+        """Work at which tangents on both sides of the highest point meet."""
+        highest = self.highest
+        first = self.points.index(highest) - (highest.slope <= 0.0)
+        pair = self.points[max(first, 0) :][:2]
+        if len(pair) < 2 or not pair[0].slope > 0.0 > pair[1].slope:
+            return highest.work
+        return pair[0].meets(pair[1]) if pair[0].work < pair[1].work else highest.work
 
 
 class _Summit:
     """The highest point of the path of the structure next to a state.
 
     Attributes:
-        best: The highest verified state so far.
+        best: The highest verified state so far; None if there is none.
     """
 
     def __init__(self, case: LoadCase, above: Above, tolerance: float, upper: float) -> None:
         self._case, self._above, self._tolerance, self._upper = case, above, tolerance, upper
-        self.best: _Point | None = None
+        self._effort = case.discretization.effort
+        self.best: State | None = None
 
     def peak(self, seed: State) -> Peak:
         """The peak next to a state that the block modes have above the collapse."""
@@ -473,7 +509,7 @@ class _Summit:
             _log.info("  peak: %s", error)
         if self.best is None or not self._found:
             return Peak("none")
-        state = self.best.state
+        state = self.best
         work = self._case.written(state).work
         moved = work / self._case.problem.sum(np.abs(self._case.problem.live))
         return Peak("found", state.load_factor, not_found_at, work, moved, state=state)
@@ -493,9 +529,8 @@ class _Summit:
                 return self._upper
             try:
                 point = self._at_load(best, target)
-            except EffortError:
-                raise
             except SolverError:
+                self._effort.require(1.0)
                 return target
         return math.nan
 
@@ -507,9 +542,8 @@ class _Summit:
             step *= CLIMB.growth
             try:
                 new = self._at(work, left)
-            except EffortError:
-                raise
             except SolverError:
+                self._effort.require(1.0)
                 right = _Beyond(work)
                 continue
             best = max(best, new, key=lambda point: point.load_factor)
@@ -521,8 +555,9 @@ class _Summit:
 
     def _sides(self, start: _Point) -> tuple[_Point, _Beyond | None]:
         """A rising point on the left of the summit, and one past it if `start` is."""
-        left, right, step = start, None, CLIMB.first
-        while left.slope <= 0.0:
+        left, right, step = start, None, CLIMB.back
+        flat = CLIMB.accuracy * self._above.size
+        while left.slope <= 0.0 and left.tangent(0.0) > left.load_factor + flat:
             right = _Beyond(left.work, left)
             left, step = self._at(left.work * (1.0 - step), left), CLIMB.growth * step
         return left, right
@@ -546,24 +581,28 @@ class _Summit:
     def _begun(self, seed: State) -> _Point:
         """The state next to the highest point of the path with small products, from the seed."""
         task = self._task(seed.work)
-        highest = _Highest(OPTIONS.fallen * self._above.size)
-        onto, path = rising(task.kkt), rising(task.kkt, told=highest)
-        start = onto.begin(seed, task.mu(OPTIONS.products[0]))
+        size = self._above.size
+        way = _Way(OPTIONS.fallen * size, OPTIONS.above * size)
+        onto, path = rising(task.kkt), rising(task.kkt, options=CLIMB.path, factored=way)
+        start = onto.follow(onto.begin(seed, task.mu(OPTIONS.products[0])), seed.work)
         try:
-            path.follow(onto.follow(start, seed.work), self._above.last_work(self._case))
-        except EffortError:
-            raise
+            path.follow(start, self._above.last_work(self._case))
         except SolverError as error:
             _log.info("  peak: %s", error)
-        point = highest.point
-        if point is None:
-            raise SolverError("no path")
-        task = self._task(point.work)
-        return self._point(at_work(task, point.state, CLIMB.begin))
+        task = self._task(way.summit)
+        try:
+            return self._point(at_work(task, way.highest.point.state, CLIMB.begin))
+        except SolverError:
+            self._effort.require(1.0)
+            before = way.before
+            return self._point(at_work(self._task(before.work), before.point.state, CLIMB.begin))
 
     def _at(self, work: float, near: _Point) -> _Point:
         """The state at some work, from one next to it."""
-        solution, _ = next_to(near.state, near.rate, CLIMB.near)(self._task(work))
+        far = abs(work - near.work) / max(work, near.work)
+        products = max(CLIMB.products * far, CLIMB.least)
+        warm = WarmStart((products,), (), ROUGH, SHORT)
+        solution, _ = next_to(near.state, near.rate, warm)(self._task(work))
         return self._point(solution.state)
 
     def _at_load(self, near: _Point, load_factor: float) -> _Point:
@@ -583,8 +622,7 @@ class _Summit:
         _log.info("  peak: T = %.6g, load factor %.8g", state.work, state.load_factor)
         if missed:
             raise SolverError(f"not verified: {', '.join(missed)}")
+        if self.best is None or state.load_factor > self.best.load_factor:
+            self.best = state
         rate, slope = rates(self._case.coulomb(state.work, scales), state)
-        point = _Point(slope, rate, state)
-        if self.best is None or point.load_factor > self.best.load_factor:
-            self.best = point
-        return point
+        return _Point(slope, rate, state)

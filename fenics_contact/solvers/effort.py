@@ -42,9 +42,16 @@ class Effort:
             Stopped: If the run is to end.
         """
         self.watch()
+        self.require(cost)
+        self.spent += cost
+
+    def require(self, cost: float) -> None:
+        """Raise `EffortError` unless so much may still be spent.
+
+        Asked after a `SolverError`, as loops may take the limit for a failure of their own.
+        """
         if cost > self.left + ROUNDING:
             raise EffortError(f"the limit of {self._limit:.4g} factorisations is reached")
-        self.spent += cost
 
     @contextmanager
     def at_most(self, cost: float) -> Iterator[None]:
