@@ -45,7 +45,6 @@ from fenics_contact.output.plotting import (
 )
 from fenics_contact.output.view import View, view_of
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.joint_stiffness import GENERAL
 
 _log = logging.getLogger("fenics_contact")
 
@@ -312,9 +311,6 @@ def _with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool) -> Colla
         peak = Peak.of_path(end.path, above)
     elif options.peak is False and not asked:
         peak = Peak("not_known", reason=NOT_ASKED)
-    elif case.kind != GENERAL:
-        reason = f"method = '{options.method}' does not look for it, method = 'auto' does"
-        peak = Peak("not_known", reason=reason)
     else:
         limits = Limits.of(cost, asked)
         peak = find_peak(case, above, options.tolerance, limits)

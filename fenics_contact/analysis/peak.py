@@ -61,6 +61,7 @@ _log = logging.getLogger("fenics_contact")
 
 #: Why a peak is not known, for people.
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
+OTHER_METHOD = "this method does not look for it; solve.method = 'auto' does"
 NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
 
 
@@ -232,11 +233,13 @@ def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) ->
     """The peak of the loading path of a load case with Coulomb friction.
 
     Args:
-        case: The load case, with a general factorisation.
+        case: The load case.
         above: Its collapse.
         tolerance: On load factors, relative.
         limits: On the cost.
     """
+    if case.kind != GENERAL:
+        return Peak("not_known", reason=OTHER_METHOD)
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
     if above(upper) <= OPTIONS.above:
