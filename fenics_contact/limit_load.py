@@ -273,7 +273,8 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     seconds["solve"] = time.perf_counter() - start
     start, cost = time.perf_counter(), (effort.spent - before) / len(directions)
     wanted = bool(scene.solve.peak)
-    found |= {name: _with_peak(cases[name], found[name], cost, wanted) for name in asked}
+    for name in asked:
+        found[name] = _with_peak(cases[name].unrecorded, found[name], cost, wanted)
     seconds["peak"] = time.perf_counter() - start
     if scene.solve.error:
         start = time.perf_counter()
