@@ -193,6 +193,7 @@ class _Search:
         solved: Number of programs.
         pivots: Iterations times equations.
         found: Admissible forces: load factors, and normal forces of all faces.
+        last: Normal forces for which P was asked last, and the answer.
     """
 
     blocks: FacePrograms
@@ -201,6 +202,7 @@ class _Search:
     solved: int = 0
     pivots: int = 0
     found: list[tuple[float, Array]] = field(default_factory=list)
+    last: tuple[Array, GivenFriction] | None = None
 
     def run(self) -> None:
         """Raise the lower end as far as it goes."""
@@ -312,9 +314,12 @@ class _Search:
 
     def _limit(self, normal: Array) -> GivenFriction:
         """P(F N + s) for given normal forces of the faces, N/m."""
+        if self.last is not None and np.array_equal(self.last[0], normal):
+            return self.last[1]
         strength = self.blocks.friction * normal + self.blocks.strength
         limit = self.blocks.given_friction(strength, self._iterations)
         self._count(limit.iterations)
+        self.last = normal.copy(), limit
         return limit
 
     @property

@@ -67,17 +67,16 @@ class MeshError:
             ends: Of the bracket.
         """
         farthest = max(load_factor - ends[0], ends[1] - load_factor, 0.0) / size
-        if not farthest < 1.0:
-            return self
-        hinge = min(farthest if math.isnan(self.hinge_error) else self.hinge_error, farthest)
-        rest = farthest - hinge
-        other = min(rest if math.isnan(self.algebraic_error) else self.algebraic_error, rest)
-        limit = self.load_factor_point_hinges
+        unknown = farthest if farthest < 1.0 else math.nan
+        limit, hinge, other = self.load_factor_point_hinges, self.hinge_error, self.algebraic_error
         if math.isnan(limit) and meet(*ends):
             limit = load_factor
-        limit = min(max(limit, ends[0]), ends[1])  # nan stays
+        inside = min(max(limit, ends[0]), ends[1])  # nan stays
+        hinge = unknown if math.isnan(hinge) else max(hinge - abs(limit - inside) / size, 0.0)
+        hinge = min(hinge, farthest)
+        other = min(unknown if math.isnan(other) else other, farthest - hinge)
         return replace(
-            self, hinge_error=hinge, algebraic_error=other, load_factor_point_hinges=limit
+            self, hinge_error=hinge, algebraic_error=other, load_factor_point_hinges=inside
         )
 
 

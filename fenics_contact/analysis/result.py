@@ -6,6 +6,7 @@ numpy's; nothing here holds a PETSc object.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -130,9 +131,11 @@ class Collapse:
     def with_errors_in_bracket(self) -> Collapse:
         """With errors by the mesh that do not lead out of the bracket."""
         bounds, error, finer = self.bounds, self.mesh_error, self.at_point_hinges
-        if error is None or bounds.lower is None or bounds.upper is None:
+        if error is None:
             return self
-        error = error.within(self.load_factor, self.size, (bounds.lower, bounds.upper))
+        lower = -math.inf if bounds.lower is None else bounds.lower
+        upper = math.inf if bounds.upper is None else bounds.upper
+        error = error.within(self.load_factor, self.size, (lower, upper))
         finer = finer and finer.with_errors_in_bracket()
         return replace(self, mesh_error=error, at_point_hinges=finer)
 

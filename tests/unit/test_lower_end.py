@@ -122,9 +122,11 @@ def test_a_closed_bracket_is_said():
 @pytest.mark.parametrize(
     ("error", "ends", "expected"),
     [
-        (MeshError(1e-3, 0.32, 0.04, 0.03), (0.29, 0.3), (0.3, 1.0 / 30.0, 0.0)),
+        (MeshError(1e-3, 0.312, 0.04, 0.03), (0.27, 0.3), (0.3, 0.0, 0.03)),
         (MeshError(1e-3, 0.31, 0.01, 0.2), (0.0, 0.33), (0.31, 0.01, 0.2)),
         (MeshError(1e-3, 0.25, 1.0 / 6.0, 0.1), (0.24, 0.3), (0.25, 1.0 / 6.0, 1.0 / 30.0)),
+        (MeshError(1e-3, 0.31, 0.1 / 3.0, 0.1), (-math.inf, 0.305), (0.305, 0.05 / 3.0, 0.1)),
+        (MeshError(1e-3, 0.31, 0.1 / 3.0), (0.0, math.inf), (0.31, 0.1 / 3.0, math.nan)),
         (MeshError(1e-3, math.nan, math.nan), (0.3, 0.3), (0.3, 0.0, 0.0)),
         (MeshError(1e-3, math.nan, math.nan), (0.0, 0.3), (math.nan, math.nan, math.nan)),
     ],
