@@ -150,6 +150,7 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
+        *_crushing_lines(end),
         *_peak_lines(end),
         *_mesh_lines(end),
     ]
@@ -168,6 +169,21 @@ def _peak_lines(end: Collapse) -> list[str]:
         f"peak: on the way at least {peak.load_factor:.4g} was carried, at"
         f" {1e3 * peak.displacement_m:.3g} mm; then joints slip and the load falls (it depends on"
         " stiffness and mesh: quote the load factor of the collapse)"
+    ]
+
+
+def _crushing_lines(end: Collapse) -> list[str]:
+    """Where joints crush, and over which length."""
+    if end.crushed_ends is None:
+        return []
+    if not end.crushed:
+        return ["crushing: no joint is at its compressive strength"]
+    first, count = end.crushed[0], len(end.crushed)
+    x, y = np.array(first.position) + 0.0
+    rest = f", {count - 1} more over less" if count > 1 else ""
+    return [
+        f"crushing: the load factor is that with it; {first.group} crushes over"
+        f" {1e3 * first.length:.3g} mm at ({x:.3g}, {y:.3g}){rest}"
     ]
 
 

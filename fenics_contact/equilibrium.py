@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from dolfinx import fem
 
@@ -80,8 +80,7 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         raise InputError(f"steps = {steps} must be 1 or more")
     strategy, sign = strategy_of(scene), math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
-        bodies = replace(made.bodies, live=sign * made.bodies.live)
-        blocks = RigidBlocks(made.joints, bodies, scene.comm)
+        blocks = RigidBlocks.of(made, sign)
         proved = without_equilibrium(blocks, abs(load_factor), sign)
         if proved is not None:
             return Equilibrium(**vars(proved), discretization=made)

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from dolfinx import fem
 
 from fenics_contact.analysis.accuracy import to_accuracy
+from fenics_contact.analysis.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.hinges import with_mesh_error
 from fenics_contact.analysis.history import CapacityPoint, Step
@@ -22,6 +23,8 @@ from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
+from fenics_contact.analysis.nearby import Softened, collapse_next_to
+from fenics_contact.analysis.nearby import near as start_near
 from fenics_contact.analysis.peak import NOT_ASKED, Above, Limits, Peak, find_peak
 from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.analysis.reasons import explained
@@ -111,7 +114,8 @@ class LimitLoad(Result):
                 end = _with_peak(case, end, CURVE_SOLVE, asked=True)
                 known = end if sign > 0.0 else end.reversed()
                 self.ends[direction] = replace(self.ends[direction], peak=known.peak)
-            curve = capacity_curve(case, end, points, monitor.point)
+            with crushed_like(case, end) as crushed:
+                curve = capacity_curve(crushed, end, points, monitor.point)
             self.factorizations += made.factorizations()
             self.mode_factorizations += made.mode_tally.count
         self.capacity = tuple(replace(p, load_factor=sign * p.load_factor) for p in curve)
@@ -245,7 +249,7 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     scene, monitor = discretization.scene, monitor or _Silent()
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     start = time.perf_counter()
-    blocks = RigidBlocks(discretization.joints, discretization.bodies, scene.comm)
+    blocks = RigidBlocks.of(discretization)
     stands_frictionless = blocks.frictionless.stands()
     fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
@@ -267,7 +271,14 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     effort = discretization.effort
     before = effort.spent
     directions = asked if enough else tuple(SIGNS)
-    found = {name: _collapse(cases[name]) for name in directions}
+    crushed: dict[str, CrushedJoints] = {}
+    if blocks.crushing is None:
+        found = {name: _collapse(cases[name]) for name in directions}
+    else:
+        both = {name: crushed_collapse(cases[name], _collapse) for name in directions}
+        found = {name: end for name, (end, _) in both.items()}
+        crushed = {name: joints for name, (_, joints) in both.items()}
+        cases |= {name: joints.case for name, joints in crushed.items()}
     found = reaching_zero(cases, found, asked)
     found = {name: explained(cases[name], found[name]) for name in asked}
     seconds["solve"] = time.perf_counter() - start
@@ -280,6 +291,9 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
         start = time.perf_counter()
         found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start
+    for name, joints in crushed.items():
+        found |= {name: joints.on_joints(found[name])} if name in asked else {}
+        joints.close()
     found = {name: with_least_forces(discretization, found[name]) for name in asked}
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
@@ -291,10 +305,17 @@ def _stands(case: LoadCase) -> bool:
     return service_state(case, strategy_of(scene), scene.solve, 0.0, 1).status == "equilibrium"
 
 
-def _collapse(case: LoadCase) -> Collapse:
-    """The collapse of one direction, as the scene's options ask for it."""
+def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:
+    """The collapse of one direction, as the scene's options ask for it.
+
+    It is looked for next to a verified collapse first, if one is given.
+    """
     scene = case.discretization.scene
     options = scene.solve
+    if near is not None and near.status == "limit":
+        found = collapse_next_to(case, near, Softened.nowhere(), start_near)
+        if found.status == "limit":
+            return replace(found, history=near.history + found.history)
     if options.control == "load":
         return raise_load(case, strategy_of(scene), options, find_collapse)
     if options.states == "lowest" and case.problem.coulomb:
@@ -308,7 +329,9 @@ def _with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool) -> Colla
         return end
     options = case.discretization.scene.solve
     above = Above(end.load_factor, end.size, end.state.work)
-    if end.path is not None:
+    if end.crushed_ends is not None:
+        peak = Peak("not_known", reason="on the way joints crush in other places than at the end")
+    elif end.path is not None:
         peak = Peak.of_path(end.path, above)
     elif options.peak is False and not asked:
         peak = Peak("not_known", reason=NOT_ASKED)

@@ -38,6 +38,9 @@ TOLERANCES: Mapping[str, float] = {
     # 10 to 1 000 times as much. A larger gap counts where a larger tolerance is asked for.
     "limit": 3e-6,
     "bracket": 1e-6,
+    # Moment of a joint beyond that of its compressive strength: in units of force times length.
+    "crushing": 1e-6,
+    "mode_crushing": 1e-4,
 }
 
 

@@ -130,6 +130,10 @@ def reaching_zero(
     margin = -options.tolerance * case.scales.load_factor
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
     lost = {n for n, end in found.items() if end.status == "not_converged"}
+    if case.blocks.crushing is not None:  # a state for a part of the dead load crushes elsewhere
+        reason = _without_equilibrium(found)
+        changed = {n: replace(found[n], status="not_converged", reason=reason) for n in short}
+        return {**found, **changed}
     if not (short or lost) or not case.problem.coulomb:
         return dict(found)
     dead = dead_load_state(case, strategy, options.tolerance)

@@ -265,14 +265,14 @@ def _with_lengths(
     if not lengths.given or end.joints is None:
         return error
     if math.isnan(error.load_factor_point_hinges):
-        return replace(error, warnings=lengths.warnings(end.joints, way.points[0]))
+        return replace(error, warnings=lengths.warnings(end.joints))
     state, points = end, way.points[0]
     if len(way.states) > 1:
         state, points = _with_strength(case, way, lengths)
     values = state.joints or end.joints
     length = lengths.by_strength(points, values.normal_force)
     factor = state.load_factor
-    warnings = lengths.warnings(values, points)
+    warnings = lengths.warnings(values)
     return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
 
 

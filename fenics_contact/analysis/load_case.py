@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fenics_contact.analysis.crushing import CrushedEnds
 from fenics_contact.analysis.history import Step
 from fenics_contact.analysis.record import Record, TracePoint
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
@@ -36,6 +37,8 @@ class LoadCase:
         stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
         record: What is tried for this load case.
+        crushed: Where joints crush, which `discretization` and `problem` then know by tangents;
+            the bounds of `blocks` have the strengths themselves.
     """
 
     discretization: Discretization
@@ -48,6 +51,7 @@ class LoadCase:
     stiffness: JointStiffness
     sign: float = 1.0
     record: Record = field(default_factory=Record)
+    crushed: CrushedEnds | None = None
 
     @classmethod
     def of(
@@ -64,14 +68,13 @@ class LoadCase:
         `told` is called with every point of the path that is followed.
         """
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
-        bodies = replace(discretization.bodies, live=sign * discretization.bodies.live)
         loads = replace(discretization.problem, dead=discretization.elasticity.dead)
         scales = typical_sizes(loads, bonded)
         if discretization.scene.dead.movement:
             moved = MOVED * problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
             scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
-        blocks = RigidBlocks(discretization.joints, bodies, discretization.scene.comm)
+        blocks = RigidBlocks.of(discretization, sign)
         stiffness = discretization.stiffness(kind)
         made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
         return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, told))
@@ -82,7 +85,8 @@ class LoadCase:
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
         origin = self.problem.slip_origin
         problem = replace(case.problem, slip_origin=origin)
-        return replace(case, problem=problem, record=self.record.reversed())
+        record = self.record.reversed()
+        return replace(case, problem=problem, record=record, crushed=self.crushed)
 
     @property
     def unrecorded(self) -> LoadCase:

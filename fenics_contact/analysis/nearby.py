@@ -93,6 +93,11 @@ class Softened:
     points: Indices
     halvings: Array | float = 0.0
 
+    @classmethod
+    def nowhere(cls) -> Softened:
+        """No hinge."""
+        return cls(np.empty(0, dtype=np.int64))
+
     @property
     def most(self) -> float:
         """The largest number of halvings."""

@@ -18,6 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from dolfinx import fem
 
+from fenics_contact.analysis.crushed import CrushedJoints, strengths
+from fenics_contact.analysis.crushing import CrushedEnds
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.nearby import Softened, Start, collapse_next_to, rates, same_mode
 from fenics_contact.analysis.result import Collapse
@@ -64,16 +66,32 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
             carried.forces(np.stack([r, none]))[0]
             for r in (bonded.dead_pressure, bonded.live_pressure)
         )
-        bodies = replace(whole.bodies, live=case.sign * whole.bodies.live)
-        yield replace(
+        other = replace(
             case,
             discretization=whole,
             problem=replace(whole.problem, live=case.sign * whole.problem.live),
-            blocks=RigidBlocks(whole.joints, bodies, whole.scene.comm),
+            blocks=RigidBlocks.of(whole, case.sign),
             bonded=Bonded(dead, live, of_dead, of_live, bonded.seconds),
             kind=GENERAL,
             stiffness=whole.stiffness(GENERAL),
+            crushed=None,
         )
+        if case.crushed is None:
+            yield other
+            return
+        crushed = CrushedJoints.of(other, strengths(other), _ends(case, other, *carried.ends))
+        yield crushed.case
+        crushed.close()
+
+
+def _ends(case: LoadCase, other: LoadCase, ours: Indices, theirs: Indices) -> CrushedEnds:
+    """Where the joints of the other case crush as those of one do; points that both have."""
+    given, found, ends = strengths(case), strengths(other), CrushedEnds.none(strengths(other))
+    if case.crushed is None:
+        return ends
+    for mine, its in ((case.crushed.side, ends.side), (case.crushed.force, ends.force)):
+        its[found.face[theirs]] = mine[given.face[ours]]
+    return ends
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.crushing import CrushedEnds, CrushedPlace
 from fenics_contact.analysis.history import (
     CapacityPoint,
     CollapseState,
@@ -67,6 +68,8 @@ class Collapse:
         trace: Points of the path that was followed, in order.
         peak: The most that the loading path carries before the collapse; None with given friction,
             where it is the load factor itself, and where there is no limit.
+        crushed: Where joints crush, the longest places first.
+        crushed_ends: The same by faces; None where no joint has a compressive strength.
     """
 
     status: str
@@ -87,6 +90,8 @@ class Collapse:
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
     peak: Peak | None = None
+    crushed: tuple[CrushedPlace, ...] = ()
+    crushed_ends: CrushedEnds | None = None
 
     @property
     def size(self) -> float:

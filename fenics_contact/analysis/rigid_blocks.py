@@ -19,12 +19,18 @@ by which the loads do work and no joint resists (Farkas' lemma): how the blocks 
 On a straight face between two bodies only the resultants matter: the normal forces at its two ends,
 with their friction, and one shear force by given strengths are enough, whatever the mesh. Each side
 carries them where its nodes are: across a gap these are two lines, as far apart all along.
+
+Where joints crush (`crushing`), the moment of a face is at most m(N), a concave function. A program
+is solved again with its tangents at the forces found, until no face is beyond its own or the value
+settles (J.E. Kelley, J. Soc. Ind. Appl. Math. 8 (1960) 703). It falls to that with crushing, which
+is associative, and never below it.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +39,9 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from fenics_contact.analysis.crushing import Crushing, strength_of
 from fenics_contact.analysis.lower_end import GivenFriction, LeastForces, lower_end, meet
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
 from fenics_contact.errors import SolverError
@@ -52,12 +60,21 @@ class ProgramOptions:
         feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
         iterations: At most, for each row and column.
         rounding: Missing forces in the same units, summed, that count as none.
+        crushed: Moments beyond m(N) that count as none, in these units times the face's length.
+        rounds: Programs at most for the tangents of m(N).
+        settled: The value of a program is that with all tangents if so many more rounds in a row
+            change it by less than `feasibility`. Forces that no mechanism needs may go on changing.
+        parts: Parts k of the strength with which the dead load is seen to stand: what is tried.
     """
 
     collinear: float = 1e-6
     feasibility: float = 1e-10
     iterations: int = 50
     rounding: float = 1e-8
+    crushed: float = 1e-9
+    rounds: int = 60
+    settled: int = 3
+    parts: tuple[float, ...] = (0.5, 0.2, 0.05, 0.01, 0.001)
 
 
 OPTIONS = ProgramOptions()
@@ -139,11 +156,15 @@ class LimitBounds:
 
 @dataclass(frozen=True)
 class _Optimum:
-    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points."""
+    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points.
+
+    `exact` says whether these forces are within the strength of all joints that crush.
+    """
 
     factor: float | None = None
     motion: Array | None = None
     pressure: Array | None = None
+    exact: bool = True
 
 
 @dataclass(frozen=True)
@@ -157,6 +178,7 @@ class _Program:
     joints: Joints
     bodies: RigidBodies
     faces: Faces
+    crushing: Crushing | None = None
 
     @cached_property
     def _ends(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -186,10 +208,45 @@ class _Program:
         return np.einsum("bmk,bm->bk", self.bodies.free, resultants).ravel()[self._used]
 
     def limits(self, unit: float) -> list[tuple[float | None, float | None]]:
-        """Least and largest x, forces in a unit; an infinite one leaves the strengths out."""
+        """Least and largest x, forces in a unit; an infinite one leaves the strengths out.
+
+        Then faces that crush carry nothing.
+        """
         ends, rough = self._ends
         strength = self.faces.strength / unit
-        return [(0.0, None)] * (len(ends) + len(rough)) + [*zip(-strength, strength, strict=True)]
+        most: list[float | None] = [None] * (len(ends) + len(rough))
+        if self.crushing is not None:
+            carried = np.tile(np.where(self.crushing.given, self.crushing.carried / unit, -1.0), 2)
+            most = [one if one >= 0.0 else None for one in [*carried, *carried[rough]]]
+        return [(0.0, one) for one in most] + [*zip(-strength, strength, strict=True)]
+
+    @cached_property
+    def normal(self) -> Any:
+        """Matrix that gives the normal forces at first and second ends of faces from x."""
+        from scipy.sparse import csr_matrix, hstack, identity
+
+        ends, rough = self._ends
+        each = identity(len(ends), format="csc")
+        return hstack([each, each[:, rough], csr_matrix((len(ends), len(self.faces.ends)))]).tocsr()
+
+    def missed_tangents(self, x: Array, unit: float) -> tuple[Any, Array]:
+        """Tangents A x <= b of m(N), at the forces x in a unit, of faces that are beyond theirs."""
+        from scipy.sparse import diags
+
+        crushing, count = self.crushing, len(self.faces.ends)
+        if crushing is None or np.isinf(unit):
+            return self.normal[:0], np.empty(0)
+        pressed = unit * (self.normal @ x).reshape(2, count)
+        place = crushing.place[self.faces.ends].T
+        force = pressed.sum(axis=0)
+        beyond, side = crushing.excess(force, np.sum(pressed * place, axis=0))
+        scale = unit * np.where(crushing.given, crushing.length, 1.0)
+        face = np.flatnonzero(beyond > OPTIONS.crushed * scale)
+        couple, inner = crushing.tangent(force, side)
+        lever = (unit / scale * side * (place - inner))[:, face]
+        both = (self.normal[face + start] for start in (0, count))
+        first, second = (diags(arm) @ each for arm, each in zip(lever, both, strict=True))
+        return (first + second).tocsr(), (couple / scale)[face]
 
     def point_forces(self, x: Array) -> Array:
         """Normal and shear forces at the ends of faces, as an array of all points (2, points)."""
@@ -226,16 +283,31 @@ class _Program:
 class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
+    @classmethod
+    def of(cls, whole: Discretization, sign: float = 1.0) -> RigidBlocks:
+        """Those of a discretised scene, with its live load or the reverse of it (sign -1)."""
+        joints, bodies = whole.original.joints, whole.original.bodies
+        bodies = replace(bodies, live=sign * bodies.live)
+        faces = straight_faces(joints, joints.shear_strength)
+        crushing = Crushing.of(joints, strength_of(whole.original), faces.of_point)
+        return cls(joints, bodies, whole.scene.comm, faces, crushing)
+
     def __init__(
-        self, joints: Joints, bodies: RigidBodies, comm: MPI.Comm, faces: Faces | None = None
+        self,
+        joints: Joints,
+        bodies: RigidBodies,
+        comm: MPI.Comm,
+        faces: Faces | None = None,
+        crushing: Crushing | None = None,
     ) -> None:
         """Take all joint points, the bodies' motions and loads, and the ranks to share results.
 
-        Faces have the friction of the scene where none are given.
+        Faces have the friction of the scene where none are given, and crush where they may.
         """
         faces = faces or straight_faces(joints, joints.shear_strength)
         self._joints, self._bodies, self._comm = joints, bodies, comm
-        self._program = _Program(joints, bodies, faces)
+        self._program = _Program(joints, bodies, faces, crushing)
+        self._tangents: _Program | None = None
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
         self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
@@ -245,7 +317,12 @@ class RigidBlocks:
         """The same blocks without friction."""
         none = np.zeros_like(self._program.faces.friction)
         faces = replace(self._program.faces, friction=none, strength=none)
-        return RigidBlocks(self._joints, self._bodies, self._comm, faces)
+        return RigidBlocks(self._joints, self._bodies, self._comm, faces, self.crushing)
+
+    @property
+    def crushing(self) -> Crushing | None:
+        """Strengths of the faces; None where there are none."""
+        return self._program.crushing
 
     def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
@@ -284,17 +361,45 @@ class RigidBlocks:
         (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` bounds the
         shear forces at all joint points, N/m, on all ranks.
         """
-        faces = straight_faces(self._joints, strength)
+        program = self._tangents or self._program
+        faces = straight_faces(program.joints, strength)
         faces = replace(faces, friction=np.zeros_like(faces.friction))
-        found = self._on_root(lambda: self._largest(replace(self._program, faces=faces)))
+        found = self._on_root(lambda: self._largest(replace(program, faces=faces)))
         return found.factor, found.motion
+
+    def with_tangents(self, joints: Joints, force: Array) -> RigidBlocks:
+        """These programs, but for `collapse` with tangents in place of the joints' strengths.
+
+        Args:
+            joints: With points at the places of the tangents.
+            force: Normal forces at the points of these programs that are part of the dead load.
+        """
+        every = np.arange(len(force))
+        moved = relative_motions(self._joints, self._bodies, every, self._joints.normal)
+        loaded = (moved.T @ force).reshape(-1, 3)
+        dead = self._bodies.dead + np.einsum("bmk,bk->bm", self._bodies.free, loaded)
+        bodies = replace(self._bodies, dead=dead)
+        new = copy(self)
+        new._tangents = _Program(joints, bodies, straight_faces(joints, joints.shear_strength))
+        return new
 
     def associative_pressure(self) -> Array | None:
         """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
 
         They act at the ends of straight faces; None unless the load factor is finite.
         """
-        return self._on_root(lambda: self._largest(self._program).pressure)
+        return self.associative_collapse()[0]
+
+    def associative_collapse(self) -> tuple[Array | None, Array | None]:
+        """These forces, and the rigid motions as `collapse` gives them."""
+        found = self._on_root(lambda: self._optimum)
+        return found.pressure, found.motion
+
+    def turning(self, motion: Array) -> npt.NDArray[np.bool_]:
+        """Joint points at which the two sides turn against each other in rigid motions."""
+        rotation = np.append(motion[:, 2], 0.0)  # the last one: rigid ground
+        relative = np.abs(np.diff(rotation[self._joints.bodies], axis=1)).ravel()
+        return np.asarray(relative > OPTIONS.collinear * relative.max(initial=0.0))
 
     def bounds(self) -> LimitBounds:
         """The bracket, its lower end as in `lower_end` where that is better than no friction.
@@ -314,8 +419,8 @@ class RigidBlocks:
     def _bounds(self) -> LimitBounds:
         bounds = self._classical_bounds
         stands = bounds.lower is not None or self._fall is None
-        if bounds.upper is None or bounds.meet or not stands:
-            return bounds
+        if bounds.upper is None or bounds.meet or not stands or self.crushing is not None:
+            return bounds  # with tangents the programs bound limit loads from above only
         lower = lower_end(self, bounds.upper)
         if bounds.lower is not None:
             lower = max(lower, bounds.lower)
@@ -326,6 +431,8 @@ class RigidBlocks:
         bare = self.frictionless._fall is None
         stands = bare or self._fall is None
         lower = self.frictionless._shown() if bare else None
+        if lower is not None and not self.frictionless._optimum.exact:
+            lower = 0.0 if self.frictionless._within_strength(0.0) else None  # it may be less
         lower = None if lower is None else max(lower, 0.0)
         return LimitBounds(lower, self._shown() if stands else np.inf, lower)
 
@@ -442,7 +549,7 @@ class RigidBlocks:
         """Columns and right side of equilibrium in (lambda, x), in units of force and load."""
         from scipy.sparse import hstack
 
-        loads = -self._bodies.dead, self._bodies.live
+        loads = -program.bodies.dead, program.bodies.live
         right, live = (program.load(load) / self._force for load in loads)
         return hstack([self._load * live[:, None], program.forces]).tocsr(), right
 
@@ -458,7 +565,12 @@ class RigidBlocks:
     @cached_property
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
-        return self._largest(self._program).factor
+        return self._optimum.factor
+
+    @cached_property
+    def _optimum(self) -> _Optimum:
+        """Limit state, solved for on this rank alone."""
+        return self._largest(self._program)
 
     @cached_property
     def _fall(self) -> Array | None:
@@ -474,10 +586,48 @@ class RigidBlocks:
         # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
         plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
         none = np.zeros(len(limits))
-        if _answer(none, program.forces, right, limits, "highs-ds", plain).status == 0:
+        tangents = _Tangents(program, unit)
+        if program.crushing is not None:
+            if self._within_strength(load_factor):
+                return None
+        elif tangents.answer(none, program.forces, right, limits, "highs-ds", plain).status == 0:
             return None
-        missing, multipliers, _ = _least_missing(program.forces, right, limits)
+        missing, multipliers, _ = _least_missing(program.forces, right, limits, tangents)
         return program.motions(-multipliers) if missing > OPTIONS.rounding else None
+
+    def _within_strength(self, load_factor: float) -> bool:
+        """Whether loads were seen to stand within the strength of joints that crush.
+
+        Forces are sought with N <= k f_c L and |M| <= (1 - k) N L / 2, which is less than m(N).
+        """
+        from scipy.sparse import diags, vstack
+
+        program, crushing = self._program, self._program.crushing
+        if crushing is None:
+            return False
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        count, given = len(crushing.strength), np.flatnonzero(crushing.given)
+        first, second = program.normal[:count], program.normal[count:]
+        limits, none = program.limits(unit), np.zeros(program.forces.shape[1])
+        for part in OPTIONS.parts:
+            whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
+            rows = [second - first - whole, first - second - whole, (first + second)[given]]
+            most = np.concatenate([np.zeros(2 * count), part * crushing.carried[given] / unit])
+            under = (
+                none,
+                program.forces,
+                right,
+                limits,
+                "highs-ds",
+                None,
+                vstack(rows).tocsr(),
+                most,
+            )
+            answer = _answer(*under)
+            if answer.status == 0 and not len(program.missed_tangents(answer.x, unit)[1]):
+                return True
+        return False
 
     def _wedging(self, program: _Program) -> Array | None:
         """Forces that balance the live load alone, N/m for a load factor of 1: small and few."""
@@ -495,16 +645,17 @@ class RigidBlocks:
         columns, right = self._equilibrium(program)
         limits = [(None, None), *program.limits(self._force)]
         cost = -np.eye(1, len(limits)).ravel()
+        tangents = _Tangents(program, self._force, first=1)
         # The interior point method is ten times as fast on large walls.
         for method in ("highs-ipm", "highs-ds"):
-            answer = _answer(cost, columns, right, limits, method)
+            answer = tangents.answer(cost, columns, right, limits, method)
             if answer.status == 0:
                 factor, multipliers = float(answer.x[0]) * self._load, answer.eqlin.marginals
-                motion = program.motions(multipliers)
-                work = float(program.load(self._bodies.live) @ multipliers)
+                work = float(program.load(program.bodies.live) @ multipliers)
+                motion = program.motions(multipliers) / work if work else None
                 pressure = program.point_forces(answer.x[1:] * self._force)[0]
-                return _Optimum(factor, motion / work if work else None, pressure)
-        if _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
+                return _Optimum(factor, motion, pressure, tangents.complete)
+        if _least_missing(columns, right, limits, tangents)[0] > OPTIONS.rounding:
             return _Optimum(None)
         if self._wedging(program) is not None:
             return _Optimum(np.inf)
@@ -530,7 +681,61 @@ def _ends_of(limits: list[Any]) -> Array:
     return np.array(ends).T
 
 
-def _least_missing(columns: Any, right: Array, limits: list[Any]) -> tuple[float, Array, Array]:
+class _Tangents:
+    """Tangents of m(N), collected where the forces of answers are beyond their faces' strength.
+
+    Attributes:
+        complete: Whether the forces of the last answer are beyond no face's strength.
+    """
+
+    def __init__(self, program: _Program, unit: float, first: int = 0) -> None:
+        """None so far; `first` is the place of the program's unknowns x, in a unit of force."""
+        self._program, self._unit, self._first = program, unit, first
+        self.complete = False
+        self._rows, self._rights = program.missed_tangents(np.zeros(program.forces.shape[1]), unit)
+
+    def answer(
+        self,
+        cost: Array,
+        columns: Any,
+        right: Array,
+        limits: list[Any],
+        method: str,
+        options: dict[str, Any] | None = None,
+    ) -> Any:
+        """HiGHS' answer with all tangents that matter; its status is 0 where it has one.
+
+        `complete` says whether its forces are beyond none.
+
+        Raises:
+            SolverError: If there is no end of tangents.
+        """
+        from scipy.sparse import csr_matrix, hstack, vstack
+
+        stop = self._first + self._program.forces.shape[1]
+        after, values = len(limits) - stop, [np.inf]
+        for _ in range(OPTIONS.rounds):
+            parts = (csr_matrix((len(self._rights), n)) for n in (self._first, after))
+            before, behind = parts
+            rows = hstack([before, self._rows, behind]).tocsr()
+            most = (rows, self._rights) if len(self._rights) else (None, None)
+            answer = _answer(cost, columns, right, limits, method, options, *most)
+            if answer.status != 0:
+                return answer
+            x = answer.x[self._first : stop]
+            more, rights = self._program.missed_tangents(x, self._unit)
+            self.complete, values = not len(rights), [*values, float(answer.fun)]
+            change = np.ptp(values[-1 - OPTIONS.settled :])
+            if self.complete or change <= OPTIONS.feasibility * max(abs(answer.fun), 1.0):
+                return answer
+            self._rows = vstack([self._rows, more]).tocsr()
+            self._rights = np.concatenate([self._rights, rights])
+        raise SolverError("rigid-block linear program with crushing: no end of tangents")
+
+
+def _least_missing(
+    columns: Any, right: Array, limits: list[Any], tangents: _Tangents | None = None
+) -> tuple[float, Array, Array]:
     """Least sum of forces missing to equilibrium, its multipliers, and the unknowns.
 
     Raises:
@@ -543,7 +748,9 @@ def _least_missing(columns: Any, right: Array, limits: list[Any]) -> tuple[float
     cost = np.concatenate([np.zeros(unknowns), np.ones(2 * rows)])
     limits = [*limits, *[(0.0, None)] * (2 * rows)]
     for method in ("highs-ds", "highs-ipm"):
-        answer = _answer(cost, hstack([columns, missing, -missing]), right, limits, method)
+        all_columns = hstack([columns, missing, -missing])
+        about = cost, all_columns, right, limits, method
+        answer = _answer(*about) if tangents is None else tangents.answer(*about)
         if answer.status == 0:
             return float(answer.fun), answer.eqlin.marginals, answer.x[:unknowns]
     raise SolverError(f"rigid-block linear program failed: {answer.message}")
@@ -556,11 +763,17 @@ def _answer(
     limits: list[Any],
     method: str,
     options: dict[str, Any] | None = None,
+    rows: Any = None,
+    most: Array | None = None,
 ) -> Any:
-    """HiGHS' answer with the least cost; its status is 0 where it has one."""
+    """HiGHS' answer with the least cost; its status is 0 where it has one.
+
+    Besides equilibrium, rows times the unknowns may be `most`.
+    """
     from scipy.optimize import linprog
 
     names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-    most = OPTIONS.iterations * sum(columns.shape)  # HiGHS may go round in circles
-    options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": most} | (options or {})
-    return linprog(cost, None, None, columns, right, limits, method, options=options)
+    size = sum(columns.shape) + (0 if most is None else len(most))
+    steps = OPTIONS.iterations * size  # HiGHS may go round in circles
+    options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
+    return linprog(cost, rows, most, columns, right, limits, method, options=options)

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
+from fenics_contact.analysis.crushed import CrushedJoints, settle, strengths
+from fenics_contact.analysis.crushing import CrushedEnds
 from fenics_contact.analysis.joint_values import JointValues, joint_values
 from fenics_contact.analysis.least_forces import least_forces
 from fenics_contact.analysis.load_case import LoadCase
@@ -71,20 +73,34 @@ def service_state(
     case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
 ) -> ServiceState:
     """State of a load case at a load factor >= 0, reached in steps from the dead load."""
+    crushed = None
     try:
-        reached = raise_load_to(case, strategy, options, load_factor, steps)
+        if case.blocks.crushing is None:
+            reached = raise_load_to(case, strategy, options, load_factor, steps)
+        else:
+            reached, crushed, _ = settle(
+                case,
+                CrushedEnds.none(case.blocks.crushing),
+                lambda one, near: raise_load_to(one, strategy, options, load_factor, steps),
+            )
     except SolverError as error:
         return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
-    return _verified(case, reached)
+    found = _verified(case, reached, crushed)
+    if crushed is not None:
+        crushed.close()
+    return found
 
 
-def _verified(case: LoadCase, reached: Reached) -> ServiceState:
+def _verified(case: LoadCase, reached: Reached, crushed: CrushedJoints | None) -> ServiceState:
     """A state held against the problem in which it was found, in the user's sign of the load."""
     problem, state = reached.problem, reached.state
     larger = max(1.0, state.load_factor / case.scales.load_factor)
     sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
     residuals = state_residuals(problem, state, scales)
+    if crushed is not None:
+        residuals["crushing"] = crushed.missed(strengths(case), state)
+        problem, state = case.problem, crushed.state_on_joints(state)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
     sign, written, whole = case.sign, case.written(state), case.discretization
     return ServiceState(

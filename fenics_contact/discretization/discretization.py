@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -32,6 +33,7 @@ from fenics_contact.discretization.rigid_motions import (
 )
 from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.errors import InputError
+from fenics_contact.mesh import Indices
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally
@@ -118,6 +120,7 @@ class Discretization:
         self.tally = Tally(effort=self.effort)
         self.mode_tally = Tally(cost=MODE_COST, effort=self.effort)
         self._stiffnesses: dict[str, JointStiffness] = {}
+        self._original: Discretization | None = None
         self.seconds = time.perf_counter() - start
 
     def __enter__(self) -> Discretization:
@@ -131,6 +134,50 @@ class Discretization:
         self._owned.close()
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
+
+    def with_points_moved(self, points: Indices, shares: Any, force: Array) -> Discretization:
+        """The structure with joint points that act elsewhere, and forces on the joints.
+
+        The stiffness remains with this object, on which the other one counts its factorisations.
+
+        Args:
+            points: Points that act elsewhere.
+            shares: Their shares in all points, as in `Joints.moved`.
+            force: Normal forces at all points, part of the dead load from now on, N/m.
+        """
+        new, problem = copy(self), self.problem
+        new._original = self.original
+        new._owned, new._stiffnesses = ExitStack(), {}
+        new.__dict__.pop("block_modes", None)
+        new.joints = self.joints.moved(points, shares)
+        mine = self.operators.points
+        elastic = problem.stiffness.matrix
+        new.operators = rows = joint_operators(new.joints, self.supports, elastic, mine)
+        normal, tangential = SparseMap(rows.normal), SparseMap(rows.tangential)
+        for operator in (normal, tangential):
+            new._owned.callback(operator.close)
+        opening, slip = (
+            (shares @ self.all_points(origin))[mine]
+            for origin in (problem.opening_origin, problem.slip_origin)
+        )
+        new.problem = replace(
+            problem,
+            normal=normal,
+            tangential=tangential,
+            dead=problem.dead + problem.normal.T @ force[mine],
+            opening_origin=opening,
+            slip_origin=slip,
+        )
+        return new
+
+    @property
+    def original(self) -> Discretization:
+        """The structure none of whose joint points were moved."""
+        return self if self._original is None else self._original
+
+    def keep(self, other: Discretization) -> None:
+        """Close another discretisation with this one."""
+        self._owned.callback(other.close)
 
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""

@@ -13,7 +13,8 @@ rule, degree 2: Simpson's).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -73,6 +74,22 @@ class Joints:
     middle: Indices
     gap: Array
     offset: float = 0.0
+
+    def moved(self, points: Indices, shares: Any) -> Joints:
+        """Joints some of whose points act elsewhere on their faces, between others.
+
+        Args:
+            points: Points that act elsewhere.
+            shares: Sparse matrix of the shares in all points that the places have, with rows of
+                sum 1, shape (all points, all points).
+        """
+        from scipy.sparse import identity, kron
+
+        position, sides = self.position.copy(), self.sides.copy()
+        position[points] = (shares @ self.position)[points]
+        sides[points] = (shares @ self.sides.reshape(-1, 4)).reshape(self.sides.shape)[points]
+        stencil = Stencil.of_rows(kron(shares, identity(2), format="csr") @ self.stencil.rows)
+        return replace(self, position=position, sides=sides, stencil=stencil)
 
     @property
     def neighbours(self) -> Indices:
@@ -220,14 +237,18 @@ def _direction(keys: Indices, normal: Array) -> Indices:
     return direction
 
 
-def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) -> JointOperators:
+def joint_operators(
+    joints: Joints, supports: Supports, stiffness: PETSc.Mat, points: Indices | None = None
+) -> JointOperators:
     """Build B_N and B_T in the supports' coordinates, on the layout of the stiffness.
 
-    A point's row lives on the rank that owns the first node of its second side.
+    A point's row lives on the rank that owns the first node of its second side, or on that where
+    `points` name it.
     """
-    start, end = stiffness.getOwnershipRange()
-    owner = joints.stencil.nodes[:, 1, 0]
-    points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
+    if points is None:
+        start, end = stiffness.getOwnershipRange()
+        owner = joints.stencil.nodes[:, 1, 0]
+        points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
     dofs, normal_rows, tangential_rows = coefficients(joints, supports, points)
     return JointOperators(
         normal=sparse_rows(stiffness, dofs, normal_rows),

@@ -18,6 +18,7 @@ exact, so that a uniform pressure passes through any joint; where nodes match th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,30 @@ class Stencil:
 
     nodes: Indices
     weights: Array
+
+    @classmethod
+    def of_rows(cls, table: Any) -> Stencil:
+        """From a sparse matrix of nodes' shares, in rows 2 * point + side, of any positive sums."""
+        filled = np.diff(table.indptr)
+        nodes = np.full((table.shape[0], max(1, int(filled.max(initial=0)))), GROUND)
+        weights = np.zeros(nodes.shape)
+        row = np.repeat(np.arange(table.shape[0]), filled)
+        place = np.arange(len(row)) - table.indptr[row]
+        total = np.asarray(table.sum(axis=1)).ravel()  # the length of the point
+        nodes[row, place], weights[row, place] = table.indices, table.data / total[row]
+        shape = (-1, 2, nodes.shape[1])
+        return cls(nodes.reshape(shape), weights.reshape(shape))
+
+    @property
+    def rows(self) -> Any:
+        """The weights as such a matrix, as wide as the last node needs."""
+        from scipy.sparse import coo_matrix
+
+        row, column = np.nonzero(self.nodes.reshape(-1, self.nodes.shape[2]) != GROUND)
+        flat = self.nodes.reshape(-1, self.nodes.shape[2])[row, column]
+        weights = self.weights.reshape(-1, self.nodes.shape[2])[row, column]
+        size = 2 * len(self.nodes), int(self.nodes.max(initial=0)) + 1
+        return coo_matrix((weights, (row, flat)), size).tocsr()
 
     def jump(self, values: Array) -> Array:
         """Vectors of the second side minus those of the first, shape (points, 2), from nodes'."""
@@ -159,16 +184,7 @@ def stencil_of(boundary: Boundary, pieces: Pieces, point: Indices) -> Stencil:
     rows = np.broadcast_to(rows[:, :, None], keep.shape)[keep]
     columns = np.broadcast_to(boundary.nodes[facets, None], keep.shape)[keep]
     size = 2 * (int(point.max(initial=-1)) + 1), int(boundary.nodes.max(initial=-1)) + 1
-    table = coo_matrix((values[keep], (rows, columns)), size).tocsr()
-    filled = np.diff(table.indptr)
-    nodes = np.full((size[0], max(1, int(filled.max(initial=0)))), GROUND)
-    weights = np.zeros(nodes.shape)
-    row = np.repeat(np.arange(size[0]), filled)
-    place = np.arange(len(row)) - table.indptr[row]
-    total = np.asarray(table.sum(axis=1)).ravel()  # the length of the point
-    nodes[row, place], weights[row, place] = table.indices, table.data / total[row]
-    shape = (-1, 2, nodes.shape[1])
-    return Stencil(nodes.reshape(shape), weights.reshape(shape))
+    return Stencil.of_rows(coo_matrix((values[keep], (rows, columns)), size).tocsr())
 
 
 def lagrange(parameter: Array, count: int) -> Array:

@@ -254,6 +254,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
+    record["crushing"] = _crushing_record(collapse)
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
 
@@ -278,6 +279,14 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
         "failures": sorted(certificate.failures),
         "worst_joint": point,
     }
+
+
+def _crushing_record(collapse: Collapse) -> list[Record] | None:
+    """Where joints crush; None where no compressive strength is given."""
+    if collapse.crushed_ends is None:
+        return None
+    names = "position", "group", "length", "normal_force"
+    return [_record(place, *names) for place in collapse.crushed]
 
 
 def _mesh_error_record(error: MeshError) -> Record:
