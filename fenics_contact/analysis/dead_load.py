@@ -36,9 +36,15 @@ class DeadLoadOptions:
     Attributes:
         least: Least lambda, with the work on the bonded structure: blocks that would have to move
             by its reciprocal, in units of the bonded displacement, are a mechanism.
+        missing: Works in a row at which no state is found next to the last one under a rising load:
+            those at more work are further away.
+        cost: Of a rising load at most, and of the collapse next to its end, in units of one
+            factorisation of the structure.
     """
 
     least: float = 1e-4
+    missing: int = 1
+    cost: float = 250.0
 
 
 OPTIONS = DeadLoadOptions()
@@ -147,7 +153,8 @@ def reaching_zero(
     ends = dict(found)
     for name in (short | lost).intersection(asked):
         # From afar nothing was found before.
-        near = replace(strategy, attempts=()) if name in lost else strategy
+        alone = replace(strategy.work, missing=OPTIONS.missing, cost=OPTIONS.cost)
+        near = replace(strategy, attempts=(), once=(), work=alone) if name in lost else strategy
         ends[name] = _raised_from(dead.state, cases[name], near, margin)
     return ends
 
@@ -155,7 +162,8 @@ def reaching_zero(
 def _raised_from(state: State, case: LoadCase, strategy: Strategy, margin: float) -> Collapse:
     """The collapse under a load that rises from a state under the dead load alone."""
     start = case.problem.state(state.displacement, 0.0, state.pressure, state.shear)
-    end = raise_load(case, strategy, case.discretization.scene.solve, find_collapse, start)
+    options = case.discretization.scene.solve
+    end = raise_load(case, strategy, options, find_collapse, start, OPTIONS.cost)
     if end.path is not None and (end.load_factor < margin or end.status == "not_converged"):
         reached = f"{case.sign * end.path.lower:.6g}, and no collapse there"
         reason = f"under a rising load equilibrium was found up to a load factor of {reached}"

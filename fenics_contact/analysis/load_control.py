@@ -21,7 +21,7 @@ from fenics_contact.analysis.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.scene import SolveOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
@@ -40,6 +40,7 @@ class LoadOptions:
         least: The width is relative to this part of the typical load factor at least.
         far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
+        cost: Of all steps at most, in units of one factorisation of the structure.
         margin: To this multiple of the tolerance the collapse lies between the last load factors.
         beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
     """
@@ -51,6 +52,7 @@ class LoadOptions:
     least: float = 1e-3
     far: float = 1e6
     max_steps: int = 200
+    cost: float = 2000.0
     margin: float = 10.0
     beyond_onset: float = 1.4
 
@@ -64,10 +66,12 @@ def raise_load(
     options: SolveOptions,
     find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
     start: State | None = None,
+    cost: float = OPTIONS.cost,
 ) -> Collapse:
     """The collapse that `find_collapse` finds from the last state under rising load factors.
 
-    The first state is next to `start`, or else next to the bonded response to the dead load.
+    The first state is next to `start`, or else next to the bonded response to the dead load. Steps
+    cost at most `cost` factorisations of the structure.
     """
     bounds = case.problem.comm.bcast(case.blocks.classical_bounds())
     if bounds.lower == np.inf:
@@ -76,7 +80,10 @@ def raise_load(
     upper = np.inf if bounds.upper is None else bounds.upper
     climb = _Climb(case, strategy, options, upper, start)
     try:
-        climb.run()
+        with case.discretization.effort.at_most(cost):
+            climb.run()
+    except EffortError as error:
+        _log.info("  load control: %s", error)
     except SolverError as error:
         _log.warning("load control: %s", error)
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
@@ -183,6 +190,7 @@ class _Climb:
 
         Raises:
             SolverError: If no equilibrium is found under the dead load.
+            EffortError: If the limit of its cost is reached.
         """
         typical = self.case.scales.load_factor
         width = max(OPTIONS.width, self._options.tolerance)
@@ -239,6 +247,8 @@ class _Climb:
         task = Task(case, before.work, scales, self._options.tolerance)
         try:
             state = self._strategy.equilibrium(task, before, target)
+        except EffortError:
+            raise
         except SolverError as error:
             _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
             return False

@@ -20,9 +20,15 @@ from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.analysis.coulomb import FixedPoint, FixedPointOptions, GivenFriction
 from fenics_contact.analysis.history import History, Step
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.scene import Scene
-from fenics_contact.solvers.arclength import FALLING_PRODUCTS, RISING_WORK, Continuation
+from fenics_contact.solvers.arclength import (
+    FALLING_PRODUCTS,
+    RISING_WORK,
+    Continuation,
+    PathPoint,
+)
+from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.delassus import JointPoints
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
@@ -30,7 +36,7 @@ from fenics_contact.solvers.interior_point import (
     Tolerances,
     solve_interior_point,
 )
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
+from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
 from fenics_contact.solvers.splitting import JointForceSolver, ProximalStep, alternately, at_once
@@ -81,6 +87,32 @@ class WarmStart:
 
 
 WARM = WarmStart()
+
+
+@dataclass(frozen=True)
+class HighFrictionOptions:
+    """From a state with lower friction to one with the scene's.
+
+    Attributes:
+        lower: Coefficient from which on paths are lost at points that slide under little pressure.
+        change: Of the friction bound on block modes, relative, at which it has followed.
+        on_modes: Iterations of the bound on block modes at most.
+        between: Those on the structure between two tries with friction in the equations.
+        direct: Cost of the first such try at most, in units of one factorisation.
+        warm: The other tries.
+    """
+
+    lower: float = 1.0
+    change: float = 1e-3
+    on_modes: int = 30
+    between: int = 20
+    direct: float = 40.0
+    warm: WarmStart = WarmStart(
+        (1e-3, 1e-5, 1e-7), (), Tolerances(), InteriorPointOptions(window=6)
+    )
+
+
+HIGH_FRICTION = HighFrictionOptions()
 
 
 @dataclass(frozen=True)
@@ -184,14 +216,65 @@ def along_block_modes(task: Task) -> Solution:
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
-        start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
-        on_the_way = partial(case.record.along, prolonged=modes.prolonged)
-        path = rising(kkt, passed=on_the_way("block modes, rising work"))
-        point = path.follow(path.begin(start, task.rising_mu), task.work)
-        path = falling(kkt, passed=on_the_way("block modes, falling products"))
-        point = path.follow(point, task.mu(OPTIONS.ends[0]))
+        point = _end_of_modes(task, modes, stiffness)
     return _to_end(task, modes.prolonged(point.state), point.mu)
+
+
+@monolithic
+def through_lower_friction(task: Task) -> Solution:
+    """State next to one with friction of at most 1, as the bound on friction follows.
+
+    Friction above what joint forces ask for changes nothing, but where nearly open joints slide the
+    shear force changes F times as fast as the normal force, and paths turn back again and again.
+
+    Raises:
+        SolverError: If the scene has no higher friction, or no state is found.
+    """
+    case, options, problem = task.case, HIGH_FRICTION, task.case.problem
+    if problem.max(problem.friction) <= options.lower:
+        raise SolverError(f"no friction is above {options.lower:g}")
+    modes = case.discretization.block_modes.changed(problem)
+    lower = modes.changed(replace(problem, friction=np.minimum(problem.friction, options.lower)))
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        start = _end_of_modes(task, lower, stiffness).state
+        of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
+        start = _followed(replace(task, case=of_modes), start, options.on_modes).state
+    start = modes.prolonged(start)
+    try:
+        with case.discretization.effort.at_most(options.direct):
+            return _to_end(task, start, task.mu(OPTIONS.ends[0]))
+    except SolverError as error:
+        _log.info("  friction in the equations: %s", error)
+    while True:  # until the limit of the attempt
+        start = _followed(task, start, options.between).state
+        try:
+            return _warm(task, task.kkt, start, options.warm)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  friction in the equations: %s", error)
+
+
+def _end_of_modes(task: Task, modes: BlockModes, stiffness: JointStiffness) -> PathPoint:
+    """The end of the path in block modes: the work rises to T, then the products fall."""
+    case = task.case
+    kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
+    start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
+    on_the_way = partial(case.record.along, prolonged=modes.prolonged)
+    path = rising(kkt, passed=on_the_way("block modes, rising work"))
+    point = path.follow(path.begin(start, task.rising_mu), task.work)
+    path = falling(kkt, passed=on_the_way("block modes, falling products"))
+    return path.follow(point, task.mu(OPTIONS.ends[0]))
+
+
+def _followed(task: Task, start: State, iterations: int) -> Solution:
+    """State after some iterations of the friction bound from that of another state."""
+    options = replace(coulomb.OPTIONS, max_iterations=iterations)
+    count = task.case.discretization.factorizations
+    problem, solve = task.case.problem, _interior_point(task)
+    told = task.case.monitor, count, options
+    fixed_point = FixedPoint(problem, solve, HIGH_FRICTION.change, *told)
+    return fixed_point.run(start, problem.bound(np.maximum(start.pressure, 0.0)))[0]
 
 
 def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
@@ -356,6 +439,10 @@ class WorkOptions:
             load factor still changes by 10 to 40 times as much.
         change: Of the load factor of one state with more work, at most, in units of its gap.
         unlimited: A load factor that grows like this power of the work is not limited.
+        on_line: Nor is one of this part of that under the live load alone, at the same work: limit
+            loads are far below it, as works are many times that on the bonded structure.
+        attempt: Cost of one attempt at most, in units of one factorisation of the structure.
+        cost: That of all states of one collapse.
     """
 
     first: float = 300.0
@@ -366,6 +453,13 @@ class WorkOptions:
     gap: float = 2.5e-2
     change: float = 100.0
     unlimited: float = 0.9
+    on_line: float = 0.5
+    attempt: float = 300.0
+    cost: float = 500.0
+
+
+#: Iterations on the bound, which a user may ask for, take some 10 states with given friction.
+ITERATED = WorkOptions(attempt=1500.0, cost=3000.0)
 
 
 @dataclass(frozen=True)
@@ -375,6 +469,7 @@ class Strategy:
     Attributes:
         attempts: States at a prescribed work: what is tried, in order.
         kind: Of factorisation, see `JointStiffness`.
+        once: What is tried after them, at the first work where they find nothing.
         further: State from one at less work, tried first where there is one; None: nothing.
         equilibrium: State at a prescribed load factor, next to another one.
         work: How the work grows.
@@ -382,6 +477,7 @@ class Strategy:
 
     attempts: tuple[Attempt, ...]
     kind: str
+    once: tuple[Attempt, ...] = ()
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
     work: WorkOptions = WorkOptions()
@@ -394,16 +490,23 @@ JOINT_FORCES: dict[str, Strategy] = {
         SYMMETRIC,
         equilibrium=fixed_point_equilibrium,
         # States far along the mode take many steps.
-        work=WorkOptions(first=100.0, first_of_many=0.0, gap=1.0),
+        work=replace(ITERATED, first=100.0, first_of_many=0.0, gap=1.0),
     )
     for name, minimise in (("splitting", alternately), ("active-set", at_once))
 }
 
 #: By method: with Coulomb friction, where the bound on friction depends on the pressure.
 COULOMB: dict[str, Strategy] = {
-    "auto": Strategy((along_block_modes,), GENERAL, further_along_rising_work),
+    "auto": Strategy(
+        (along_block_modes,),
+        GENERAL,
+        (through_lower_friction, along_falling_products, interior_point),
+        further_along_rising_work,
+    ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
-    "fixed-point": Strategy((fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium),
+    "fixed-point": Strategy(
+        (fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium, work=ITERATED
+    ),
     **JOINT_FORCES,
 }
 

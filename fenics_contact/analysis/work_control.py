@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import itertools
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from fenics_contact.analysis.certificate import Certificate, state_residuals, wo
 from fenics_contact.analysis.collapse_mode import Verified, verify
 from fenics_contact.analysis.history import CollapseState, History
 from fenics_contact.analysis.joint_values import joint_values
+from fenics_contact.analysis.live_load import slope_without_dead_load
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.reasons import missed
 from fenics_contact.analysis.result import Collapse
@@ -27,6 +29,7 @@ from fenics_contact.analysis.strategy import (
     Attempt,
     Strategy,
     Task,
+    WorkOptions,
     fixed_point,
     name_of,
 )
@@ -40,7 +43,14 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     """The collapse of a load case, to a relative tolerance on the load factor."""
     options = strategy.work
     search = _Search(case, strategy, tolerance)
-    ratio = first = max(options.first, options.first_of_many * case.block_count**2)
+    with case.discretization.effort.at_most(options.cost):
+        status = _searched(search, options, case.block_count)
+    return search.result(status)
+
+
+def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
+    """The status that states at growing work lead to."""
+    ratio = first = max(options.first, options.first_of_many * blocks**2)
     missing = 0
     while ratio <= options.largest * first and missing < options.missing:
         found = search.at(ratio)
@@ -48,9 +58,9 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
         if search.done(found):
             break
         if search.unlimited:
-            return search.result("unbounded")
+            return "unbounded"
         ratio *= options.growth
-    return search.result("limit" if search.verified else "not_converged")
+    return "limit" if search.verified else "not_converged"
 
 
 def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
@@ -113,6 +123,8 @@ class _Search:
         self.case, self.strategy, self.options = case, strategy, strategy.work
         self.tolerance, self.gap = tolerance, strategy.work.gap * tolerance
         self.found: list[_Found] = []
+        self._once = strategy.once
+        self._last_found = False
 
     def at(self, ratio: float) -> _Found | None:
         """The verified state at a work T, in units of that on the bonded structure, if any."""
@@ -120,13 +132,16 @@ class _Search:
         scales = case.scales_at(work, max((abs(one.load_factor) for one in self.found), default=0))
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
+        self._last_found = False
         for attempt in self._attempts():
             count = case.discretization.factorizations
             try:
                 with case.record.attempt(
                     name_of(attempt), work, count, case.discretization.effort
                 ) as ended:
-                    solution, history = attempt(task)
+                    with case.discretization.effort.at_most(self.options.attempt):
+                        solution, history = attempt(task)
+                    self._last_found = True
                     ended("a state, not yet verified")
                     verified = verify(case, solution.state, scales, self.tolerance, self.gap)
                     self.found.append(_Found(verified, history, ratio))
@@ -140,12 +155,16 @@ class _Search:
             return self.found[-1]
         return None
 
-    def _attempts(self) -> tuple[Attempt, ...]:
+    def _attempts(self) -> Iterator[Attempt]:
         """What is tried: from the last state, and from afar as long as none is verified."""
         strategy = self.strategy
-        if self.best is None or strategy.further is None:
-            return strategy.attempts
-        return (strategy.further, *(() if self.verified else strategy.attempts))
+        if self.best is not None and strategy.further is not None:
+            yield strategy.further
+            if self.verified:
+                return
+        yield from strategy.attempts
+        once, self._once = self._once, ()
+        yield from once
 
     @property
     def best(self) -> _Found | None:
@@ -187,18 +206,32 @@ class _Search:
         """Whether nothing limits the load, by the load factors found and the rigid-block programs.
 
         Without Coulomb friction the upper bound is exact; the lower one is a bound in any case.
+        Where the upper one is infinite, a state under the live load alone holds at all its sizes.
+        Then a large load does without the dead load, if no state was found; and a load factor that
+        follows that line is on it.
         """
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.limit() == np.inf
         if blocks.frictionless.limit() == np.inf:
             return True
+        if blocks.limit() != np.inf:
+            return False
+        if self._line is not None:
+            last = self.found[-1] if self._last_found else None
+            line = 0.0 if last is None else self._line * last.verified.state.work
+            return last is None or last.load_factor > self.options.on_line * line
         factors = np.array([one.load_factor for one in self.found[-3:]])
         if len(factors) < 3 or not np.all(factors > 0.0):
             return False
         works = np.array([one.ratio for one in self.found[-3:]])
         grows = np.diff(np.log(factors)) >= self.options.unlimited * np.diff(np.log(works))
-        return bool(np.all(grows)) and blocks.limit() == np.inf
+        return bool(np.all(grows))
+
+    @cached_property
+    def _line(self) -> float | None:
+        """Load factor per work of a state under the live load alone, if one is found."""
+        return slope_without_dead_load(self.case, self.tolerance)
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""
