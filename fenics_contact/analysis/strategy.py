@@ -469,16 +469,16 @@ class Strategy:
     Attributes:
         attempts: States at a prescribed work: what is tried, in order.
         kind: Of factorisation, see `JointStiffness`.
-        once: What is tried after them, at the first work where they find nothing.
         further: State from one at less work, tried first where there is one; None: nothing.
+        once: What is tried after the attempts, at the first work where they find nothing.
         equilibrium: State at a prescribed load factor, next to another one.
         work: How the work grows.
     """
 
     attempts: tuple[Attempt, ...]
     kind: str
-    once: tuple[Attempt, ...] = ()
     further: Attempt | None = None
+    once: tuple[Attempt, ...] = ()
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
     work: WorkOptions = WorkOptions()
 
@@ -500,8 +500,8 @@ COULOMB: dict[str, Strategy] = {
     "auto": Strategy(
         (along_block_modes,),
         GENERAL,
-        (through_lower_friction, along_falling_products, interior_point),
         further_along_rising_work,
+        once=(through_lower_friction, along_falling_products, interior_point),
     ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy(
