@@ -21,6 +21,7 @@ from fenics_contact.analysis.strategy import (
     Task,
     along_falling_products,
     interior_point,
+    name_of,
 )
 from fenics_contact.errors import SolverError
 
@@ -46,7 +47,8 @@ OPTIONS = LiveLoadOptions()
 
 def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
     """Lambda / T of a verified state under the live load alone; None if none is found."""
-    problem, none, still = case.problem, np.zeros_like(case.problem.dead), np.zeros_like
+    still = np.zeros_like
+    problem, none = case.problem, still(case.problem.dead)
     alone = replace(
         problem,
         dead=none,
@@ -55,19 +57,22 @@ def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
         slip_origin=still(problem.slip_origin),
     )
     bonded = replace(case.bonded, dead=none, dead_pressure=still(case.bonded.dead_pressure))
-    case = replace(case, problem=alone, bonded=bonded, monitor=lambda step: None)
-    work = case.bonded_work
+    discretization, record, work = case.discretization, case.record, case.bonded_work
+    case = replace(case.unrecorded, problem=alone, bonded=bonded, monitor=lambda step: None)
     task = Task(case, work, case.scales_at(work), tolerance)
+    count, effort = discretization.factorizations, discretization.effort
     for attempt in (interior_point, along_falling_products):
+        name = f"live load alone, {name_of(attempt)}"
         try:
-            with case.discretization.effort.at_most(OPTIONS.cost):
+            with effort.at_most(OPTIONS.cost), record.attempt(name, work, count, effort) as ended:
                 state = attempt(task)[0].state
+                residuals = state_residuals(alone, state, task.scales)
+                holds = all(residuals[law] <= TOLERANCES[law] for law in residuals)
+                least = OPTIONS.least * case.scales.load_factor
+                if holds and state.load_factor > least:
+                    ended("an equilibrium, and so at any size of this load")
+                    return state.load_factor / work
+                ended("no equilibrium")
         except SolverError as error:
             _log.info("  live load alone: %s", error)
-            continue
-        residuals = state_residuals(alone, state, task.scales)
-        holds = all(residuals[name] <= TOLERANCES[name] for name in residuals)
-        _log.info("  live load alone: load factor %.6g, %s", state.load_factor, residuals)
-        if holds and state.load_factor > OPTIONS.least * case.scales.load_factor:
-            return state.load_factor / work
     return None

@@ -106,7 +106,7 @@ class HighFrictionOptions:
     change: float = 1e-3
     on_modes: int = 30
     between: int = 20
-    direct: float = 40.0
+    direct: float = 100.0
     warm: WarmStart = WarmStart(
         (1e-3, 1e-5, 1e-7), (), Tolerances(), InteriorPointOptions(window=6)
     )
@@ -216,7 +216,7 @@ def along_block_modes(task: Task) -> Solution:
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        point = _end_of_modes(task, modes, stiffness)
+        point = _end_of_modes(task, modes, stiffness, "block modes")
     return _to_end(task, modes.prolonged(point.state), point.mu)
 
 
@@ -236,7 +236,7 @@ def through_lower_friction(task: Task) -> Solution:
     modes = case.discretization.block_modes.changed(problem)
     lower = modes.changed(replace(problem, friction=np.minimum(problem.friction, options.lower)))
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        start = _end_of_modes(task, lower, stiffness).state
+        start = _end_of_modes(task, lower, stiffness, "block modes, lower friction").state
         of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
         start = _followed(replace(task, case=of_modes), start, options.on_modes).state
     start = modes.prolonged(start)
@@ -255,15 +255,18 @@ def through_lower_friction(task: Task) -> Solution:
             _log.info("  friction in the equations: %s", error)
 
 
-def _end_of_modes(task: Task, modes: BlockModes, stiffness: JointStiffness) -> PathPoint:
-    """The end of the path in block modes: the work rises to T, then the products fall."""
+def _end_of_modes(task: Task, modes: BlockModes, stiffness: JointStiffness, name: str) -> PathPoint:
+    """The end of the path in block modes: the work rises to T, then the products fall.
+
+    In the record the path has a name.
+    """
     case = task.case
     kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
     start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
     on_the_way = partial(case.record.along, prolonged=modes.prolonged)
-    path = rising(kkt, passed=on_the_way("block modes, rising work"))
+    path = rising(kkt, passed=on_the_way(f"{name}, rising work"))
     point = path.follow(path.begin(start, task.rising_mu), task.work)
-    path = falling(kkt, passed=on_the_way("block modes, falling products"))
+    path = falling(kkt, passed=on_the_way(f"{name}, falling products"))
     return path.follow(point, task.mu(OPTIONS.ends[0]))
 
 

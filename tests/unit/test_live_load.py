@@ -1,0 +1,83 @@
+"""Equilibrium under the live load alone, and what it says of loads that nothing limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import Load, SolverError
+from fenics_contact.analysis.live_load import slope_without_dead_load
+from fenics_contact.analysis.strategy import COULOMB, Task, WorkOptions, interior_point
+from fenics_contact.analysis.work_control import find_collapse
+from tests.bank import GRAVITY, block_recipe, coulomb, tresca, wall_recipe
+from tests.unit.core import load_case
+
+TOLERANCE = 1e-6
+
+#: Presses a block on the ground within the cone of friction; pushes it over.
+DOWN, ASIDE = Load((0.1 * GRAVITY, -GRAVITY)), Load((GRAVITY, 0.0))
+
+
+def no_state(task: Task):
+    raise SolverError("none")
+
+
+def test_load_factors_approach_the_line_of_the_live_load():
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        slope = slope_without_dead_load(case, TOLERANCE)
+        works = np.array([3.0, 100.0]) * case.bonded_work
+        tasks = [Task(case, work, case.scales_at(work), TOLERANCE) for work in works]
+        factors = [interior_point(task)[0].state.load_factor for task in tasks]
+    missed = np.abs(factors / (slope * works) - 1.0)
+    assert missed[1] < 0.1 * missed[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("live", "law"), [(ASIDE, coulomb(0.5)), (DOWN, tresca(1e3)), (Load((0.0, GRAVITY)), None)]
+)
+def test_no_line_where_the_live_load_alone_moves_the_block(live, law):
+    """Given strengths do not help against a load of any size."""
+    recipe = block_recipe(0.4, 0.4, 0.5, live=live)
+    recipe = recipe if law is None else replace(recipe, law=law)
+    with load_case(recipe.scene(2)) as case:
+        assert slope_without_dead_load(case, TOLERANCE) is None
+
+
+def test_unbounded_is_said_at_once_where_no_state_is_found():
+    strategy = replace(COULOMB["auto"], attempts=(no_state,), once=())
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        assert case.blocks.frictionless.limit() < np.inf  # no proof without friction
+        found = find_collapse(case, strategy, TOLERANCE)
+        assert case.discretization.effort.spent <= 40.0
+    assert (found.status, found.load_factor) == ("unbounded", np.inf)
+    assert found.wedging is not None
+
+
+@pytest.mark.parametrize("live", [ASIDE, Load((0.6 * GRAVITY, -GRAVITY))])
+def test_a_limited_load_is_never_unbounded(live):
+    strategy = replace(COULOMB["auto"], attempts=(no_state,), once=())
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=live).scene(2)) as case:
+        assert find_collapse(case, strategy, TOLERANCE).status == "not_converged"
+
+
+@pytest.mark.parametrize("limits", [{"attempt": 3.0}, {"cost": 4.0}])
+def test_search_ends_at_its_limit_of_cost(limits):
+    strategy = replace(COULOMB["auto"], work=WorkOptions(**limits))
+    with load_case(wall_recipe("W4", coulomb(0.4)).scene(1)) as case:
+        effort = case.discretization.effort
+        before = effort.spent
+        found = find_collapse(case, strategy, TOLERANCE)
+        spent = effort.spent - before
+    assert found.status == "not_converged"
+    tried = strategy.work.missing + len(strategy.once)
+    assert spent <= (limits.get("cost") or tried * limits["attempt"]) + 1e-6
+
+
+def test_record_tells_of_the_live_load_alone():
+    strategy = replace(COULOMB["auto"], attempts=(no_state,), once=())
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        find_collapse(case, strategy, TOLERANCE)
+    names = [trial.name for trial in case.record.attempts]
+    assert names[-1].startswith("live load alone") and case.record.attempts[-1].found
