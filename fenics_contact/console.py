@@ -152,6 +152,7 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_crushing_lines(end),
         *_peak_lines(end),
+        *_lowest_lines(end),
         *_mesh_lines(end),
     ]
 
@@ -184,6 +185,23 @@ def _crushing_lines(end: Collapse) -> list[str]:
     return [
         f"crushing: the load factor is that with it; {first.group} crushes over"
         f" {1e3 * first.length:.3g} mm at ({x:.3g}, {y:.3g}){rest}"
+    ]
+
+
+def _lowest_lines(end: Collapse) -> list[str]:
+    """Whether a lower collapse state was found, and all states where several are known."""
+    lowest = end.lowest
+    if lowest is None:
+        return []
+    if lowest.status == "lower":
+        return [f"lower state: another collapse, verified, at {lowest.load_factor:.8g}"]
+    if lowest.status == "not_known":
+        return [f"lower state: not known, {lowest.reason}"]
+    plural = "es" * (lowest.starts != 1)
+    others = ", ".join(f"{state.load_factor:.8g}" for state in end.states[1:])
+    return [
+        f"lower state: none found by {lowest.starts} search{plural}",
+        *([f"other collapse states: {others}"] if others else []),
     ]
 
 

@@ -18,11 +18,12 @@ from fenics_contact.analysis.accuracy import to_accuracy
 from fenics_contact.analysis.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.analysis.dead_load import reaching_zero
 from fenics_contact.analysis.hinges import with_mesh_error
-from fenics_contact.analysis.history import CapacityPoint, Step
+from fenics_contact.analysis.history import CapacityPoint, Lowest, Step
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
+from fenics_contact.analysis.lowest import find_lowest, second_opinion
 from fenics_contact.analysis.nearby import Softened, collapse_next_to
 from fenics_contact.analysis.nearby import near as start_near
 from fenics_contact.analysis.peak import NOT_ASKED, Above, Limits, Peak, find_peak
@@ -32,7 +33,7 @@ from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.analysis.service_state import service_state
 from fenics_contact.analysis.strategy import strategy_of
-from fenics_contact.analysis.work_control import find_collapse, find_lowest
+from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import SolverError
@@ -287,6 +288,10 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     for name in asked:
         found[name] = _with_peak(cases[name].unrecorded, found[name], cost, wanted)
     seconds["peak"] = time.perf_counter() - start
+    if scene.solve.lowest is not False:
+        start = time.perf_counter()
+        found |= {name: _with_lowest(cases[name], found[name], cost) for name in asked}
+        seconds["lowest"] = time.perf_counter() - start
     if scene.solve.error:
         start = time.perf_counter()
         found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
@@ -339,6 +344,23 @@ def _with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool) -> Colla
         limits = Limits.of(cost, asked)
         peak = find_peak(case, above, options.tolerance, limits)
     return replace(end, peak=peak)
+
+
+def _with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with a second opinion on it, where several collapse states may exist."""
+    options = case.discretization.scene.solve
+    coulomb, mode = case.problem.coulomb, end.mode
+    if end.crushed_ends is not None:
+        reason = "in other states joints crush in other places"
+        return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
+    if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
+        return end
+    if end.path is not None:
+        reason = "lower states are not looked for where the load is raised step by step"
+        return replace(end, lowest=Lowest("not_known", reason=reason))
+    if case.problem.dot(case.problem.live, mode) < 0.0:  # the dead load does the work
+        return _with_lowest(case.reversed(), end.reversed(), cost).reversed()
+    return second_opinion(case, end, options.tolerance, cost)
 
 
 def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:

@@ -264,6 +264,8 @@ class SolveOptions:
         control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
+        lowest: Look for a lower collapse state than the first, at a third of its cost; None: yes,
+            but not in sweeps.
         error: Estimate how much of the load factor is due to the mesh.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
         peak: Look for the peak of the loading path before the collapse; None: as far as that takes
@@ -276,6 +278,7 @@ class SolveOptions:
     control: str = "work"
     slip: str = "stress-free"
     states: str = "first"
+    lowest: bool | None = None
     error: bool = True
     accuracy: float | None = None
     peak: bool | None = None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.solvers.problem import Array
 from fenics_contact.solvers.splitting import SplittingHistory
 
@@ -133,6 +134,26 @@ class LoadPath:
 class CollapseState:
     """One of several collapse states of a direction; fields as those of `Collapse`."""
 
-    start: str  # where the search for it began
+    start: str  # the searches that led to it
     status: str
     load_factor: float
+    mode: Array | None = field(default=None, repr=False, compare=False)
+    joints: JointValues | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Lowest:
+    """The lowest of the collapse states that several searches led to.
+
+    Attributes:
+        status: "lower" if one is below the collapse that is reported, "none" if there is none
+            below it, "not_known".
+        load_factor: Of the lowest verified one; nan if not known.
+        starts: Number of searches that ended in a state.
+        reason: Why it is not known, for people.
+    """
+
+    status: str
+    load_factor: float = float("nan")
+    starts: int = 0
+    reason: str = ""

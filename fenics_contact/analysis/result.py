@@ -21,6 +21,7 @@ from fenics_contact.analysis.history import (
     CurveEnd,
     History,
     LoadPath,
+    Lowest,
 )
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.mesh_error import MeshError, Pass
@@ -57,7 +58,8 @@ class Collapse:
         history: Iterations for all states, at rising T.
         work_ratio: T in units of the live load's work on the bonded structure.
         path: Load factors with equilibrium, under load control.
-        states: Those found from different starts, where they were looked for.
+        states: This one and others that were found and verified, where there are any.
+        lowest: Second opinion: whether others are below; None where none was asked for.
         reason: Why there is no limit load, for people.
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
@@ -83,6 +85,7 @@ class Collapse:
     work_ratio: float = 0.0
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
+    lowest: Lowest | None = None
     reason: str = ""
     wedging: Array | None = None
     mesh_error: MeshError | None = None
@@ -163,6 +166,7 @@ class Collapse:
             path=_negated(with_steps(self.path), "lower", "upper"),
             states=tuple(map(_negated, self.states)),
             trace=tuple(map(_negated, self.trace)),
+            lowest=_negated(self.lowest),
             at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             peak=self.peak and self.peak.reversed(),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),

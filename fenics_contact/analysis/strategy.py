@@ -201,13 +201,13 @@ def further_along_rising_work(task: Task) -> Solution:
         raise SolverError("no state at less work")
     path = rising(task.kkt, passed=task.case.record.along("structure, rising work"))
     point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
-    return _to_end(task, point.state, point.mu)
+    return to_end(task, point.state, point.mu)
 
 
 @monolithic
 def along_falling_products(task: Task) -> Solution:
     """State by continuation of the structure from products of 1 under the whole work."""
-    return _to_end(task, task.case.bonded_state(task.work), 1.0)
+    return to_end(task, task.case.bonded_state(task.work), 1.0)
 
 
 @monolithic
@@ -217,7 +217,7 @@ def along_block_modes(task: Task) -> Solution:
     modes = case.discretization.block_modes.changed(case.problem)
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
         point = _end_of_modes(task, modes, stiffness, "block modes")
-    return _to_end(task, modes.prolonged(point.state), point.mu)
+    return to_end(task, modes.prolonged(point.state), point.mu)
 
 
 @monolithic
@@ -242,7 +242,7 @@ def through_lower_friction(task: Task) -> Solution:
     start = modes.prolonged(start)
     try:
         with case.discretization.effort.at_most(options.direct):
-            return _to_end(task, start, task.mu(OPTIONS.ends[0]))
+            return to_end(task, start, task.mu(OPTIONS.ends[0]))
     except SolverError as error:
         _log.info("  friction in the equations: %s", error)
     while True:  # until the limit of the attempt
@@ -310,7 +310,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
     for number, work in enumerate(works, 1):
         try:
             point = path.follow(point, work)
-            yield number, _to_end(replace(task, work=work), point.state, point.mu).state
+            yield number, to_end(replace(task, work=work), point.state, point.mu).state
         except SolverError as error:
             _log.info("capacity curve: no state with T = %.3g: %s", work, error)
 
@@ -320,9 +320,12 @@ def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
     return _warm(task, task.kkt, start, warm).state
 
 
-def _to_end(task: Task, state: State, mu: float) -> Solution:
-    """The state at the end of the central path, from a point near it, or `SolverError`."""
-    kkt = replace(task.kkt, work=state.work)
+def to_end(task: Task, state: State, mu: float, kkt: PerturbedKKT | None = None) -> Solution:
+    """The state at the end of the central path, from a point near it, or `SolverError`.
+
+    The path is that of the structure where no other conditions are given.
+    """
+    kkt = replace(task.kkt if kkt is None else kkt, work=state.work)
     path = falling(kkt, passed=task.case.record.along("structure, falling products"))
     point = path.begin(state, mu)
     for end in OPTIONS.ends:

@@ -11,26 +11,24 @@ import itertools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.analysis.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.analysis.collapse_mode import Verified, verify
-from fenics_contact.analysis.history import CollapseState, History
+from fenics_contact.analysis.history import History
 from fenics_contact.analysis.joint_values import joint_values
 from fenics_contact.analysis.live_load import slope_without_dead_load
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.reasons import missed
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import (
-    COULOMB,
     Attempt,
     Strategy,
     Task,
     WorkOptions,
-    fixed_point,
     name_of,
 )
 from fenics_contact.errors import SolverError
@@ -61,29 +59,6 @@ def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
             return "unbounded"
         ratio *= options.growth
     return "limit" if search.verified else "not_converged"
-
-
-def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
-    """The lowest verified collapse of those that several starts lead to, with Coulomb friction."""
-    problem, points = case.problem, case.discretization.operators.points
-    bounds = {
-        "dead load": problem.bound(case.first_pressure),
-        "half of that": 0.5 * problem.bound(case.first_pressure),
-        "no friction": problem.strength,
-    }
-    associative = case.blocks.associative_pressure()
-    if associative is not None:
-        bounds["associative program"] = problem.bound(associative[points])
-    strategies = {"auto": COULOMB["auto"]}
-    for name, bound in bounds.items():
-        attempts = (partial(fixed_point, first=bound),)
-        strategies[name] = replace(COULOMB["fixed-point"], attempts=attempts)
-    strategies["monolithic"] = COULOMB["monolithic"]
-    found = {name: find_collapse(case, one, tolerance) for name, one in strategies.items()}
-    states = tuple(CollapseState(name, end.status, end.load_factor) for name, end in found.items())
-    limits = [end for end in found.values() if end.status == "limit"]
-    lowest = min(limits, key=lambda end: end.load_factor, default=found["auto"])
-    return replace(lowest, states=states)
 
 
 @dataclass(frozen=True)

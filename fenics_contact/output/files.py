@@ -16,6 +16,7 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.history import Lowest
 from fenics_contact.analysis.mechanism import mechanism
 from fenics_contact.analysis.mesh_error import MeshError
 from fenics_contact.analysis.peak import Peak
@@ -35,6 +36,7 @@ from fenics_contact.output.plotting import (
     save_capacity,
 )
 from fenics_contact.output.report import RECORD, write_report
+from fenics_contact.output.report_words import DRAWN_STATES
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View, view_of
@@ -139,11 +141,27 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
         pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
         view = view_of(discretization, mode, end.joints, sign)
         _draw(result, view, _title(end, reversal), pictures)
+        _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
     if options.paraview:
         path = folder / f"blocks{suffix}.pvd"
         write_blocks(path, discretization, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
         write_joints(path, discretization, end.joints, state.displacement, mode)
+
+
+def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:
+    """Mode and forces of the collapse states that are not reported, by number from 2. Collective.
+
+    `first` is the picture of the one that is, without its ending.
+    """
+    for number, state in enumerate(end.states[1:DRAWN_STATES], start=2):
+        if state.mode is None or state.joints is None:
+            continue
+        view = view_of(result.discretization, state.mode, state.joints, sign)
+        factor = rounded_alike([state.load_factor])[0]
+        title = f"another collapse state, load factor {factor}"
+        name = first.name.replace("collapse", f"collapse_state_{number}")
+        _draw(result, view, title, {first.with_name(name): [draw_mode, draw_forces]})
 
 
 def _title(end: Collapse, reversal: str) -> str:
@@ -180,6 +198,7 @@ def result_record(result: Result) -> Record:
         "discretization": None,
         "peak": None,
         "capacity": vars(result.curve_end) if result.curve_end else None,
+        "lowest": None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
@@ -251,6 +270,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     if collapse.states:
         names = ("start", "status", "load_factor")
         record["states"] = [_record(state, *names) for state in collapse.states]
+    record["lowest"] = collapse.lowest and _lowest_record(collapse.lowest)
     if certificate is not None:
         record |= _certificate_record(certificate, result.discretization.joints)
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
@@ -263,6 +283,11 @@ def _peak_record(peak: Peak) -> Record:
     """The most that the loading path carries, or why that is not known."""
     names = "status", "load_factor", "not_found_at", "work", "displacement_m"
     return _record(peak, *names) | {"reason": peak.reason or None}
+
+
+def _lowest_record(lowest: Lowest) -> Record:
+    """What searches for a lower collapse state found."""
+    return _record(lowest, "status", "load_factor", "starts") | {"reason": lowest.reason or None}
 
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:

@@ -228,8 +228,26 @@ def _load_factor_rows(direction: str, end: Record, record: Record) -> Iterator[S
     if bounds.get("meet") and end["status"] == "limit":
         yield "other collapse states", "none exists: the bracket is closed"
     if end["status"] == "limit":
-        yield from _peak_rows(factor, _details(record, direction)["peak"])
-        yield from _error_rows(factor, _details(record, direction), record)
+        details = _details(record, direction)
+        yield from _peak_rows(factor, details["peak"])
+        yield from _lowest_rows(factor, details)
+        yield from _error_rows(factor, details, record)
+
+
+def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
+    """Whether a lower collapse state is known, and all that were found where there are several."""
+    lowest = details.get("lowest")
+    if not lowest:
+        return
+    searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
+    text = {
+        "lower": f"{_alike(lowest['load_factor'], factor)}: another collapse state, verified",
+        "none": f"no lower state found by {searches}",
+        "not_known": f"not known: {lowest['reason']}",
+    }
+    yield "lowest collapse state found", text[lowest["status"]]
+    for number, state in enumerate(details.get("states", [])[1:], start=2):
+        yield f"collapse state {number}", _alike(state["load_factor"], factor)
 
 
 def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:

@@ -51,7 +51,8 @@ KEYS: Mapping[str, str] = {
     "tolerance": "tolerance on the load factor, relative",
     "control": "what is prescribed (work of the live load, or load factor)",
     "slip": "slip is measured from",
-    "states": "collapse states looked for",
+    "states": "collapse state reported",
+    "lowest": "lower collapse states looked for",
     "error": "error by the mesh estimated",
     "peak": "peak of the loading path looked for",
 }
@@ -72,6 +73,7 @@ PHASES: Mapping[str, str] = {
     "bounds": "bracket",
     "solve": "finding the collapse",
     "peak": "looking for the peak",
+    "lowest": "search for a lower collapse state",
     "error": "error by the mesh",
     "capacity": "capacity curve",
     "write": "writing files",
@@ -84,10 +86,21 @@ _SHOWN = {
     "stress": "Principal stresses",
 }
 
+#: Collapse states of one end that are drawn, at most.
+DRAWN_STATES = 9
+
+_OTHERS = {
+    f"collapse_state_{number}": f"Collapse state {number}: how the blocks move, and joint forces"
+    for number in range(2, DRAWN_STATES + 1)
+}
+
 #: What pictures show, by name of the file without its ending, in the order of the page.
 PICTURES: Mapping[str, str] = {
-    **{name: f"{words}." for name, words in _SHOWN.items()},
-    **{f"{name}_negative": f"{words}, live load reversed." for name, words in _SHOWN.items()},
+    **{name: f"{words}." for name, words in (_SHOWN | _OTHERS).items()},
+    **{
+        f"{name}_negative": f"{words}, live load reversed."
+        for name, words in (_SHOWN | _OTHERS).items()
+    },
     "capacity": "Capacity curve: load factor against displacement.",
 }
 

@@ -146,8 +146,12 @@ class BlockModes(Closing):
 
     def restricted(self, state: State) -> State:
         """A state in the modes: their part of the displacements, the same joint forces."""
-        u = self._basis.T @ state.displacement
+        u = self.motion(state.displacement)
         return replace(state, displacement=u, elastic=self.reduced.elastic_part(u))
+
+    def motion(self, displacement: Array) -> Array:
+        """Part of displacements of the structure that is in the modes, by these."""
+        return self._basis.T @ displacement
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""

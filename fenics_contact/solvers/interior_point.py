@@ -112,7 +112,7 @@ def solve_interior_point(
         if progress.ended(now, kkt.sizes(now, residual)) or step == options.max_steps:
             break
         try:
-            now = _step(kkt, now, residual, options.least * tolerances.residual, options)
+            now = next_iterate(kkt, now, residual, options.least * tolerances.residual, options)
         except SolverError as error:
             _log.debug("    %s", error)
             break
@@ -178,7 +178,7 @@ class _Progress:
         )
 
 
-def _step(
+def next_iterate(
     kkt: PerturbedKKT, now: Iterate, residual: Residual, least: float, options: InteriorPointOptions
 ) -> Iterate:
     """The iterate one predictor-corrector step on.

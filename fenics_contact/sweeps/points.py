@@ -98,8 +98,9 @@ def solve(scene: Scene, structure: Structure) -> LimitLoad:
         InputError: If joints, supports or loads of the scene do not fit its mesh.
     """
     start = time.perf_counter()
-    if scene.solve.peak is None:  # a table of load factors has no room for it
-        scene = replace(scene, solve=replace(scene.solve, peak=False))
+    more = {"lowest": bool(scene.solve.lowest), "peak": bool(scene.solve.peak)}
+    # A table of load factors has no room for more.
+    scene = replace(scene, solve=replace(scene.solve, **more))
     if scene.solve.accuracy is None:
         result = limit_load_of(structure.of(scene))
     else:

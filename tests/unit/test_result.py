@@ -21,7 +21,14 @@ from fenics_contact import (
     limit_load,
 )
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import CollapseState, History, LoadPath, LoadStep, Step
+from fenics_contact.analysis.history import (
+    CollapseState,
+    History,
+    LoadPath,
+    LoadStep,
+    Lowest,
+    Step,
+)
 from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.analysis.rigid_blocks import LimitBounds
@@ -44,6 +51,7 @@ def collapse(status: str = "limit") -> Collapse:
         history=(History((Step(0.5, 0.0, 1.0, 3),)),),
         path=LoadPath((LoadStep(0.25, 1e-3, 2.0),), 0.25, 0.75),
         states=(CollapseState("dead load", "limit", 0.5),),
+        lowest=Lowest("lower", 0.25, 1),
     )
 
 
@@ -56,6 +64,7 @@ def test_load_factors_of_the_reversed_load():
     assert (end.path.lower, end.path.upper) == (-0.25, -0.75)
     assert end.path.steps == (LoadStep(-0.25, 1e-3, 2.0),)
     assert end.states == (CollapseState("dead load", "limit", -0.5),)
+    assert end.lowest == Lowest("lower", -0.25, 1)
 
 
 @pytest.mark.parametrize(

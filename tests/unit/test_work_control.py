@@ -20,7 +20,7 @@ from fenics_contact.analysis.strategy import (
     WorkOptions,
     interior_point,
 )
-from fenics_contact.analysis.work_control import find_collapse, find_lowest
+from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import block_recipe, coulomb, wall_recipe
@@ -147,13 +147,3 @@ def test_state_is_that_where_the_collapse_begins(name):
     slips = (np.abs(slip_rates) > 1e-3 * np.abs(mode).max()) & (state.pressure > 0.0)
     since = [*(moved / rates)[opens], *(slipped / slip_rates)[slips]]
     assert min(since) == pytest.approx(0.0, abs=1e-9 * far) and state.work < far
-
-
-def test_states_from_all_starts_are_told():
-    with load_case(block_recipe(0.4, 1.0, 0.3).scene(1)) as case:
-        lowest = find_lowest(case, TOLERANCE)
-    starts = "auto", "dead load", "half of that", "no friction", "associative program", "monolithic"
-    assert tuple(state.start for state in lowest.states) == starts
-    for state in lowest.states:
-        assert (state.status, state.load_factor) == ("limit", pytest.approx(0.3, rel=1e-6))
-    assert lowest.certificate.passed
