@@ -125,6 +125,8 @@ class Collapse:
         lower = bounds.lower if self.status == "limit" else bounds.frictionless
         lower = -np.inf if lower is None else lower
         upper = np.inf if bounds.upper is None else bounds.upper
+        # The lower end is that of exact states: those found are as near as was asked for.
+        lower -= self.certificate.tolerance * self.certificate.size
         outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
         outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
         if self.status != "limit":
