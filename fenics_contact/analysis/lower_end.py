@@ -58,6 +58,7 @@ class LowerEndOptions:
         at_once: Faces for each of which n is found by one program.
         together: Faces are minimised together while this leaves less of their least normal forces.
         unloaded: Normal forces that count as none, and slip rates, in units of the largest one.
+        rounding: Of u, which HiGHS found too: it is raised by so much, relative.
         meet: Relative difference up to which the ends of the bracket are one load factor.
     """
 
@@ -70,6 +71,7 @@ class LowerEndOptions:
     at_once: int = 8
     together: float = 0.5
     unloaded: float = 1e-9
+    rounding: float = 1e-8
     meet: float = 1e-6
 
 
@@ -146,7 +148,7 @@ def lower_end(programs: FacePrograms, upper: float) -> float:
         programs: Linear programs.
         upper: u.
     """
-    search = _Search(programs, upper)
+    search = _Search(programs, upper + OPTIONS.rounding * abs(upper))
     try:
         search.run()
     except (SolverError, _SpentError) as error:
