@@ -87,7 +87,8 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
     task, falls = _under_the_dead_load(case, work, tolerance), False
     for attempt in strategy.attempts:
         try:
-            state = attempt(task)[0].state
+            with case.discretization.effort.at_most(strategy.work.attempt):
+                state = attempt(task)[0].state
         except SolverError as error:
             _log.info("  dead load alone: %s", error)
             continue
