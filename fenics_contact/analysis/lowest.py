@@ -55,6 +55,7 @@ class LowestOptions:
     Attributes:
         search: Cost of the search of a second opinion, until a known state is recognised, and of
             following it where none is.
+        searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
         tries: Searches of a second opinion, of which one has to come to an end.
@@ -69,6 +70,7 @@ class LowestOptions:
     """
 
     search: float = 0.5
+    searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
     tries: int = 2
@@ -104,7 +106,8 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
     case, limit = _general(case).unrecorded, end.load_factor - LOWEST.below * end.size
     none = replace(end, lowest=Lowest("none", end.load_factor, 1))
     try:
-        state = _first(case, end, tolerance, limit, LOWEST.search * cost)
+        with case.discretization.effort.at_most(LOWEST.searches * cost):
+            state = _first(case, end, tolerance, limit, LOWEST.search * cost)
     except SolverError:
         return replace(end, lowest=Lowest("not_known", reason=NO_STATE))
     if state is None or state.load_factor >= limit:

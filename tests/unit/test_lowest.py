@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from mpi4py import MPI
 
 from fenics_contact import BlockMesh, Load, Material, Scene, SolveOptions, limit_load
 from fenics_contact.analysis import lowest
@@ -110,7 +111,7 @@ def test_no_lower_state_at_a_third_of_the_cost(name):
 
 
 def test_a_search_has_a_hard_limit(monkeypatch):
-    monkeypatch.setattr(lowest, "LOWEST", replace(LOWEST, search=0.1))
+    monkeypatch.setattr(lowest, "LOWEST", replace(LOWEST, searches=0.1))
     with load_case(stones()) as case:
         effort = case.discretization.effort
         end = find_collapse(case, COULOMB["auto"], TOLERANCE)
@@ -128,6 +129,15 @@ def test_what_is_not_looked_for():
     raised = limit_load(stones(control="load"))
     assert raised.positive.lowest.status == "not_known"
     assert "step by step" in raised.positive.lowest.reason
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options", [{}, {"states": "lowest"}], ids=str)
+def test_ranks_agree_on_states(options):
+    together = limit_load(stones(**options)).positive
+    factors = [state.load_factor for state in together.states]
+    assert sorted(factors) == pytest.approx([LOW, HIGH], rel=1e-5)
+    assert all(found == factors for found in MPI.COMM_WORLD.allgather(factors))
 
 
 @pytest.mark.parametrize("method", ["fixed-point", "monolithic"])
