@@ -233,6 +233,7 @@ def _mesh_lines(end: Collapse) -> list[str]:
         known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
         found = "not found: its load factor is not known" if np.isnan(one.after) else known
         lines.append(f"mesh: another collapse state {where}, {found}")
+    lines += [f"mesh: {error.unknown}"] if error.unknown else []
     return lines + [f"warning: {text}" for text in error.warnings]
 
 

@@ -292,7 +292,7 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
         start = time.perf_counter()
         found |= {name: _with_lowest(cases[name], found[name], cost) for name in asked}
         seconds["lowest"] = time.perf_counter() - start
-    if scene.solve.error:
+    if scene.solve.error is not False:
         start = time.perf_counter()
         found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
         seconds["error"] = time.perf_counter() - start

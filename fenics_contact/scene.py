@@ -266,7 +266,8 @@ class SolveOptions:
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, at a third of its cost; None: yes,
             but not in sweeps.
-        error: Estimate how much of the load factor is due to the mesh.
+        error: Estimate how much of the load factor is due to the mesh: True, False, or None: as
+            far as that costs less than the load factor.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
         peak: Look for the peak of the loading path before the collapse; None: as far as that takes
             less than the limit load did.
@@ -279,7 +280,7 @@ class SolveOptions:
     slip: str = "stress-free"
     states: str = "first"
     lowest: bool | None = None
-    error: bool = True
+    error: bool | None = None
     accuracy: float | None = None
     peak: bool | None = None
 
@@ -292,7 +293,7 @@ class SolveOptions:
         wished = self.accuracy
         if wished is not None:
             _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
-            _require(self.error, "accuracy needs error = true, by which it is known")
+            _require(self.error is not False, "accuracy needs the error estimate: no error = false")
             _require(not by_load, "accuracy needs control = 'work'")
         _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")

@@ -33,9 +33,10 @@ from fenics_contact.analysis.nearby import (
     rates,
     same_mode,
 )
-from fenics_contact.analysis.other_degree import with_other_degree
+from fenics_contact.analysis.other_degree import first_look_cost, with_other_degree
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.errors import EffortError
 from fenics_contact.mesh import Flags, Indices
 
 _log = logging.getLogger("fenics_contact")
@@ -46,33 +47,36 @@ class ErrorOptions:
     """Numbers of the estimate.
 
     Attributes:
-        ways: Halvings m of hinges, and what looks for their state, in this order: fewer where none
-            is near, as with an incomplete set of hinges a large m leads to other states.
+        ways: Halvings m of hinges, and what looks for their state, in this order: fewer, and from
+            the start, where none is near; from the start only if the scene asks for the estimate.
+        enough: From so many halvings on the rest of the change is extrapolated: it falls like 1/m.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
             this up to the next m, relative, or than the tolerance.
-        dearest: Nothing is begun that is expected to end after so many times the factorisations of
-            the collapse, each in proportion to its cost.
-        usual_solve: Factorisations of the collapse, at least: under load control it is near.
-        near_solve: Those to a state near by, about; one from afar takes those of the collapse.
-        other_cost: Of a factorisation for the other degree, in units of one for degree 1 and 2.
-        rough: Changes of the load factor to the other degree below this are none, relative.
+        share: Largest cost of the estimate, in units of that of the collapse: what is done unasked.
+        asked: The same where the scene asks for the estimate.
+        usual_solve: Cost of the collapse, at least, in factorisations of the structure. Its
+            steps on block modes take as long as factorisations do; under load control it is near.
+        large: Changes of the load factor to the other degree above this are looked at closely.
+        rough: Those below this are none, relative.
         error_of_degree: Error of the load factor of a degree, in units of the difference between
-            degrees 1 and 2; measured.
+            degrees 1 and 2; measured. For degree 2 it is 0.3 mostly, and 1 where corners decide.
         lengths: Solves at most for the lengths of hinges by the compressive strength.
         settled: They end where the load factor changes by less than this, relative.
     """
 
     ways: tuple[tuple[float, Start], ...] = (
         *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
-        *((30.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
+        *((30.0, near), (100.0, near), (100.0, from_afar), (100.0, near)),
+        *((1000.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
     )
+    enough: float = 100.0
     unchanged: float = 1e-6
-    dearest: float = 3.0
-    usual_solve: float = 25.0
-    near_solve: float = 12.0
-    other_cost: tuple[float, float] = (3.0, 0.5)
+    share: float = 0.6
+    asked: float = 3.0
+    usual_solve: float = 40.0
+    large: float = 1e-3
     rough: float = 1e-5
-    error_of_degree: tuple[float, float] = (1.15, 0.15)
+    error_of_degree: tuple[float, float] = (1.15, 0.5)
     lengths: int = 6
     settled: float = 1e-5
 
@@ -90,29 +94,60 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     """
     if end.joints is None:
         return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
+    effort, largest = case.discretization.effort, _largest_cost(case, end)
+    with effort.at_most(largest):
+        found = _estimated(case, end, end.joints, tolerance)
+        error = found.mesh_error
+        if error is not None and math.isnan(error.estimate):
+            error = replace(error, unknown=_why(case, error, effort.left, largest))
+    return replace(found, mesh_error=error)
+
+
+def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: float) -> Collapse:
+    """As `with_mesh_error`, as far as the effort allows."""
     whole = case.discretization
     lengths = ContactLengths.of(whole)
-    points = hinges(whole.joints, end.joints)
-    before = whole.factorizations()
+    points = hinges(whole.joints, values)
     way = _Way((end,), (points,), ended=len(points) == 0 or _determinate(case, end))
     way = _to_point_hinges(case, way, max(tolerance, OPTIONS.unchanged))
-    length = lengths.of_mesh(points, end.joints.normal_force)
+    length = lengths.of_mesh(points, values.normal_force)
     error = replace(_hinge_error(way), hinge_length=length)
     if way.complete:
-        spent = whole.factorizations() - before
-        error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough), spent)
+        error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough))
     error = _with_lengths(case, way, error, lengths)
     return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
 
 
+def _largest_cost(case: LoadCase, end: Collapse) -> float:
+    """Cost of the estimate, at most, in factorisations of the structure."""
+    options = case.discretization.scene.solve
+    if options.accuracy is not None:
+        return math.inf
+    return (OPTIONS.asked if options.error else OPTIONS.share) * _solve_cost(end)
+
+
+def _why(case: LoadCase, error: MeshError, left: float, largest: float) -> str:
+    """Why an error is not known, and what to do, for people."""
+    by_hinges = math.isnan(error.hinge_error)
+    if left >= (1.0 if by_hinges else first_look_cost(case)):
+        what = "shorter hinges" if by_hinges else "displacements of the other degree"
+        return f"no collapse state next to this one was found with {what}; a finer mesh may tell"
+    asked = case.discretization.scene.solve.error
+    more = "solve.accuracy sets none" if asked else "solve.error = true sets a higher one"
+    return f"the estimate ended at its limit of {largest:.3g} factorisations; {more}"
+
+
 def hinges(joints: Joints, values: JointValues) -> Indices:
-    """Closed joint points whose neighbours along the joint all open in the collapse mode."""
+    """Joint points that do not open in the collapse mode, while their neighbours all do.
+
+    Points without force are among them: shorter hinges may press them.
+    """
     opens = values.opens
     has_neighbour, alone = np.zeros(len(opens), dtype=bool), np.ones(len(opens), dtype=bool)
     for ends in (joints.neighbours, joints.neighbours[:, ::-1]):
         has_neighbour[ends[:, 0]] = True
         alone[ends[~opens[ends[:, 1]], 0]] = False
-    return np.flatnonzero(has_neighbour & alone & (values.contact != Contact.OPEN))
+    return np.flatnonzero(has_neighbour & alone & ~opens)
 
 
 @dataclass(frozen=True)
@@ -136,7 +171,15 @@ class _Way:
     @property
     def complete(self) -> bool:
         """Whether the limit of point hinges is known."""
-        return self.ended or self.halvings[-1] == OPTIONS.ways[-1][0]
+        return self.ended or self.halvings[-1] >= OPTIONS.enough
+
+    @property
+    def rest(self) -> float:
+        """Change of the load factor that is left, as c / m for m halvings."""
+        if self.ended:
+            return 0.0
+        change = self.states[-1].load_factor - self.states[-2].load_factor
+        return change * self.halvings[-2] / (self.halvings[-1] - self.halvings[-2])
 
     @property
     def last(self) -> tuple[Collapse, Indices, float]:
@@ -160,7 +203,7 @@ class _Way:
 
 
 def _solve_cost(end: Collapse) -> float:
-    """Factorisations that a collapse took, or would have from the bonded structure."""
+    """Cost of a collapse, or what one costs from the bonded structure, in factorisations."""
     found = sum(step.factorizations for history in end.history for step in history.steps)
     return max(found, OPTIONS.usual_solve)
 
@@ -179,26 +222,34 @@ def _independent(case: LoadCase, end: Collapse) -> bool:
 
     Points without force do not count here.
     """
-    return end.joints is not None and _determinate(case, end, end.joints.contact != Contact.OPEN)
-
-
-def _dearest(case: LoadCase) -> float:
-    """`ErrorOptions.dearest`; there is no limit where an accuracy is wished."""
-    return OPTIONS.dearest if case.discretization.scene.solve.accuracy is None else math.inf
+    if end.joints is None:
+        return False
+    carries = end.joints.contact != Contact.OPEN
+    # Open points with a strength carry shear without pressure.
+    carries |= case.discretization.joints.shear_strength > 0.0
+    return _determinate(case, end, carries)
 
 
 def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
-    """States with more and more compliant hinges, as long as they change the load factor."""
-    whole, cost = case.discretization, _solve_cost(way.states[0])
-    most = whole.factorizations() + _dearest(case) * cost
+    """States with more and more compliant hinges, as long as they change the load factor.
+
+    The last m is that from which on the rest can be extrapolated, or, where a state is to be
+    reported in place of that of the mesh, the largest.
+    """
+    whole = case.discretization
+    options = whole.scene.solve
+    enough = OPTIONS.enough if options.accuracy is None else OPTIONS.ways[-1][0]
+    asked = options.error or options.accuracy is not None
     tried: set[tuple[float, Start, int]] = set()
     for halvings, start in OPTIONS.ways:
         task = halvings, start, len(way.states)
-        if way.ended or task in tried or not way.leads_to(halvings):
+        if way.ended or halvings > enough or task in tried or not way.leads_to(halvings):
             continue
-        if whole.factorizations() + (cost if start is from_afar else OPTIONS.near_solve) > most:
-            _log.info("  %g halvings: too dear", halvings)
+        if start is from_afar and not asked:
             continue
+        if whole.effort.left < 1.0:
+            _log.info("  %g halvings: beyond the limit of the estimate", halvings)
+            break
         tried.add(task)
         last, points, _ = way.last
         new = collapse_next_to(case, last, Softened(points, halvings), start)
@@ -213,35 +264,35 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
 
 def _hinge_error(way: _Way) -> MeshError:
     """The hinge part of the error; nan where the limit of point hinges is not known."""
-    end, limit = way.states[0], way.states[-1].load_factor
     if not way.complete:
         return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
+    end, limit = way.states[0], way.states[-1].load_factor + way.rest
     jumps = sum(change.after - change.before for change in way.changes)
     error = abs(limit - end.load_factor - jumps) / end.size
     return MeshError(math.nan, limit, error, state_changes=way.changes)
 
 
 def _with_algebraic_error(
-    case: LoadCase, way: _Way, error: MeshError, negligible: float, spent: int
+    case: LoadCase, way: _Way, error: MeshError, negligible: float
 ) -> MeshError:
     """With the error of joints that slide while they are closed over a length.
 
-    Not so where that is too dear after as many factorisations as are `spent`.
+    It is not known where the other degree is too dear, or has no collapse state near by.
     """
-    (last, points, halvings), first = way.last, way.states[0]
-    degree = case.discretization.scene.degree
+    last, points, halvings = way.last
+    size, degree = way.states[0].size, case.discretization.scene.degree
     slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
     if not np.any(slides) or _independent(case, last):
         return replace(error, algebraic_error=0.0)
-    expected = OPTIONS.near_solve * OPTIONS.other_cost[degree - 1]
-    if spent + expected > _dearest(case) * _solve_cost(first):
-        _log.info("  other degree: too dear")
+    try:
+        other = with_other_degree(case, last, Softened(points, halvings), OPTIONS.large * size)
+    except EffortError as reason:
+        _log.info("  %s", reason)
         return error
-    other, same = with_other_degree(case, last, Softened(points, halvings), near)
-    change = abs(other.load_factor - last.load_factor) / first.size
+    change = abs(other.load_factor - last.load_factor) / size
     if change <= negligible:
         return replace(error, algebraic_error=0.0)
-    if not same:
+    if other.another_state:
         jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
         return replace(error, state_changes=(*error.state_changes, jump))
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
@@ -252,8 +303,7 @@ def _at_point_hinges(case: LoadCase, way: _Way, error: MeshError) -> Collapse | 
     if not way.complete or len(way.states) == 1:
         return None
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
-    change = abs(found.load_factor - way.states[-2].load_factor) / way.states[0].size
-    left = change * way.halvings[-2] / way.halvings[-1]
+    left = abs(way.rest) / way.states[0].size
     return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
 
 

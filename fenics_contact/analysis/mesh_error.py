@@ -39,6 +39,7 @@ class MeshError:
             without a strength.
         load_factor_hinges: Load factor for the lengths of hinges by the compressive strength.
         warnings: Where the compressive strength is exceeded, for people.
+        unknown: Why an error is not known, and what to do, for people; empty where all are.
     """
 
     hinge_length: float
@@ -49,6 +50,7 @@ class MeshError:
     contact_length: float = math.nan
     load_factor_hinges: float = math.nan
     warnings: tuple[str, ...] = ()
+    unknown: str = ""
 
     @property
     def estimate(self) -> float:

@@ -46,6 +46,7 @@ class NearbyOptions:
             it succeeds soon or not at all.
         work: How the work grows: where no state is near, none is looked for.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
+        from_afar: The same from the bonded structure: paths to less work are shorter.
         tolerance: On the load factor, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
     """
@@ -58,7 +59,8 @@ class NearbyOptions:
     work: WorkOptions = field(
         default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
     )
-    more_work: float = 0.1
+    more_work: float = 1.0
+    from_afar: float = 0.1
     tolerance: float = 1e-6
     same_mode: float = 0.9999
 
@@ -148,7 +150,8 @@ def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]
 
 def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, with the compliance of hinges."""
-    first = OPTIONS.work.first * (1.0 + OPTIONS.more_work * soft.most)
+    more = OPTIONS.more_work if start is near else OPTIONS.from_afar
+    first = OPTIONS.work.first * (1.0 + more * soft.most)
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
     with softened(case, soft) as softer:
         found = find_collapse(

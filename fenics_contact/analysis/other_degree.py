@@ -11,6 +11,8 @@ of its facet, with the lesser pressure of both: next to a hinge it takes nothing
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,34 +23,114 @@ from dolfinx import fem
 from fenics_contact.analysis.crushed import CrushedJoints, strengths
 from fenics_contact.analysis.crushing import CrushedEnds
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.nearby import Softened, Start, collapse_next_to, rates, same_mode
+from fenics_contact.analysis.nearby import (
+    Softened,
+    collapse_next_to,
+    near,
+    rates,
+    same_mode,
+    softened,
+)
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.strategy import Task, WarmStart, next_to
 from fenics_contact.discretization.discretization import Bonded, Discretization
+from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.mesh import Array, Indices
+from fenics_contact.solvers.effort import ROUNDING
+from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
 from fenics_contact.solvers.joint_stiffness import GENERAL
+
+_log = logging.getLogger("fenics_contact")
 
 #: Part of a facet's length that belongs to its middle point, by Simpson's rule.
 MIDDLE = 2.0 / 3.0
 
 
-def with_other_degree(
-    case: LoadCase, end: Collapse, soft: Softened, start: Start
-) -> tuple[Collapse, bool]:
-    """The collapse for the other degree, with the compliance of hinges.
+@dataclass(frozen=True)
+class OtherDegreeOptions:
+    """Numbers of the comparison.
 
-    Returns:
-        It, and whether its joints move as in the given collapse.
+    Attributes:
+        cost: Of a factorisation for the other degree, in those for the given one, 1 and 2.
+        products: Where the first look starts, in units of force times elastic displacement.
+        steps: Of the interior point method, in the first look.
+        fewest: Of them, where the effort does not allow all.
+    """
+
+    cost: tuple[float, float] = (3.0, 1.0 / 3.0)
+    products: float = 3e-3
+    steps: int = 8
+    fewest: int = 4
+
+
+OPTIONS = OtherDegreeOptions()
+
+
+@dataclass(frozen=True)
+class OtherDegree:
+    """Load factor for the other degree; nan: not found.
+
+    Attributes:
+        load_factor: lambda.
+        another_state: Whether it is that of another collapse state, or of none.
+    """
+
+    load_factor: float
+    another_state: bool = False
+
+
+def first_look_cost(case: LoadCase) -> float:
+    """Least cost of the first look, in factorisations of the structure."""
+    return OPTIONS.fewest * OPTIONS.cost[case.discretization.scene.degree - 1]
+
+
+def with_other_degree(case: LoadCase, end: Collapse, soft: Softened, large: float) -> OtherDegree:
+    """The load factor for the other degree, with the compliance of hinges.
+
+    Some steps towards the state tell the change roughly. If it is above `large`, and the effort
+    allows, the state is found and verified.
+
+    Raises:
+        EffortError: If the effort does not allow the first look.
     """
     given = case.discretization
+    effort, cost = given.effort, OPTIONS.cost[given.scene.degree - 1]
+    if first_look_cost(case) > effort.left:
+        raise EffortError("the other degree is beyond the limit of the estimate")
+    steps = int(min(OPTIONS.steps, effort.left / cost + ROUNDING))
     with _other_case(case) as other:
         counterparts = Counterparts.of(given, other.discretization)
-        points = replace(soft, points=counterparts.points(soft.points))
-        found = collapse_next_to(other, counterparts.start(end, other), points, start)
+        soft = replace(soft, points=counterparts.points(soft.points))
+        start = counterparts.start(end, other)
+        rough = _first_look(other, start, soft, steps)
+        _log.info("  the other degree: load factor %.8g after %d steps", rough, steps)
+        if abs(rough - end.load_factor) <= large or effort.left < OPTIONS.steps * cost:
+            return OtherDegree(rough, math.isnan(rough))
+        found = collapse_next_to(other, start, soft, near)
+        if found.status != "limit" and effort.left < cost and not math.isnan(rough):
+            return OtherDegree(rough)
         if found.joints is None or end.joints is None:
-            return found, False
+            return OtherDegree(found.load_factor, True)
         ours, theirs = counterparts.ends
-        return found, same_mode(rates(end.joints)[:, ours], rates(found.joints)[:, theirs])
+        same = same_mode(rates(end.joints)[:, ours], rates(found.joints)[:, theirs])
+        return OtherDegree(found.load_factor, not same)
+
+
+def _first_look(case: LoadCase, start: Collapse, soft: Softened, steps: int) -> float:
+    """Load factor after steps of the interior point method; nan where they lead nowhere."""
+    options = InteriorPointOptions(steps, acceptable=np.inf)
+    warm = WarmStart((OPTIONS.products,), (), Tolerances(), options)
+    with softened(case, soft) as softer:
+        work = start.work_ratio * softer.bonded_work
+        task = Task(softer, work, softer.scales_at(work, abs(start.load_factor)), 1.0)
+        if start.state is None:
+            return math.nan
+        try:
+            return next_to(start.state, start.mode, warm)(task)[0].state.load_factor
+        except SolverError as error:
+            _log.info("  the other degree: %s", error)
+            return math.nan
 
 
 @contextmanager
@@ -59,6 +141,7 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
     """
     given = case.discretization
     with Discretization(replace(given.scene, degree=3 - given.scene.degree)) as whole:
+        whole.charge_to(given, OPTIONS.cost[given.scene.degree - 1])
         carried = Counterparts.of(given, whole)
         bonded, none = case.bonded, np.zeros_like(case.bonded.dead_pressure)
         dead, live = (carried.displacement(u) for u in (bonded.dead, bonded.live))

@@ -123,6 +123,18 @@ class Discretization:
         self._original: Discretization | None = None
         self.seconds = time.perf_counter() - start
 
+    def charge_to(self, other: Discretization, cost: float) -> None:
+        """Count factorisations to come among those of another one, which is there for longer.
+
+        Args:
+            other: Its limits hold.
+            cost: Of one factorisation of the structure, in units of one of the other's.
+        """
+        self.effort = other.effort
+        self.tally = Tally(cost=cost, effort=other.effort, total=other.tally)
+        mode_cost = cost * MODE_COST
+        self.mode_tally = Tally(cost=mode_cost, effort=other.effort, total=other.mode_tally)
+
     def __enter__(self) -> Discretization:
         return self
 

@@ -319,7 +319,7 @@ def _mesh_error_record(error: MeshError) -> Record:
     lengths = "hinge_length", "contact_length", "load_factor_point_hinges", "load_factor_hinges"
     names = (*lengths, "hinge_error", "algebraic_error", "estimate")
     changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
-    return _record(error, *names) | {"state_changes": changes}
+    return _record(error, *names) | {"state_changes": changes, "unknown": error.unknown or None}
 
 
 def _mesh_warnings(result: Result) -> list[str]:

@@ -279,6 +279,8 @@ def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequ
     small = error is not None and abs(error) <= record["scene"]["solve"]["tolerance"]
     percent = "not known" if error is None else f"{100 * error:.2g} %"
     yield "error by the length of hinges", "below the tolerance" if small else percent
+    if mesh["unknown"]:
+        yield "what is not known of the error by the mesh", mesh["unknown"]
     for change in mesh["state_changes"]:
         before, after = (_alike(change[key], factor) for key in ("before", "after"))
         yield "another collapse state for shorter hinges", f"{before} to {after}"

@@ -12,6 +12,7 @@ from fenics_contact import Load, limit_load
 from fenics_contact.console import summary
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
+from tests.property.scenes import Draw
 
 #: Limits for point hinges: extrapolated from meshes graded to the hinges.
 W4, W3 = 0.27952, 0.36195
@@ -64,7 +65,7 @@ def test_w4_from_blocks_meshed_one_by_one_is_within_its_estimate(variant):
 
 @pytest.mark.parametrize("elements", [2, 4])
 def test_another_state_of_w3_is_told_apart_from_the_error(elements):
-    load_factor, error = wall_error("W3", elements)
+    load_factor, error = wall_error("W3", elements, error=True)
     assert error.load_factor_point_hinges == pytest.approx(W3, abs=1e-4)
     first = error.state_changes[0]
     assert first.before == pytest.approx(load_factor, rel=1e-6)
@@ -144,7 +145,7 @@ def test_algebraic_error_of_degree_2():
 def strong(strength, **options):
     """W4 with a compressive strength, 2 elements along half a block."""
     law = replace(coulomb(0.65), compressive_strength=strength)
-    return limit_load(wall_recipe("W4", law).scene(**{"elements": 2, **options}))
+    return limit_load(wall_recipe("W4", law).scene(**{"elements": 2, "error": True, **options}))
 
 
 def test_hinges_of_a_physical_length():
@@ -174,7 +175,7 @@ def test_a_state_that_degree_2_does_not_have_is_told():
     """W4 under a load on its top: nothing near by converges, and the error is 5 %."""
     recipe = wall_recipe("W4", coulomb(0.65))
     dead = replace(WEIGHT, traction={"top": (0.0, -2e4)})
-    result = limit_load(replace(recipe, parts={"dead": dead}).scene(4))
+    result = limit_load(replace(recipe, parts={"dead": dead}).scene(4, error=True))
     error = result.positive.mesh_error
     assert math.isnan(error.estimate)
     (change,) = error.state_changes
@@ -201,6 +202,55 @@ def test_reversed_load_and_record():
     assert math.isnan(record["load_factor_hinges"])
     assert record["state_changes"] == []
     assert "0.2637 for hinges of 100 mm; 0.2795 for point hinges" in summary(mirrored)
+
+
+def test_open_points_with_a_strength_carry_shear():
+    """Cohesion acts where nothing presses: such a mechanism is not determinate."""
+    draw = Draw.of_seed(3028)
+    coarse, fine = (
+        limit_load(draw.recipe().scene(times * draw.elements, error=error))
+        for times, error in ((1, True), (4, False))
+    )
+    change = abs(fine.load_factor / coarse.load_factor - 1.0)
+    assert change > 1e-2
+    assert coarse.positive.mesh_error.estimate > 0.5 * change
+
+
+#: Largest cost of an estimate that nobody asked for, and of one that is asked for.
+UNASKED, ASKED = 24.0, 120.0
+
+
+@pytest.mark.parametrize("name", ["W2 coulomb 0.65", "10x10 coulomb 0.75"])
+def test_what_costs_too_much_is_not_known_and_says_what_to_do(name):
+    scene = BANK[name].scene()
+    result, alone = limit_load(scene), limit_load(BANK[name].scene(error=False))
+    structure = result.factorizations - result.mode_factorizations
+    assert 0 < structure - (alone.factorizations - alone.mode_factorizations) <= UNASKED
+    error, record = result.positive.mesh_error, result_record(result)["discretization"]
+    assert bool(error.unknown) == math.isnan(error.hinge_error)
+    assert record["unknown"] == (error.unknown or None)
+    if error.unknown:
+        assert "limit of 24 factorisations" in error.unknown
+        assert "solve.error = true" in error.unknown
+        assert error.unknown in summary(result)
+
+
+def test_an_estimate_that_is_asked_for_goes_on():
+    """Running bond at a high friction, where the load factor falls before it rises."""
+    result = limit_load(BANK["10x10 coulomb 0.75"].scene(error=True))
+    error = result.positive.mesh_error
+    assert error.load_factor_point_hinges == pytest.approx(0.52361, abs=2e-5)
+    assert 0.0 < error.estimate < 1e-3
+    assert not error.unknown
+    structure = result.factorizations - result.mode_factorizations
+    assert structure <= 20 + ASKED
+
+
+def test_factorisations_for_the_other_degree_are_counted():
+    result = side_pushed(2)
+    alone = side_pushed(2, error=False)
+    assert result.positive.mesh_error.algebraic_error > 0.0
+    assert result.factorizations >= alone.factorizations + 8
 
 
 def test_estimate_is_switched_off():

@@ -74,11 +74,11 @@ def joints_in_a_row(count: int) -> Joints:
     [
         ([0, 0, 0, 1], [3, 2, 1, 0], [3]),
         ([0, 0, 1, 1], [2, 1, 0, 0], []),  # closed over a length
-        ([0, 0, 0, 0], [3, 2, 1, 0], []),  # nothing presses
+        ([0, 0, 0, 0], [3, 2, 1, 0], [3]),  # shorter hinges may press it
         ([1, 0, 0, 0], [0, 0, 0, 0], []),  # nothing opens
     ],
 )
-def test_hinge_is_a_closed_point_next_to_open_ones(force, opening_rate, expected):
+def test_hinge_is_a_point_that_does_not_open_next_to_open_ones(force, opening_rate, expected):
     zero = np.zeros(4)
     values = JointValues(np.array(force, float), zero, zero, zero, zero, zero, zero, zero)
     values = replace(values, opening_rate=np.array(opening_rate, float))
