@@ -2,7 +2,8 @@
 
 The virtual work of all forces in equilibrium vanishes for every rigid motion v of the blocks. Let
 f_L.v = 1, and let no joint force do work in v, whatever its size: points that stick in the collapse
-mode do not move in v, and points that slip with a friction force r_T = s F r_N obey
+mode do not move in v, points without pressure that have a strength and do not slip obey B_T v = 0,
+and points that slip with a friction force r_T = s F r_N obey
 
     B_N v + s F B_T v = 0.
 
@@ -52,7 +53,12 @@ def is_determinate(
     sticks, slides = closed & ~slips, closed & slips
     friction = -np.sign(values.slip_rate) * joints.friction
     along = joints.normal + friction[:, None] * joints.tangent
-    resisted = (sticks, joints.normal), (sticks, joints.tangent), (slides, along)
+    # Without pressure, a joint with a given strength carries any shear up to that.
+    holds = ~closed & ~slips & (joints.shear_strength > 0.0)
+    resisted = (
+        *((sticks, joints.normal), (sticks | holds, joints.tangent)),
+        (slides, along),
+    )
     rows = [
         relative_motions(joints, bodies, np.flatnonzero(points), direction)
         for points, direction in resisted

@@ -222,12 +222,7 @@ def _independent(case: LoadCase, end: Collapse) -> bool:
 
     Points without force do not count here.
     """
-    if end.joints is None:
-        return False
-    carries = end.joints.contact != Contact.OPEN
-    # Open points with a strength carry shear without pressure.
-    carries |= case.discretization.joints.shear_strength > 0.0
-    return _determinate(case, end, carries)
+    return end.joints is not None and _determinate(case, end, end.joints.contact != Contact.OPEN)
 
 
 def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
