@@ -299,7 +299,8 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     for name, joints in crushed.items():
         found |= {name: joints.on_joints(found[name])} if name in asked else {}
         joints.close()
-    found = {name: with_least_forces(discretization, found[name]) for name in asked}
+    if blocks.crushing is None:  # else forces at a corner are bound by the strength of their faces
+        found = {name: with_least_forces(discretization, found[name]) for name in asked}
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
 

@@ -36,6 +36,7 @@ class CrushedOptions:
 
     Attributes:
         states: At most.
+        cost: Factorisations at most of all states from one start, in units of the structure's.
         beyond: Moments beyond m(N) that count as none, in units of the largest force of a face
             times its length.
         slowest: Least part of N - N0 by which N0 is renewed.
@@ -43,6 +44,7 @@ class CrushedOptions:
     """
 
     states: int = 15
+    cost: float = 500.0
     beyond: float = 1e-7
     inside: float = 1e-4
     slowest: float = 0.05
@@ -189,13 +191,11 @@ def settle(
             carried = np.where(renewed == ends.side, ends.force + part * step, carried)
         else:
             renewed, carried, kept = np.where(idle, 0.0, ends.side), ends.force, kept | idle
-        # Where other faces crush the state may be another one.
-        near = None if np.any(over & (renewed != ends.side)) else found
         ends = CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
         _log.info("  crushing: %d faces", np.sum(renewed != 0.0))
         crushed.close()
         crushed = CrushedJoints.of(case, crushing, ends)
-        found = solve(crushed.case, near)
+        found = solve(crushed.case, found)
     return found, crushed, False
 
 
@@ -222,8 +222,11 @@ def crushed_collapse(
     collapse, nowhere. `find` finds a collapse, next to another one if that is given.
     """
     crushing = strengths(case)
-    for first in (_associative(case, crushing), CrushedEnds.none(crushing)):
-        found, crushed, _ = settle(case, first, find)
+    associative = _associative(case, crushing)
+    whole = [CrushedEnds.none(crushing)] if np.any(associative.side) else []
+    for first in (associative, *whole):
+        with case.discretization.effort.at_most(OPTIONS.cost):
+            found, crushed, _ = settle(case, first, find)
         end = certified(crushing, crushed, found)
         if end.status in ("limit", "unbounded"):
             return end, crushed
