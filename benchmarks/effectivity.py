@@ -90,7 +90,7 @@ def row(name: str, elements: int, degree: int, truths: dict[str, float]) -> dict
     recipe = dict(scenes())[name]
     found: dict[str, Any] = {"scene": name, "elements": elements, "degree": degree}
     time.perf_counter = time.process_time  # others on this machine do not count
-    result = limit_load(recipe.scene(elements, variant=Variant(degree=degree)))
+    result = limit_load(recipe.scene(elements, variant=Variant(degree=degree), error=True))
     end = result.positive
     error = end.mesh_error if end is not None else None
     if end is None or error is None:
@@ -117,7 +117,7 @@ def row(name: str, elements: int, degree: int, truths: dict[str, float]) -> dict
 
 def true_load_factor(recipe: Recipe) -> float:
     """Limit for point hinges on the finer mesh; nan if it is not found."""
-    finer = limit_load(recipe.scene(FINER, variant=Variant(degree=2)))
+    finer = limit_load(recipe.scene(FINER, variant=Variant(degree=2), error=True))
     error = finer.positive.mesh_error if finer.positive is not None else None
     return math.nan if error is None else error.load_factor_point_hinges
 

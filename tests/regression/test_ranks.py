@@ -84,7 +84,9 @@ def test_ranks_agree_with_one(name):
 def test_ranks_agree_on_the_estimate(name, variant):
     recipe = BANK[name].recipe
     alone, together = (
-        limit_load(recipe.scene(comm=comm, variant=variant, tolerance=EXACT)).positive.mesh_error
+        limit_load(
+            recipe.scene(comm=comm, variant=variant, tolerance=EXACT, error=True)
+        ).positive.mesh_error
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     assert together.estimate == pytest.approx(alone.estimate, rel=1e-6, abs=1e-6)
