@@ -21,6 +21,7 @@ from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, wall
 from fenics_contact.output.files import result_record
+from tests.bank import coulomb, wall_recipe
 from tests.helpers import mesh_of
 from tests.property.crushing import crushing_blocks, voussoirs
 
@@ -214,3 +215,33 @@ def test_tangent_is_above_the_strength():
 def test_programs(make: Callable[[], Scene], expected: float):
     with Discretization(make()) as made:
         assert RigidBlocks.of(made).limit() == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "associative"), [("W3", 0.349545, 0.396327), ("W4", 0.259429, 0.325331)]
+)
+def test_walls_that_slide_and_crush(name, factor, associative):
+    """1 MPa. `associative`: `crushing_blocks` with 160 tangents, 0.396328 and 0.325332.
+
+    That the load factor is the limit load for the friction of the state the program says, which
+    knows the strength itself and collects tangents of its own.
+    """
+    law = replace(coulomb(0.65), compressive_strength=1e6)
+    result = limit_load(wall_recipe(name, law).scene(error=False))
+    end = result.positive
+    assert end.load_factor == pytest.approx(factor, rel=1e-5)
+    assert end.bounds.upper == pytest.approx(associative, rel=5e-6)
+    blocks = RigidBlocks.of(result.discretization)
+    friction = result.discretization.joints.friction * end.joints.normal_force
+    assert blocks.collapse(friction)[0] == pytest.approx(end.load_factor, rel=1e-5)
+    assert end.peak.status == end.lowest.status == "not_known"
+
+
+def test_joint_forces_are_within_the_strength():
+    """Forces at the joint points obey the strength of their faces, whatever the mesh shows."""
+    result = limit_load(scene(arch(7, 0.15, 1.0, 157.5, 4), 1e5))
+    with cases(result.scene) as (_, crushing):
+        force, moment = crushing.resultants(result.positive.joints.normal_force)
+    beyond, _ = crushing.excess(force, moment)
+    assert np.all(beyond <= 1e-6 * force.max() * crushing.length)
+    assert np.sum(beyond > -1e-6 * force.max() * crushing.length) == 4  # hinges
