@@ -12,8 +12,9 @@ and a peak is where the slope changes its sign, or where the path turns back.
    (1954) 71): where the collapse reaches it there is no peak.
 2. Else the path is followed on block modes with small products, settled at rising works. Between
    two of these it may be higher where the tangents meet: there it is settled, too.
-3. A point above the collapse is finished with products zero. If it stays there, the structure
-   itself is taken up next to it, and its summit found from the slopes on both sides.
+3. A point above the collapse is finished with products zero. If it stays there, the path of the
+   structure is followed from there until it has fallen or turned back. From the highest point the
+   products go to zero, and slopes on both sides lead to the summit.
 
 The peak depends on stiffness and mesh, and a path may have several: it is a lower bound of what
 the model carries.
@@ -33,9 +34,6 @@ from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
 from fenics_contact.analysis.collapse_mode import rates
 from fenics_contact.analysis.history import LoadPath
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import (
-    OPTIONS as PATH,
-)
 from fenics_contact.analysis.strategy import (
     Task,
     WarmStart,
@@ -134,12 +132,14 @@ class PeakOptions:
         above: A peak is higher than the collapse by this, relative.
         products: On the way, in units of force times elastic displacement; the second if the path
             is lost with the first. Larger ones round the path off.
+        least: From where the interior point method takes them to zero.
         apart: Ratio of works at which the path is settled.
-        first: Least first work, in units of the bonded one.
+        first: First work, in units of that of the bonded structure at the collapse's load factor:
+            nothing is stiffer than this, and joints are open by then; and in units of the bonded
+            work at least.
         past: The path of block modes may end on its plateau from this multiple of the onset's work.
         last: It ends at this multiple of the bonded work, or of the onset's, whichever is more.
-        looks: Points at most between two others.
-        promising: They are where the tangent is higher than the collapse by this, relative.
+        promising: Tangents that meet higher than this above the collapse, relative, are followed.
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
@@ -148,15 +148,15 @@ class PeakOptions:
     usual: tuple[float, float] = (0.5, 5.0)
     asked: tuple[float, float] = (20.0, 50.0)
     above: float = 2e-3
-    products: tuple[float, ...] = (1e-4, 1e-3)
+    products: tuple[float, ...] = (3e-4, 1e-3)
     apart: float = 1.8
-    first: float = 0.1
+    least: float = 3e-6
+    first: tuple[float, float] = (1.5, 0.1)
     past: float = 1.05
     last: tuple[float, float] = (300.0, 2.0)
-    looks: int = 3
     promising: float = 4e-3
     another: float = 2e-2
-    fallen: float = 2e-2
+    fallen: float = 5e-3
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
@@ -183,22 +183,34 @@ class ClimbOptions:
         products: Of the first iterate at other work, in units of force times elastic displacement
             and of the relative change of the work.
         least: Such products at least.
-        path: Numbers of the path of the structure: short steps, so that none leads past a summit.
-        begin: How a state next to that path is found.
+        way: Products of the path of the structure, in units of force times elastic displacement.
+        far: Largest step of the work along the path of the structure, relative.
+        small: Products with which it is followed once more, from before its summit.
+        closer: Largest steps then; the second if the path turns back, to get nearer.
+        fallen: It is then past its summit where it has fallen by this, relative.
+        level: Points of one height differ by less than this, relative.
+        at_summit: How a state is found where tangents of that path meet.
+        before_it: How one is found at the last point before, if there is none.
         next_load: How one is found at a prescribed load factor: nothing is tried from afar.
     """
 
-    first: float = 0.03
-    back: float = 0.15
-    growth: float = 2.0
-    accuracy: float = 3e-5
+    first: float = 0.01
+    back: float = 0.02
+    growth: float = 4.0
+    accuracy: float = 1e-4
     inside: float = 0.02
     beyond: float = 5e-4
     dips: int = 8
     products: float = 0.1
     least: float = 3e-4
-    path: ArclengthOptions = field(default_factory=lambda: ArclengthOptions(largest_change=0.2))
-    begin: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, LONG))
+    way: float = 1e-4
+    far: float = 0.3
+    closer: tuple[float, ...] = (0.15, 0.04)
+    small: float = 1e-5
+    fallen: float = 1e-3
+    level: float = 1e-4
+    at_summit: WarmStart = field(default_factory=lambda: WarmStart((3e-5,), (), ROUGH, SHORT))
+    before_it: WarmStart = field(default_factory=lambda: WarmStart((3e-5, 3e-3), (), ROUGH, LONG))
     next_load: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, SHORT))
 
 
@@ -312,7 +324,7 @@ def _seed(case: LoadCase, above: Above) -> State | None:
 
 @dataclass(frozen=True)
 class _Sample(_OnPath):
-    """A point on the path of the block modes."""
+    """A point on a path with small products."""
 
     point: PathPoint
 
@@ -346,75 +358,74 @@ class _ModesPath:
         self._passed: list[_Sample] = []
 
     def first_above(self) -> State | None:
-        """The first state above the collapse that stays there with products zero; None: no state.
+        """A state before the first one above the collapse that stays there with products zero.
 
-        It is on the path, as one of the structure.
+        It is on the path, as one of the structure; None if nothing is above.
 
         Raises:
             SolverError: If the path is lost, or ends at another collapse state.
         """
-        bias, sample = 0.0, None
-        for sample in self._rise():
-            seen = self._above(sample.load_factor)
+        bias, last = 0.0, None
+        for before, last in self._rise():
+            seen = self._above(last.iterate.load_factor)
             if seen <= OPTIONS.above + bias:
                 continue
-            left = self._above(self._finished(sample.point).load_factor)
+            left = self._above(self._finished(last).load_factor)
             _log.info("  peak: %.4g above the collapse, %.4g with products 0", seen, left)
             if left > OPTIONS.above:
-                return self._modes.prolonged(sample.point.state)
+                return self._modes.prolonged(before.state)
             bias = seen - left
-        if sample is not None and abs(self._above(sample.load_factor)) > OPTIONS.another + bias:
-            ended = self._above(self._finished(sample.point).load_factor)
-            if abs(ended) > OPTIONS.another:
-                raise SolverError("the path of block modes ends at another collapse state")
+        if last is None or abs(self._above(last.iterate.load_factor)) <= OPTIONS.another + bias:
+            return None
+        if abs(self._above(self._finished(last).load_factor)) > OPTIONS.another:
+            raise SolverError("the path of block modes ends at another collapse state")
         return None
 
-    def _rise(self) -> Iterator[_Sample]:
-        """Points at rising works up to the plateau, and those between them that may be higher."""
+    def _rise(self) -> Iterator[tuple[PathPoint, PathPoint]]:
+        """Points at rising works up to the plateau, each with one before it.
+
+        Where tangents meet above the collapse the path is settled between two points, too.
+        """
         unit, ends = self._case.bonded_work, self._above
-        # Nothing is stiffer than the bonded structure: no state with less work is above.
-        work = max(ends.load_factor / self._case.scales.load_factor, OPTIONS.first) * unit
+        factor, least = OPTIONS.first
+        work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
         start = self._modes.restricted(self._case.bonded_state(work))
         point = self._path.follow(self._path.begin(start, self._mu), work)
-        before: _Sample | None = None
+        yield point, point
         while work < self._task.work:
             work *= OPTIONS.apart
-            sample, point = self._next(point, work)
-            if before is not None:
-                yield from self._between(before, sample)
-            yield sample
-            before = sample
-            settled = abs(ends(sample.load_factor)) <= OPTIONS.above
-            if settled and sample.work > OPTIONS.past * ends.work:
+            self._passed.clear()
+            after = self._path.follow(point, work)
+            meeting = self._meeting(self._passed[0], after)
+            if meeting is not None:
+                yield point, meeting
+            yield point, after
+            level = [abs(ends(p.iterate.load_factor)) <= OPTIONS.above for p in (point, after)]
+            if all(level) or (level[1] and work > OPTIONS.past * ends.work):
                 return
+            point = after
 
     def _note(self, point: PathPoint, rate: float) -> None:
         """Take note of a point on the way, and of d(lambda)/ds there."""
         self._passed.append(_Sample(rate / point.work, point))
 
-    def _next(self, point: PathPoint, work: float) -> tuple[_Sample, PathPoint]:
-        """A point with its slope, known once it is left, and the point at more work."""
-        self._passed.clear()
-        after = self._path.follow(point, work)
-        return self._passed[0], after
-
-    def _between(self, left: _Sample, right: _Sample) -> Iterator[_Sample]:
-        """Points between two others where the path, if it goes on as at the left, is higher."""
+    def _meeting(self, left: _Sample, after: PathPoint) -> PathPoint | None:
+        """The point at which tangents at two others meet, if that is above the collapse."""
         promising = self._above.load_factor + OPTIONS.promising * self._above.size
-        for _ in range(OPTIONS.looks):
-            if left.load_factor > promising or left.tangent(right.work) <= promising:
-                return
-            work = left.work + (promising - left.load_factor) / left.slope
-            point = self._path.follow(left.point, work)
-            linear = replace(self._kkt, work=point.work).linearize(point.iterate)
-            left = _Sample(1.0 / linear.flexibility, point)
-            yield left
+        highest = max(left.load_factor, after.iterate.load_factor)
+        if highest > promising or left.tangent(after.work) <= promising:
+            return None
+        linear = replace(self._kkt, work=after.work).linearize(after.iterate)
+        work = left.meets(_Sample(1.0 / linear.flexibility, after))
+        if work >= after.work or left.tangent(work) <= promising:
+            return None
+        return self._path.follow(left.point, work)
 
     def _finished(self, point: PathPoint) -> State:
         """The state with products zero at the work of a point."""
         kkt = replace(self._kkt, work=point.work)
         path = falling(kkt)
-        mu = min(self._task.mu(PATH.ends[-1]), point.mu)
+        mu = self._task.mu(OPTIONS.least)
         point = path.follow(path.begin(point.state, point.mu), mu)
         tolerances = self._task.tolerances
         return solve_interior_point(kkt, point.state, mu, tolerances, OPTIONS.finish).state
@@ -448,45 +459,62 @@ class _Beyond:
 
 
 class _Way:
-    """Points along a path, which is left where it has fallen.
+    """Points along a path, which is left where it has fallen or turned back.
 
     Attributes:
         points: On the way, with their slopes.
+        turned: Whether the path turned back.
     """
 
-    def __init__(self, fallen: float, level: float) -> None:
-        """Take load factors as fallen, and as one, by their differences."""
-        self._fallen, self._level = fallen, level
+    def __init__(self, size: float, fallen: float) -> None:
+        """Take load factors relative to a size, and as fallen by such a part."""
+        self._size, self._fallen = size, fallen
         self.points: list[_Sample] = []
+        self.turned, self._rate = False, 0.0
 
-    def __call__(self, point: PathPoint, rate: float) -> None:
-        """Take note of a point, and of d(lambda)/ds there."""
-        self.points.append(_Sample(rate / point.work, point))
-        last, highest = self.points[-1], self.highest
-        turned = last.work < highest.work and last.load_factor < highest.load_factor
-        if turned or highest.load_factor - last.load_factor > self._fallen:
+    def factored(self, point: PathPoint, rate: float) -> None:
+        """Take note of d(lambda)/ds at a point."""
+        self._rate = rate
+
+    def passed(self, point: PathPoint) -> None:
+        """Take note of a point that is on the path."""
+        self.points.append(_Sample(self._rate / point.work, point))
+        highest = self.points[self._highest]
+        fallen = highest.load_factor - self.points[-1].load_factor
+        self.turned = point.work < highest.work and fallen > 0.0
+        if self.turned or fallen > self._fallen * self._size:
             raise SolverError("the path has fallen")
 
     @property
-    def highest(self) -> _Sample:
+    def _highest(self) -> int:
+        """Number of the first of the highest points."""
+        level = max(point.load_factor for point in self.points) - CLIMB.level * self._size
+        return next(i for i, point in enumerate(self.points) if point.load_factor >= level)
+
+    @property
+    def before(self) -> PathPoint:
+        """The last rising point with less work than those past the highest one."""
+        place = self._highest + 1
+        least = min((point.work for point in self.points[place:]), default=math.inf)
+        rising = [p.point for p in self.points[:place] if p.slope > 0.0 and p.work < least]
+        return rising[-1] if rising else self.points[0].point
+
+    @property
+    def highest(self) -> PathPoint:
         """The first of the highest points."""
-        most = max(point.load_factor for point in self.points) - self._level
-        return next(point for point in self.points if point.load_factor >= most)
+        return self.points[self._highest].point
 
     @property
-    def before(self) -> _Sample:
-        """The point before the highest one."""
-        return self.points[max(self.points.index(self.highest) - 1, 0)]
-
-    @property
-    def summit(self) -> float:
-        """Work at which tangents on both sides of the highest point meet."""
-        highest = self.highest
-        first = self.points.index(highest) - (highest.slope <= 0.0)
-        pair = self.points[max(first, 0) :][:2]
-        if len(pair) < 2 or not pair[0].slope > 0.0 > pair[1].slope:
-            return highest.work
-        return pair[0].meets(pair[1]) if pair[0].work < pair[1].work else highest.work
+    def summit(self) -> tuple[PathPoint, float]:
+        """A point next to the highest one, and the work at which tangents on both sides meet."""
+        place = self._highest
+        highest = self.points[place]
+        if self.turned:
+            return highest.point, highest.work
+        left, *right = self.points[max(place - (highest.slope <= 0.0), 0) :][:2]
+        if not right or not left.slope > 0.0 > right[0].slope or left.work >= right[0].work:
+            return highest.point, highest.work
+        return left.point, left.meets(right[0])
 
 
 class _Summit:
@@ -582,23 +610,38 @@ class _Summit:
         return min(max(work, left.work + inside), right.work - inside)
 
     def _begun(self, seed: State) -> _Point:
-        """The state next to the highest point of the path with small products, from the seed."""
+        """The state next to the summit of the path with small products, from the seed."""
         task = self._task(seed.work)
-        size = self._above.size
-        way = _Way(OPTIONS.fallen * size, OPTIONS.above * size)
-        onto, path = rising(task.kkt), rising(task.kkt, options=CLIMB.path, factored=way)
-        start = onto.follow(onto.begin(seed, task.mu(OPTIONS.products[0])), seed.work)
+        start = rising(task.kkt).begin(seed, task.mu(CLIMB.way))
+        start = rising(task.kkt).follow(start, seed.work)
+        start = self._way(task, start, CLIMB.far, OPTIONS.fallen).before
+        kkt = replace(task.kkt, work=start.work)
+        start = falling(kkt).follow(start, task.mu(CLIMB.small))
+        for change in CLIMB.closer:
+            way = self._way(task, start, change, CLIMB.fallen)
+            if not way.turned:
+                break
+            start = way.highest
+        point, work = way.summit
+        try:
+            return self._point(at_work(self._task(work), point.state, CLIMB.at_summit))
+        except SolverError:
+            self._effort.require(1.0)
+            return self._point(at_work(self._task(point.work), point.state, CLIMB.before_it))
+
+    def _way(self, task: Task, start: PathPoint, change: float, fallen: float) -> _Way:
+        """The path from a point to past its summit, in steps of the work of a relative size."""
+        way = _Way(self._above.size, fallen)
+        options = ArclengthOptions(largest_change=change)
+        path = rising(task.kkt, options=options, factored=way.factored, passed=way.passed)
         try:
             path.follow(start, self._above.last_work(self._case))
         except SolverError as error:
-            _log.info("  peak: %s", error)
-        task = self._task(way.summit)
-        try:
-            return self._point(at_work(task, way.highest.point.state, CLIMB.begin))
-        except SolverError:
             self._effort.require(1.0)
-            before = way.before
-            return self._point(at_work(self._task(before.work), before.point.state, CLIMB.begin))
+            _log.info("  peak: %s", error)
+        if not way.points:
+            raise SolverError("the path of the structure is lost")
+        return way
 
     def _at(self, work: float, near: _Point) -> _Point:
         """The state at some work, from one next to it."""
