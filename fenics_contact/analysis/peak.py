@@ -10,8 +10,8 @@ and a peak is where the slope changes its sign, or where the path turns back.
 
 1. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
    (1954) 71): where the collapse reaches it there is no peak.
-2. Else the path is followed on block modes with small products, settled at rising works. Between
-   two of these it may be higher where the tangents meet: there it is settled, too.
+2. Else the path is followed on block modes with small products, settled at rising works, and where
+   the tangent at one of these crosses the collapse before the next: a peak may be narrow.
 3. A point above the collapse is finished with products zero. If it stays there, the path of the
    structure is followed from there until it has fallen or turned back. From the highest point the
    products go to zero, and slopes on both sides lead to the summit.
@@ -139,7 +139,9 @@ class PeakOptions:
             work at least.
         past: The path of block modes may end on its plateau from this multiple of the onset's work.
         last: It ends at this multiple of the bonded work, or of the onset's, whichever is more.
-        promising: Tangents that meet higher than this above the collapse, relative, are followed.
+        promising: Tangents are followed to where they are higher than the collapse by this,
+            relative.
+        before: If that is before this part of the next work.
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
@@ -155,6 +157,7 @@ class PeakOptions:
     past: float = 1.05
     last: tuple[float, float] = (300.0, 2.0)
     promising: float = 4e-3
+    before: float = 0.9
     another: float = 2e-2
     fallen: float = 5e-3
     finish: InteriorPointOptions = field(
@@ -195,7 +198,7 @@ class ClimbOptions:
     """
 
     first: float = 0.01
-    back: float = 0.02
+    back: float = 0.05
     growth: float = 4.0
     accuracy: float = 1e-4
     inside: float = 0.02
@@ -384,7 +387,8 @@ class _ModesPath:
     def _rise(self) -> Iterator[tuple[PathPoint, PathPoint]]:
         """Points at rising works up to the plateau, each with one before it.
 
-        Where tangents meet above the collapse the path is settled between two points, too.
+        A path that goes on as at one point may be above the collapse before the next: there it is
+        settled, too.
         """
         unit, ends = self._case.bonded_work, self._above
         factor, least = OPTIONS.first
@@ -396,9 +400,9 @@ class _ModesPath:
             work *= OPTIONS.apart
             self._passed.clear()
             after = self._path.follow(point, work)
-            meeting = self._meeting(self._passed[0], after)
-            if meeting is not None:
-                yield point, meeting
+            crossing = self._crossing(self._passed[0], after)
+            if crossing is not None:
+                yield point, crossing
             yield point, after
             level = [abs(ends(p.iterate.load_factor)) <= OPTIONS.above for p in (point, after)]
             if all(level) or (level[1] and work > OPTIONS.past * ends.work):
@@ -409,16 +413,13 @@ class _ModesPath:
         """Take note of a point on the way, and of d(lambda)/ds there."""
         self._passed.append(_Sample(rate / point.work, point))
 
-    def _meeting(self, left: _Sample, after: PathPoint) -> PathPoint | None:
-        """The point at which tangents at two others meet, if that is above the collapse."""
+    def _crossing(self, left: _Sample, after: PathPoint) -> PathPoint | None:
+        """The point at which the tangent at one point crosses the collapse well before another."""
         promising = self._above.load_factor + OPTIONS.promising * self._above.size
         highest = max(left.load_factor, after.iterate.load_factor)
-        if highest > promising or left.tangent(after.work) <= promising:
+        if highest > promising or left.tangent(OPTIONS.before * after.work) <= promising:
             return None
-        linear = replace(self._kkt, work=after.work).linearize(after.iterate)
-        work = left.meets(_Sample(1.0 / linear.flexibility, after))
-        if work >= after.work or left.tangent(work) <= promising:
-            return None
+        work = left.work + (promising - left.load_factor) / left.slope
         return self._path.follow(left.point, work)
 
     def _finished(self, point: PathPoint) -> State:

@@ -1,0 +1,173 @@
+"""The peak of the loading path: found, none and not known; mirror, sign, and load control."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
+from fenics_contact.analysis.history import CapacityPoint, CurveEnd, LoadPath, LoadStep
+from fenics_contact.analysis.peak import NOT_ASKED, TOO_DEAR, Above, Limits, Peak, find_peak
+from fenics_contact.analysis.strategy import COULOMB
+from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.console import summary
+from fenics_contact.equilibrium import equilibrium
+from fenics_contact.meshing import polygons
+from fenics_contact.sweeps.points import Structure, solve
+from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca
+from tests.helpers import mesh_of
+from tests.unit.core import load_case
+
+A, B, C, D = (0.454286, 0.399982), (0.611674, 0.675854), (0.441754, 0.887746), (0.0, 0.429899)
+E, F, G = (0.0, 0.844656), (0.574139, 0.0), (1.135223, 0.687643)
+LOW, CUT, RIGHT, TOP = (0.0, 0.0), (0.540937, 1.389453), (1.135223, 0.0), (0.0, 1.389453)
+#: Five blocks of a cut rectangle, corners in m, the first and the last of lighter stone.
+RUBBLE = (
+    [E, C, CUT, TOP],
+    [LOW, F, A, D],
+    [D, A, B, C, E],
+    [B, G, (1.135223, 1.389453), CUT, C],
+    [F, RIGHT, G, B, A],
+)
+#: Its load factor and its peak; load control finds equilibrium up to the peak, and none beyond.
+COLLAPSE, PEAK = 0.3723447, 0.49228
+
+
+def rubble(mirrored: bool = False, **options: Any) -> Scene:
+    """The blocks, pushed to the right by a multiple of their weight; mirrored, to the left."""
+    sign = -1.0 if mirrored else 1.0
+    outlines = [[(sign * x, y) for x, y in block] for block in RUBBLE]
+    names = ["light", "heavy", "heavy", "heavy", "light"]
+    return Scene(
+        mesh_of(polygons(outlines, 0.4, names)),
+        {"heavy": Material(2.83e9, 0.22, 2737.0), "light": Material(2.83e9, 0.0, 1089.0)},
+        live=Load((GRAVITY, 0.0)),
+        dead=Load((0.0, -GRAVITY)),
+        joints={"default": coulomb(0.638)},
+        foundations={"base": coulomb(0.825)},
+        solve=SolveOptions(error=False, **options),
+        output=OutputOptions(paraview=False, pictures=False),
+    )
+
+
+@pytest.fixture(scope="module")
+def result():
+    return limit_load(rubble(peak=True))
+
+
+def test_peak_is_found_above_the_collapse(result):
+    peak = result.positive.peak
+    assert result.load_factor == pytest.approx(COLLAPSE, rel=1e-6)
+    assert peak.status == "found"
+    assert peak.load_factor == pytest.approx(PEAK, rel=3e-4)
+    assert peak.load_factor < peak.not_found_at < 1.001 * peak.load_factor
+    unit = np.abs(result.discretization.problem.live).sum()
+    assert peak.displacement_m == pytest.approx(peak.work / unit)
+    assert 0.0 < peak.work < result.positive.state.work
+    assert "at least 0.492" in summary(result)
+
+
+def test_usual_search_finds_it_within_its_limits():
+    with load_case(rubble()) as case:
+        effort = case.discretization.effort
+        before = effort.spent
+        end = find_collapse(case, COULOMB["auto"], 1e-6)
+        cost, before = effort.spent - before, effort.spent
+        above = Above(end.load_factor, end.size, end.state.work)
+        peak = find_peak(case, above, 1e-6, Limits.of(cost, asked=False))
+        assert effort.spent - before <= 5.0 * cost + 1e-3
+        assert peak.status == "found"
+        assert 1.3 * COLLAPSE < peak.load_factor <= PEAK * (1.0 + 1e-3)
+        before = effort.spent
+        assert find_peak(case, above, 1e-6, Limits(1.0, 5.0)) == Peak("not_known", reason=TOO_DEAR)
+        assert effort.spent - before <= 1.0 + 1e-3
+
+
+@pytest.mark.slow
+def test_equilibrium_agrees_with_the_peak(result):
+    peak = result.positive.peak.load_factor
+    assert equilibrium(rubble(), 0.999 * peak).status == "equilibrium"
+    assert equilibrium(rubble(), 1.001 * peak).status != "equilibrium"
+
+
+def test_mirror_image_and_reversed_load_have_the_peak_of_the_opposite_sign(result):
+    scene = rubble(mirrored=True, peak=True, direction="negative")
+    mirrored = limit_load(scene)
+    peak, given = mirrored.negative.peak, result.positive.peak
+    assert mirrored.load_factor_negative == pytest.approx(-COLLAPSE, rel=1e-6)
+    assert peak.load_factor == pytest.approx(-given.load_factor, rel=3e-4)
+    assert peak.not_found_at == pytest.approx(-given.not_found_at, rel=3e-4)
+    assert peak.displacement_m > 0.0 > peak.state.load_factor
+
+
+def test_load_control_says_what_its_path_carried():
+    path = limit_load(rubble(control="load")).positive.path
+    assert path.lower == pytest.approx(PEAK, rel=3e-4)
+    step = LoadStep(0.5, 2e-3, 7.0)
+    path = LoadPath((LoadStep(0.0, 0.0, 0.0), step), 0.5, 0.51)
+    assert Peak.of_path(path, Above(0.4, 0.4, 9.0)) == Peak("found", 0.5, 0.51, 7.0, 2e-3)
+    assert Peak.of_path(path, Above(0.5, 0.5, 9.0)) == Peak("none")
+
+
+def test_none_without_a_factorisation_where_the_collapse_reaches_the_upper_bound():
+    with load_case(block_recipe(0.4, 1.0, 0.7).scene(1)) as case:
+        end = find_collapse(case, COULOMB["auto"], 1e-6)
+        before = case.discretization.effort.spent
+        above = Above(end.load_factor, end.size, end.state.work)
+        assert find_peak(case, above, 1e-6, Limits(0.0, 0.0)) == Peak("none")
+        assert case.discretization.effort.spent == before
+
+
+def test_none_on_a_path_that_rises_to_its_plateau():
+    result = limit_load(BANK["W1 coulomb 0.65"].scene(elements=1, peak=True, error=False))
+    assert result.positive.peak == Peak("none")
+    assert "peak: none" in summary(result)
+
+
+def test_not_looked_for():
+    given = replace(block_recipe(0.4, 1.0, 0.7), law=tresca(1e4)).scene(1)
+    assert limit_load(given).positive.peak is None
+    off = limit_load(rubble(peak=False)).positive.peak
+    assert (off.status, off.reason) == ("not_known", NOT_ASKED)
+    assert "solve.peak = true" in NOT_ASKED
+    other = limit_load(rubble(method="fixed-point")).positive.peak
+    assert other is None or (other.status == "not_known" and "method" in other.reason)
+    with_structure = Structure()
+    try:
+        swept = solve(rubble(), with_structure).positive.peak
+    finally:
+        with_structure.close()
+    assert swept.reason == NOT_ASKED
+
+
+def test_files_hold_the_peak_and_the_curve_passes_it(result, tmp_path):
+    result.trace_capacity(points=6)
+    result.write(tmp_path)
+    record = json.loads((tmp_path / "result.json").read_text())
+    given = result.positive.peak
+    assert record["peak"]["status"] == "found"
+    for name in ("load_factor", "not_found_at", "work", "displacement_m"):
+        assert record["peak"][name] == getattr(given, name)
+    found = [point.load_factor for point in result.capacity if point.converged]
+    assert given.load_factor in found
+    assert record["capacity"]["load_factor"] == pytest.approx(found[-1])
+    assert record["capacity"]["points"] + record["capacity"]["not_found"] == 7
+    works = [point.work for point in result.capacity]
+    assert works == sorted(works)
+
+
+def test_curve_says_what_it_lacks():
+    def point(factor: float) -> CapacityPoint:
+        return CapacityPoint(factor, 1.0, 1.0, converged=not math.isnan(factor))
+
+    whole = CurveEnd.of([point(0.2), point(0.4), point(0.3)], 0.3)
+    assert whole == CurveEnd(3, 0, 0.3, True)
+    assert str(whole) == "capacity curve: 3 points"
+    lacking = CurveEnd.of([point(0.2), point(math.nan), point(0.4), point(math.nan)], 0.3)
+    assert (lacking.points, lacking.not_found, lacking.on_plateau) == (2, 2, False)
+    assert "2 not found" in str(lacking) and "ends at 0.4" in str(lacking)
