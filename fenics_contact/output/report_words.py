@@ -35,6 +35,8 @@ RESIDUALS: Mapping[str, tuple[str, str]] = {
         "Rigid blocks with the friction forces of this state have the same limit load.",
     ),
     "bracket": ("bracket", "The load factor lies in its bracket."),
+    "crushing": ("compressive strength", "No joint carries more than its strength."),
+    "mode_crushing": ("crushing joints", "Joints crush only where they are at their strength."),
 }
 
 KEYS: Mapping[str, str] = {
