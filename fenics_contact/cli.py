@@ -41,6 +41,9 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 #: Characters of a message.
 LONGEST_LINE = 1000
 
+#: Signals that end a run early, with what is known by then; the exit code is this and the number.
+STOPPING, BY_SIGNAL = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1), 128
+
 #: Exit codes by status of the result.
 EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "not_converged": 4}
 
@@ -191,6 +194,9 @@ def _parser() -> argparse.ArgumentParser:
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
     where = "where to write (SCENE_sweep); a sweep that was stopped goes on there"
+    solve.add_argument(
+        "--fast", action="store_true", help="the load factor and its bracket alone, verified"
+    )
     for command, text in ((solve, "where to write (SCENE without ending)"), (sweep, where)):
         command.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
     sweep.add_argument(
@@ -211,6 +217,37 @@ def _set_up_logging(options: argparse.Namespace, comm: MPI.Comm) -> None:
     log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
 
 
+class _Signals:
+    """Signals that ask to end a run: what is known by then is written.
+
+    They are Ctrl-C, SIGTERM (batch systems), and SIGUSR1, which mpirun passes on to its ranks
+    without killing them. Ctrl-C once more ends at once.
+
+    Attributes:
+        number: Of the first signal that came; 0 for none.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def __enter__(self) -> _Signals:
+        self._before = {number: signal.signal(number, self._note) for number in STOPPING}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def __call__(self) -> str:
+        """Who asked to end the run; empty if nobody did."""
+        return signal.Signals(self.number).name if self.number else ""
+
+    def _note(self, number: int, _: object) -> None:
+        if self.number and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        self.number = self.number or number
+
+
 def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene, find its limit load, print it and write its files."""
     start = time.perf_counter()
@@ -222,23 +259,31 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     say(f"reading {options.scene}")
     folder = _output_folder(options, comm)
-    scene = Scene.from_file(options.scene, comm, options.overrides)
+    fast = ["solve.fast=true"] if options.fast else []
+    scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast])
     read = time.perf_counter() - start
     say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
     # mpirun passes a terminal on even where its own output goes to a file.
     shown = ProgressBar if comm.size == 1 and sys.stdout.isatty() else Progress
-    with contextlib.closing(shown(scene.solve.tolerance)) as progress:
-        monitor = progress if loud else None
-        result = limit_load(scene, monitor)
-        if scene.output.capacity:
-            result.trace_capacity(monitor)
-    result.seconds["read"] = read
-    result.seconds["total"] += read
-    result.hold_against_brackets()
-    say(summary(result) if loud else "")
-    result.write(folder)
-    say(f"written to {folder}")
-    return EXIT_CODES[result.status]
+    with _Signals() as signals:
+        with contextlib.closing(shown(scene.solve.tolerance)) as progress:
+            monitor = progress if loud else None
+            result = limit_load(scene, monitor, stop=signals)
+            if scene.output.capacity and not result.stopped:
+                result.trace_capacity(monitor)
+        result.seconds["read"] = read
+        result.seconds["total"] += read
+        result.hold_against_brackets()
+        say(summary(result) if loud else "")
+        result.write(folder, lambda: _first_signal(signals, comm) > 0)
+        say(f"written to {folder}")
+        number = _first_signal(signals, comm)
+    return BY_SIGNAL + number if number else EXIT_CODES[result.status]
+
+
+def _first_signal(signals: _Signals, comm: MPI.Comm) -> int:
+    """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
+    return int(comm.allreduce(signals.number, MPI.MAX))
 
 
 def _sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:

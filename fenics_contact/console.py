@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.analysis.history import CapacityPoint, Step
+from fenics_contact.analysis.history import CapacityPoint, Step, TracePoint
 from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.plan import skipped
 from fenics_contact.analysis.result import Collapse, Result
@@ -19,12 +19,37 @@ from fenics_contact.scene import JointLaw
 
 
 class Progress:
-    """Digits gained by the fixed point, a line for every step."""
+    """The load factor along the path, and digits gained by the fixed point, in lines.
+
+    Attributes:
+        pause: Least time between two lines of a path, s.
+    """
+
+    pause = 1.0
 
     def __init__(self, tolerance: float) -> None:
         """Count digits down to the change of the friction bound at which a solve ends."""
         self._digits = -math.log10(tolerance)
-        self._name, self._count = "", 0
+        self._name, self._count, self._last = "", 0, -math.inf
+
+    def phase(self, name: str) -> None:
+        """Show what begins."""
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()
+
+    def passed(self, direction: str, point: TracePoint, upper: float | None) -> None:
+        """Show a point of the path against the end of the bracket."""
+        if time.monotonic() - self._last < self.pause:
+            return
+        self._last = time.monotonic()
+        known = upper is not None and math.isfinite(upper) and upper != 0.0
+        share = point.load_factor / upper if upper and known else 0.0
+        bound = f" of at most {upper:.6g}" if known else ""
+        text = (
+            f"{point.phase}  load factor {point.load_factor:.6g}{bound}"
+            f"  displacement {1e3 * point.displacement:.3g} mm"
+        )
+        self._show(direction, min(max(share, 0.0), 1.0), text)
 
     def step(self, direction: str, step: Step) -> None:
         """Show one fixed-point iteration."""
@@ -34,13 +59,13 @@ class Progress:
             f"iteration {self._count:3d}  load factor {step.load_factor:.8g}"
             f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
         )
-        self._show(direction, gained, self._digits, text)
+        self._show(direction, gained / self._digits, text)
 
     def point(self, done: int, total: int, point: CapacityPoint) -> None:
         """Show one point of the capacity curve."""
-        self._show("capacity", done, total, f"{done} of {total}  {point.load_factor:.6g}")
+        self._show("capacity", done / total, f"{done} of {total}  {point.load_factor:.6g}")
 
-    def _show(self, name: str, gained: float, total: float, text: str) -> None:
+    def _show(self, name: str, share: float, text: str) -> None:
         self._name = name
         sys.stdout.write(f"{name}: {text}\n")
         sys.stdout.flush()
@@ -50,11 +75,20 @@ class Progress:
 
 
 class ProgressBar(Progress):
-    """A bar that fills as the change of the friction bound falls from 1 to the tolerance."""
+    """A bar that fills as the load factor nears the upper end of its bracket.
 
+    Then it fills as the change of the friction bound falls from 1 to the tolerance.
+    """
+
+    pause = 0.1
     _bar: Any = None
 
-    def _show(self, name: str, gained: float, total: float, text: str) -> None:
+    def phase(self, name: str) -> None:
+        """Show what begins beside the bar, if there is one."""
+        if self._bar is not None:
+            self._bar.set_postfix_str(name)
+
+    def _show(self, name: str, share: float, text: str) -> None:
         if name != self._name:
             self.close()
             self._name = name
@@ -62,8 +96,8 @@ class ProgressBar(Progress):
             from tqdm import tqdm
 
             form = "{desc}: {percentage:3.0f}%|{bar:20}| {postfix}"
-            self._bar = tqdm(total=round(total, 2), desc=name, bar_format=form, file=sys.stdout)
-        self._bar.n = max(self._bar.n, round(gained, 2))
+            self._bar = tqdm(total=1.0, desc=name, bar_format=form, file=sys.stdout)
+        self._bar.n = max(self._bar.n, round(share, 2))
         self._bar.set_postfix_str(text)
 
     def close(self) -> None:

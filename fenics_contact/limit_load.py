@@ -6,7 +6,8 @@ import io
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,26 +18,27 @@ from dolfinx import fem
 from fenics_contact.analysis.accuracy import to_accuracy
 from fenics_contact.analysis.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.analysis.dead_load import reaching_zero
-from fenics_contact.analysis.hinges import with_mesh_error
-from fenics_contact.analysis.history import CapacityPoint, Lowest, Step
+from fenics_contact.analysis.further import additions, with_peak
+from fenics_contact.analysis.history import CapacityPoint, Step, TracePoint
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.least_forces import with_least_forces
 from fenics_contact.analysis.load_case import SIGNS, LoadCase
 from fenics_contact.analysis.load_control import capacity_curve, raise_load
-from fenics_contact.analysis.lowest import find_lowest, second_opinion
+from fenics_contact.analysis.lowest import find_lowest
 from fenics_contact.analysis.nearby import Softened, collapse_next_to
 from fenics_contact.analysis.nearby import near as start_near
-from fenics_contact.analysis.peak import NOT_ASKED, Above, Limits, Peak, find_peak
 from fenics_contact.analysis.plan import skipped, skipped_iterations
 from fenics_contact.analysis.reasons import explained
+from fenics_contact.analysis.record import Listener
 from fenics_contact.analysis.result import Collapse, Result
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
 from fenics_contact.analysis.service_state import service_state
+from fenics_contact.analysis.stopping import unfinished, within
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.mesh import Array
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
@@ -82,8 +84,11 @@ class LimitLoad(Result):
         `write` does so. Not done by `limit_load`: the programs may take longer than the limit load
         of a large wall, and the forces of a verified state imply what they say.
         """
-        start = time.perf_counter()
-        self.ends = {name: end.held_against_bracket() for name, end in self.ends.items()}
+        start, comm = time.perf_counter(), self.scene.comm
+        for name, end in self.ends.items():
+            bounds = comm.bcast(end.bounds if comm.rank == 0 else None)
+            known = replace(end, program=partial(_known, bounds))
+            self.ends[name] = known.held_against_bracket()
         self.seconds["bounds"] += time.perf_counter() - start
 
     def summary(self) -> str:
@@ -112,7 +117,7 @@ class LimitLoad(Result):
         with Discretization(scene) as made:
             case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
             if end.peak is not None and end.peak.status == "not_known":
-                end = _with_peak(case, end, CURVE_SOLVE, asked=True)
+                end = with_peak(case, end, CURVE_SOLVE, asked=True)
                 known = end if sign > 0.0 else end.reversed()
                 self.ends[direction] = replace(self.ends[direction], peak=known.peak)
             with crushed_like(case, end) as crushed:
@@ -185,16 +190,35 @@ class LimitLoad(Result):
             raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
         return end.mode, end.joints
 
-    def write(self, folder: str | Path) -> None:
-        """Write result.json, and what the scene's output options say; the folder is made."""
-        if self.scene.output.capacity and not self.capacity:
+    def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
+        """Write result.json, and what the scene's output options say; the folder is made.
+
+        Once `hurry` is true, on all ranks, only result.json and the report are written.
+        """
+        if self.scene.output.capacity and not (self.capacity or self.stopped):
             self.trace_capacity()
         self.hold_against_brackets()
-        write_result(self, Path(folder))
+        write_result(self, Path(folder), hurry)
+
+
+def _known(bounds: LimitBounds) -> LimitBounds:
+    """Bounds that were solved for."""
+    return bounds
 
 
 class Monitor(Protocol):
     """Is told how a run goes, on all ranks."""
+
+    def phase(self, name: str) -> None:
+        """Something else begins."""
+        return
+
+    def passed(self, direction: str, point: TracePoint, upper: float | None) -> None:
+        """A point of the path that leads to the collapse was passed.
+
+        `upper` is the end of the bracket on this side of zero; None where it is not known yet.
+        """
+        return
 
     def step(self, direction: str, step: Step) -> None:
         """After a step in direction "positive" or "negative"."""
@@ -209,8 +233,32 @@ class _Silent(Monitor):
     """A monitor that says nothing."""
 
 
+class _Direction(Listener):
+    """Tells a monitor of the path in one direction, on rank 0 with the end of the bracket."""
+
+    def __init__(self, monitor: Monitor, name: str, cases: Mapping[str, LoadCase]) -> None:
+        self._monitor, self._name, self._cases = monitor, name, cases
+
+    def phase(self, name: str) -> None:
+        """Something else begins."""
+        self._monitor.phase(name)
+
+    def passed(self, point: TracePoint) -> None:
+        """A point of the path was passed."""
+        if isinstance(self._monitor, _Silent):
+            return
+        case = self._cases[self._name]
+        limit = case.blocks.limit_so_far() if case.problem.comm.rank == 0 else None
+        upper = None if limit is None else case.sign * limit
+        self._monitor.passed(self._name, point, upper)
+
+
 def limit_load(
-    scene: Scene, monitor: Monitor | None = None, *, progress: bool = False
+    scene: Scene,
+    monitor: Monitor | None = None,
+    *,
+    progress: bool = False,
+    stop: Callable[[], str] = lambda: "",
 ) -> LimitLoad:
     """Compute the limit load of a scene.
 
@@ -218,6 +266,8 @@ def limit_load(
         scene: What to solve.
         monitor: Told how the run goes.
         progress: Print how it goes, on rank 0, where there is no monitor.
+        stop: Asked now and then, on every rank, who wants the run to end, in words; empty while
+            nobody does. What is known by then is the result.
 
     Returns:
         The result; look at its status.
@@ -228,27 +278,61 @@ def limit_load(
     start = time.perf_counter()
     if progress and monitor is None and scene.comm.rank == 0:
         monitor = Progress(scene.solve.tolerance)
+    asked = within(scene.solve.time, stop)
     for item in skipped(scene):
         _log.info("skipped: %s", item)
     with Discretization(scene) as discretization:
         for text in discretization.warnings if scene.comm.rank == 0 else ():
             _log.warning("warning: %s", text)
-        result = limit_load_of(discretization, monitor)
+        result = limit_load_of(discretization, monitor, asked)
     if scene.solve.accuracy is not None and result.status == "limit":
-        result = to_accuracy(result, partial(_on_another_mesh, monitor))
+        result = to_accuracy(result, partial(_on_another_mesh, monitor, asked))
     result.seconds["total"] = time.perf_counter() - start
     return result
 
 
-def _on_another_mesh(monitor: Monitor | None, scene: Scene) -> LimitLoad:
+def _on_another_mesh(monitor: Monitor | None, asked: Callable[[], str], scene: Scene) -> LimitLoad:
     with Discretization(scene) as discretization:
-        return limit_load_of(discretization, monitor)
+        return limit_load_of(discretization, monitor, asked)
 
 
-def limit_load_of(discretization: Discretization, monitor: Monitor | None = None) -> LimitLoad:
-    """The limit load of a discretised scene; see `limit_load`."""
+def limit_load_of(
+    discretization: Discretization,
+    monitor: Monitor | None = None,
+    asked: Callable[[], str] | None = None,
+) -> LimitLoad:
+    """The limit load of a discretised scene; see `limit_load`.
+
+    `asked` says why the run is to end, as `stopping.within` does.
+    """
     scene, monitor = discretization.scene, monitor or _Silent()
+    discretization.end_when(asked or within(scene.solve.time))
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
+    try:
+        return _solved(discretization, monitor, seconds)
+    except Stopped as stop:
+        reason = f"{stop}, before any state was looked for"
+        nothing = Collapse(
+            "not_converged", math.nan, lambda: LimitBounds(None, None), reason=reason
+        )
+        return _result(discretization, dict.fromkeys(_asked(scene), nothing), seconds)
+
+
+def _asked(scene: Scene) -> tuple[str, ...]:
+    """Directions asked for."""
+    direction = scene.solve.direction
+    return tuple(SIGNS) if direction == "both" else (direction,)
+
+
+def _solved(
+    discretization: Discretization, monitor: Monitor, seconds: dict[str, float]
+) -> LimitLoad:
+    """The limit load of a discretised scene; `seconds` gets the time of every phase.
+
+    Raises:
+        Stopped: If the run is to end before any collapse is looked for.
+    """
+    scene, asked = discretization.scene, _asked(discretization.scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization)
     stands_frictionless = blocks.frictionless.stands()
@@ -257,52 +341,108 @@ def limit_load_of(discretization: Discretization, monitor: Monitor | None = None
     if fall is not None:
         return _result(discretization, {}, seconds, fall)
     kind = strategy_of(scene).kind
+    monitor.phase("one elastic solve with closed joints")
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
     start = time.perf_counter()
-    direction = scene.solve.direction
-    asked = tuple(SIGNS) if direction == "both" else (direction,)
-    cases = {
-        name: LoadCase.of(discretization, bonded, SIGNS[name], kind, partial(monitor.step, name))
-        for name in SIGNS
-    }
-    # Where no state under the dead load alone is known, the range of load factors must reach to
-    # either side of zero, whichever end of it was asked for.
-    enough = stands_frictionless or direction == "both" or _stands(cases[direction])
-    effort = discretization.effort
-    before = effort.spent
-    directions = asked if enough else tuple(SIGNS)
-    crushed: dict[str, CrushedJoints] = {}
-    if blocks.crushing is None:
-        found = {name: _collapse(cases[name]) for name in directions}
-    else:
-        both = {name: crushed_collapse(cases[name], _collapse) for name in directions}
-        found = {name: end for name, (end, _) in both.items()}
-        crushed = {name: joints for name, (_, joints) in both.items()}
-        cases |= {name: joints.case for name, joints in crushed.items()}
-    found = reaching_zero(cases, found, asked)
-    found = {name: explained(cases[name], found[name]) for name in asked}
-    seconds["solve"] = time.perf_counter() - start
-    start, cost = time.perf_counter(), (effort.spent - before) / len(directions)
-    wanted = bool(scene.solve.peak)
+    cases: dict[str, LoadCase] = {}
+    for name, sign in SIGNS.items():
+        listener = _Direction(monitor, name, cases) if name in asked else None
+        told = partial(monitor.step, name)
+        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
     for name in asked:
-        found[name] = _with_peak(cases[name].unrecorded, found[name], cost, wanted)
-    seconds["peak"] = time.perf_counter() - start
-    if scene.solve.lowest is not False:
-        start = time.perf_counter()
-        found |= {name: _with_lowest(cases[name], found[name], cost) for name in asked}
-        seconds["lowest"] = time.perf_counter() - start
-    if scene.solve.error is not False:
-        start = time.perf_counter()
-        found |= {name: _with_mesh_error(cases[name].unrecorded, found[name]) for name in asked}
-        seconds["error"] = time.perf_counter() - start
-    for name, joints in crushed.items():
-        found |= {name: joints.on_joints(found[name])} if name in asked else {}
-        joints.close()
-    if blocks.crushing is None:  # else forces at a corner are bound by the strength of their faces
-        found = {name: with_least_forces(discretization, found[name]) for name in asked}
+        cases[name].blocks.begin()
+    with _Crushed() as crushed:
+        found, cost = _collapses(cases, asked, stands_frictionless, crushed)
+        seconds["solve"] = time.perf_counter() - start
+        for phase, (text, add) in additions(scene.solve).items():
+            start = time.perf_counter()
+            if not discretization.effort.watch.reason:
+                monitor.phase(text)
+            found = {name: add(cases[name], end, cost) for name, end in found.items()}
+            seconds[phase] = time.perf_counter() - start
+        found = {name: crushed.on_joints(name, end) for name, end in found.items()}
+    for name, end in found.items():
+        if end.status == "limit" and blocks.crushing is None:
+            found[name] = with_least_forces(discretization, end)
+        if discretization.effort.watch.reason:
+            program = partial(_bounds_so_far, cases[name].blocks, stands_frictionless)
+            found[name] = replace(found[name], program=program)
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
+
+
+class _Crushed(ExitStack):
+    """How the joints of every direction crush; frees their operators on leaving."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._joints: dict[str, CrushedJoints] = {}
+
+    def collapse(self, name: str, case: LoadCase) -> tuple[Collapse, LoadCase]:
+        """The collapse of a direction, and its load case with joints that crush as they do there.
+
+        Raises:
+            Stopped: If the run is to end.
+        """
+        if case.blocks.crushing is None:
+            return _collapse(case), case
+        try:
+            end, joints = crushed_collapse(case, _collapse)
+        except Stopped:
+            case.record.best = None  # its own forces may not be those at which its joints crush
+            raise
+        self.callback(joints.close)
+        self._joints[name] = joints
+        return end, joints.case
+
+    def on_joints(self, name: str, end: Collapse) -> Collapse:
+        """A collapse with forces at the joint points of whole faces."""
+        return self._joints[name].on_joints(end) if name in self._joints else end
+
+
+def _bounds_so_far(blocks: RigidBlocks, stands_frictionless: bool) -> LimitBounds:
+    """The bracket as far as it is known without a long program, on this rank."""
+    lower = 0.0 if stands_frictionless else None
+    return LimitBounds(lower, blocks.limit_so_far(), lower)
+
+
+def _collapses(
+    cases: dict[str, LoadCase],
+    asked: Sequence[str],
+    stands_frictionless: bool,
+    crushed: _Crushed,
+) -> tuple[dict[str, Collapse], float]:
+    """Collapses by direction, and the cost of one; what is known, where the run is stopped.
+
+    `cases` become those whose joints crush as at the collapse.
+    """
+    # Where no state under the dead load alone is known, the range of load factors must reach to
+    # either side of zero, whichever end of it was asked for.
+    enough = stands_frictionless or len(asked) == len(SIGNS)
+    effort = cases[asked[0]].discretization.effort
+    before = effort.spent
+    found: dict[str, Collapse] = {}
+    try:
+        enough = enough or _stands(cases[asked[0]])
+        before = effort.spent
+        for name in asked if enough else SIGNS:
+            found[name], cases[name] = crushed.collapse(name, cases[name])
+        found = reaching_zero(cases, found, asked)
+    except Stopped as stop:
+        found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
+        if not stands_frictionless:
+            found = {name: _without_zero(end, str(stop), enough) for name, end in found.items()}
+    cost = (effort.spent - before) / max(len(found), 1)
+    return {name: explained(cases[name], found[name]) for name in asked}, cost
+
+
+def _without_zero(end: Collapse, reason: str, enough: bool) -> Collapse:
+    """A collapse of a run that was stopped before the dead load alone was seen to stand."""
+    if end.status != "limit" or (enough and end.load_factor >= 0.0):
+        return end
+    why = f"{reason}, before a state under the dead load alone was found"
+    return replace(end, status="not_converged", reason=why)
 
 
 def _stands(case: LoadCase) -> bool:
@@ -315,6 +455,9 @@ def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:
     """The collapse of one direction, as the scene's options ask for it.
 
     It is looked for next to a verified collapse first, if one is given.
+
+    Raises:
+        Stopped: If the run is to end; the record of the load case has what was found.
     """
     scene = case.discretization.scene
     options = scene.solve
@@ -327,56 +470,6 @@ def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:
     if options.states == "lowest" and case.problem.coulomb:
         return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
-
-
-def _with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool) -> Collapse:
-    """A collapse with the peak of the path to it, within limits by the cost of the collapse."""
-    if end.status != "limit" or end.state is None or not case.problem.coulomb:
-        return end
-    options = case.discretization.scene.solve
-    above = Above(end.load_factor, end.size, end.state.work)
-    if end.crushed_ends is not None:
-        peak = Peak("not_known", reason="on the way joints crush in other places than at the end")
-    elif end.path is not None:
-        peak = Peak.of_path(end.path, above)
-    elif options.peak is False and not asked:
-        peak = Peak("not_known", reason=NOT_ASKED)
-    else:
-        limits = Limits.of(cost, asked)
-        peak = find_peak(case, above, options.tolerance, limits)
-    return replace(end, peak=peak)
-
-
-def _with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
-    """A collapse with a second opinion on it, where several collapse states may exist."""
-    options = case.discretization.scene.solve
-    coulomb, mode = case.problem.coulomb, end.mode
-    if end.crushed_ends is not None:
-        reason = "in other states joints crush in other places"
-        return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
-    if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
-        return end
-    if end.path is not None:
-        reason = "lower states are not looked for where the load is raised step by step"
-        return replace(end, lowest=Lowest("not_known", reason=reason))
-    if case.problem.dot(case.problem.live, mode) < 0.0:  # the dead load does the work
-        return _with_lowest(case.reversed(), end.reversed(), cost).reversed()
-    return second_opinion(case, end, options.tolerance, cost)
-
-
-def _with_mesh_error(case: LoadCase, end: Collapse) -> Collapse:
-    """A collapse with the estimate of its discretisation error, if its load case led to it."""
-    scene = case.discretization.scene
-    if end.status != "limit" or end.mode is None:
-        return end
-    if end.path is not None and scene.solve.slip == "load-steps":
-        _log.info("no error estimate: slip is measured from the step before")
-        return end
-    tolerance = scene.solve.tolerance
-    if case.problem.dot(case.problem.live, end.mode) < 0.0:  # the dead load does the work
-        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
-        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
-    return with_mesh_error(case, end, tolerance)
 
 
 def _result(
@@ -395,5 +488,6 @@ def _result(
         seconds,
         discretization.factorizations(),
         discretization.mode_tally.count,
+        stopped=discretization.effort.watch.reason,
         fall=fall,
     )

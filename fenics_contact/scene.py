@@ -271,6 +271,9 @@ class SolveOptions:
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
         peak: Look for the peak of the loading path before the collapse; None: as far as that takes
             less than the limit load did.
+        time: After so many seconds what is known is the result; None: any time.
+        fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
+            says more about them.
     """
 
     method: str = "auto"
@@ -283,17 +286,26 @@ class SolveOptions:
     error: bool | None = None
     accuracy: float | None = None
     peak: bool | None = None
+    time: float | None = None
+    fast: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)
+        limit = self.time
+        _require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
         given, by_load = self.tolerance, self.control == "load"
+        for name in ("peak", "lowest", "error"):
+            both = self.fast and getattr(self, name)
+            _require(not both, f"{name} = true needs fast = false: fast leaves it out")
+        _require(self.states != "lowest" or not self.fast, "states = 'lowest' needs fast = false")
         _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
         wished = self.accuracy
         if wished is not None:
             _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
             _require(self.error is not False, "accuracy needs the error estimate: no error = false")
+            _require(not self.fast, "accuracy needs fast = false: fast estimates no error")
             _require(not by_load, "accuracy needs control = 'work'")
         _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")

@@ -79,7 +79,7 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
         new = solve(finer)
         if new.status != "limit":
             _add_costs(result, new)
-            result.inaccurate = f"no limit load was found on mesh {meshes + 1}"
+            result.inaccurate = new.stopped or f"no limit load was found on mesh {meshes + 1}"
             break
         _add_costs(new, result)
         new.passes = result.passes

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.solvers.problem import Array
+from fenics_contact.solvers.problem import Array, State
 from fenics_contact.solvers.splitting import SplittingHistory
 
 
@@ -131,6 +131,37 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
+class Peak:
+    """The most that the loading path carries from the dead load on.
+
+    Attributes:
+        status: "found", "none" where the path rises to the collapse, or "not_known".
+        load_factor: lambda of a verified state of equilibrium; nan unless found.
+        not_found_at: Load factor next to it at which no equilibrium was found; nan if not tried.
+        work: T of that state, of the live load as it acts, N m per metre of thickness.
+        displacement_m: Mean displacement there along the live load as it acts, m.
+        reason: Why it is not known, and what to do, for people.
+        state: The state, in the supports' coordinates; None unless found.
+    """
+
+    status: str
+    load_factor: float = float("nan")
+    not_found_at: float = float("nan")
+    work: float = float("nan")
+    displacement_m: float = float("nan")
+    reason: str = ""
+    state: State | None = field(default=None, repr=False, compare=False)
+
+    def reversed(self) -> Peak:
+        """The peak under the reversed live load, in multiples of the live load as given."""
+        state = self.state
+        if state is not None:
+            state = replace(state, load_factor=-state.load_factor, work=-state.work)
+        changed = {"load_factor": -self.load_factor, "not_found_at": -self.not_found_at}
+        return replace(self, **changed, state=state)
+
+
+@dataclass(frozen=True)
 class CollapseState:
     """One of several collapse states of a direction; fields as those of `Collapse`."""
 
@@ -157,3 +188,41 @@ class Lowest:
     load_factor: float = float("nan")
     starts: int = 0
     reason: str = ""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One attempt to find a state.
+
+    Attributes:
+        name: Of the attempt.
+        work: T of the state that was looked for, N m per metre of thickness.
+        outcome: How it ended, in words.
+        found: Whether a state was found, verified or not.
+        factorizations: Numeric factorisations spent.
+        cost: The same in units of one factorisation of the structure.
+    """
+
+    name: str
+    work: float
+    outcome: str
+    found: bool
+    factorizations: int
+    cost: float
+
+
+@dataclass(frozen=True)
+class TracePoint:
+    """Point of a path on the way to a collapse; its products are not zero, so it is no state yet.
+
+    Attributes:
+        phase: What is followed: on block modes or on the structure, with what varying.
+        load_factor: lambda.
+        work: T = f_L.u, N m per metre of thickness.
+        displacement: T / sum |f_L|, m: mean displacement along the live load as it acts.
+    """
+
+    phase: str
+    load_factor: float
+    work: float
+    displacement: float

@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_contact.analysis.crushing import CrushedEnds
 from fenics_contact.analysis.history import Step
-from fenics_contact.analysis.record import Record, TracePoint
+from fenics_contact.analysis.record import Listener, Record
 from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.solvers.joint_stiffness import JointStiffness
@@ -61,11 +61,11 @@ class LoadCase:
         sign: float,
         kind: str,
         monitor: Callable[[Step], None],
-        told: Callable[[TracePoint], None] = lambda point: None,
+        listener: Listener | None = None,
     ) -> LoadCase:
         """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only.
 
-        `told` is called with every point of the path that is followed.
+        The monitor is told every iteration, the listener every point of a path.
         """
         problem = replace(discretization.problem, live=sign * discretization.problem.live)
         loads = replace(discretization.problem, dead=discretization.elasticity.dead)
@@ -77,7 +77,7 @@ class LoadCase:
         blocks = RigidBlocks.of(discretization, sign)
         stiffness = discretization.stiffness(kind)
         made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
-        return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, told))
+        return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, listener))
 
     def reversed(self) -> LoadCase:
         """The same structure under the opposite live load."""

@@ -261,6 +261,7 @@ class _Climb:
         if len(self.steps) > 1 and moved > 0.0:
             self.direction = (state.displacement - before.displacement) / moved
         self.state, self.problem = state, case.problem
+        case.record.passed("rising load factor", target, state.work, lambda: state)
         if self._options.slip == "load-steps":
             origin = case.problem.tangential @ state.displacement
             self.case = replace(case, problem=replace(case.problem, slip_origin=origin))

@@ -32,7 +32,7 @@ import numpy as np
 
 from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
 from fenics_contact.analysis.collapse_mode import rates
-from fenics_contact.analysis.history import LoadPath
+from fenics_contact.analysis.history import LoadPath, Peak
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.strategy import (
     Task,
@@ -61,45 +61,6 @@ _log = logging.getLogger("fenics_contact")
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
 OTHER_METHOD = "this method does not look for it; solve.method = 'auto' does"
 NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
-
-
-@dataclass(frozen=True)
-class Peak:
-    """The most that the loading path carries from the dead load on.
-
-    Attributes:
-        status: "found", "none" where the path rises to the collapse, or "not_known".
-        load_factor: lambda of a verified state of equilibrium; nan unless found.
-        not_found_at: Load factor next to it at which no equilibrium was found; nan if not tried.
-        work: T of that state, of the live load as it acts, N m per metre of thickness.
-        displacement_m: Mean displacement there along the live load as it acts, m.
-        reason: Why it is not known, and what to do, for people.
-        state: The state, in the supports' coordinates; None unless found.
-    """
-
-    status: str
-    load_factor: float = math.nan
-    not_found_at: float = math.nan
-    work: float = math.nan
-    displacement_m: float = math.nan
-    reason: str = ""
-    state: State | None = field(default=None, repr=False, compare=False)
-
-    @classmethod
-    def of_path(cls, path: LoadPath, above: Above) -> Peak:
-        """What a path of load control carries, if that is above the collapse."""
-        last = path.steps[-1]
-        if above(path.lower) <= OPTIONS.above:
-            return cls("none")
-        return cls("found", path.lower, path.upper, last.work, last.displacement)
-
-    def reversed(self) -> Peak:
-        """The peak under the reversed live load, in multiples of the live load as given."""
-        state = self.state
-        if state is not None:
-            state = replace(state, load_factor=-state.load_factor, work=-state.work)
-        changed = {"load_factor": -self.load_factor, "not_found_at": -self.not_found_at}
-        return replace(self, **changed, state=state)
 
 
 @dataclass(frozen=True)
@@ -242,6 +203,14 @@ class Above:
         """Work at which a path is on its plateau, as far as it is worth looking."""
         of_bonded, of_onset = OPTIONS.last
         return max(of_bonded * case.bonded_work, of_onset * self.work)
+
+
+def peak_of(path: LoadPath, above: Above) -> Peak:
+    """What a path of load control carries, if that is above the collapse."""
+    last = path.steps[-1]
+    if above(path.lower) <= OPTIONS.above:
+        return Peak("none")
+    return Peak("found", path.lower, path.upper, last.work, last.displacement)
 
 
 def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) -> Peak:

@@ -25,6 +25,7 @@ def skipped(scene: Scene) -> tuple[str, ...]:
         "live tractions: none given": not scene.live.traction,
         "live body force: none given": not any(scene.live.body),
         f"{other} direction: solve.direction = '{direction}'": direction != "both",
+        "estimate of the error, peak, second opinion: solve.fast = true": scene.solve.fast,
         "capacity curve: output.capacity = 0": not output.capacity,
         "stress recovery and ParaView files: output.paraview = false": not output.paraview,
         "pictures: output.pictures = false": not output.pictures,

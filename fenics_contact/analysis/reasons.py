@@ -7,13 +7,23 @@ from dataclasses import replace
 from itertools import groupby
 
 from fenics_contact.analysis.certificate import Certificate
+from fenics_contact.analysis.history import Trial
 from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.record import Trial
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.scene import Scene
 
 #: Methods in the order in which they are recommended.
 METHODS = "auto", "monolithic", "fixed-point"
+#: Attempts as people know them, by name.
+ATTEMPTS = {
+    "along block modes": "the path on block modes",
+    "further along rising work": "the path from the last state",
+    "along falling products": "the path of falling products",
+    "next to another state": "the search next to the last state",
+    "interior point": "the interior point method",
+    "fixed point": "the fixed point on friction",
+    "joint forces": "the method on joint forces",
+}
 #: Coefficients of friction above this one are rare, and hard to solve for.
 HIGH_FRICTION = 1.5
 #: Tolerance on the load factor that all methods reach.
@@ -22,29 +32,38 @@ USUAL_TOLERANCE = 1e-6
 
 def explained(case: LoadCase, end: Collapse) -> Collapse:
     """A collapse with the record of its load case, and why it is none, if it is not converged."""
-    record = case.record
+    record, whole = case.record, case.discretization
     end = replace(end, attempts=tuple(record.attempts), trace=tuple(record.trace))
     if end.status != "not_converged":
         return end
-    return replace(end, reason=_not_converged(end, case.sign, case.discretization.scene))
+    if whole.effort.watch.reason:
+        parts = [end.reason, *_came_to(end, case.sign), _reached(end, case.sign)]
+        cures = "more time"
+    else:
+        parts = [end.reason or _reached(end, case.sign), *_tried(end.attempts)]
+        cures = _either(_cures(whole.scene))
+    return replace(end, reason="; ".join([*parts, f"try {cures}"]))
 
 
-def _not_converged(end: Collapse, sign: float, scene: Scene) -> str:
-    """What was reached, what was tried, and what to do, where no limit load was found."""
-    parts = [end.reason or _reached(end, sign), *_tried(end.attempts)]
-    return "; ".join([*parts, f"try {_either(_cures(scene))}"])
+def _came_to(end: Collapse, sign: float) -> Iterator[str]:
+    """Where the path ended."""
+    if end.trace:
+        last = end.trace[-1]
+        factor, moved = sign * last.load_factor, 1e3 * last.displacement
+        yield f"the path ({last.phase}) had come to load factor {factor:.4g} at {moved:.3g} mm"
 
 
 def _reached(end: Collapse, sign: float) -> str:
     """The best state found, and what it misses."""
     if end.state is None or end.certificate is None:
         return "no state was found"
-    factor = sign * end.load_factor
-    state = f"no state was verified: the best one, with load factor {factor:.6g},"
+    if not end.history:
+        return "no state was verified: the one given is the last point of the path"
+    state = f"no state was verified: the best one, with load factor {sign * end.load_factor:.6g},"
     if not end.certificate.passed:
         return f"{state} misses {missed(end.certificate)}"
-    last = end.history[-1] if end.history else None
-    if last is None or not last.steps:
+    last = end.history[-1]
+    if not last.steps:
         return f"{state} did not settle"
     change = f"{last.steps[-1].bound_change:.1e}"
     return f"{state} still changes its friction by {change} after {len(last.steps)} iterations"
@@ -64,10 +83,8 @@ def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
     lost = (trial for trial in attempts if not trial.found)
     for name, group in groupby(lost, key=lambda trial: trial.name):
         trials = list(group)
-        count = f" ({len(trials)} times, the last time:" if len(trials) > 1 else " ("
-        last = trials[-1]
-        space = " " if len(trials) > 1 else ""
-        yield f"'{name}' found no state{count}{space}{last.outcome})"
+        times = f"{len(trials)} times, the last one: " if len(trials) > 1 else ""
+        yield f"{ATTEMPTS.get(name, name)} found no state ({times}{trials[-1].outcome})"
 
 
 def _cures(scene: Scene) -> Iterator[str]:

@@ -4,52 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from fenics_contact.analysis.history import TracePoint, Trial
+from fenics_contact.analysis.result import Collapse
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.effort import Effort
 from fenics_contact.solvers.problem import State
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One attempt to find a state.
+class Listener:
+    """Is told how the search for a collapse goes, on all ranks; this one does not listen."""
 
-    Attributes:
-        name: Of the attempt.
-        work: T of the state that was looked for, N m per metre of thickness.
-        outcome: How it ended, in words.
-        found: Whether a state was found, verified or not.
-        factorizations: Numeric factorisations spent.
-        cost: The same in units of one factorisation of the structure.
-    """
+    def phase(self, name: str) -> None:
+        """Something else begins."""
 
-    name: str
-    work: float
-    outcome: str
-    found: bool
-    factorizations: int
-    cost: float
-
-
-@dataclass(frozen=True)
-class TracePoint:
-    """Point of a path on the way to a collapse; its products are not zero, so it is no state yet.
-
-    Attributes:
-        phase: What is followed: on block modes or on the structure, with what varying.
-        load_factor: lambda.
-        work: T = f_L.u, N m per metre of thickness.
-        displacement: T / sum |f_L|, m: mean displacement along the live load as it acts.
-    """
-
-    phase: str
-    load_factor: float
-    work: float
-    displacement: float
+    def passed(self, point: TracePoint) -> None:
+        """A point of the path was passed; its load factor has the user's sign."""
 
 
 class Record:
@@ -59,25 +33,27 @@ class Record:
         attempts: In order.
         trace: Points passed, in order.
         last: Makes a state of the point passed last; None before the first.
+        best: The collapse that a search had found when it was stopped, verified or not.
     """
 
     def __init__(
         self,
         unit: float = 1.0,
         sign: float = 1.0,
-        told: Callable[[TracePoint], None] = lambda point: None,
+        listener: Listener | None = None,
     ) -> None:
         """Begin with nothing.
 
         Args:
             unit: sum |f_L|, N per metre of thickness.
             sign: Of the live load in this load case: load factors in words have the user's sign.
-            told: Called with every point passed, its load factor in the user's sign.
+            listener: Is told how it goes.
         """
-        self._unit, self._sign, self._told = unit, sign, told
+        self._unit, self._sign, self._listener = unit, sign, listener or Listener()
         self.attempts: list[Trial] = []
         self.trace: list[TracePoint] = []
         self.last: Callable[[], State] | None = None
+        self.best: Collapse | None = None
 
     def reversed(self) -> Record:
         """A record for the reversed live load: it shares the attempts, not the path."""
@@ -127,12 +103,22 @@ class Record:
         """
 
         def passed(point: PathPoint) -> None:
-            factor, work = point.iterate.load_factor, point.work
-            self.trace.append(TracePoint(phase, factor, work, work / self._unit))
-            self.last = partial(prolonged, point.state)
-            self._told(replace(self.trace[-1], load_factor=self._sign * factor))
+            found = partial(prolonged, point.state)
+            self.passed(phase, point.iterate.load_factor, point.work, found)
 
         return passed
+
+    def passed(
+        self, phase: str, load_factor: float, work: float, state: Callable[[], State]
+    ) -> None:
+        """Record a point of a path; `state` makes a state of it, if it is asked for."""
+        self.trace.append(TracePoint(phase, load_factor, work, work / self._unit))
+        self.last = state
+        self._listener.passed(replace(self.trace[-1], load_factor=self._sign * load_factor))
+
+    def phase(self, name: str) -> None:
+        """Tell the listener that something else begins."""
+        self._listener.phase(name)
 
     def _where(self, first: int) -> str:
         """Phase and place of the last point passed, if any was since the first."""

@@ -22,12 +22,13 @@ from fenics_contact.analysis.history import (
     History,
     LoadPath,
     Lowest,
+    Peak,
+    TracePoint,
+    Trial,
 )
 from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
-from fenics_contact.analysis.peak import Peak
-from fenics_contact.analysis.record import TracePoint, Trial
 from fenics_contact.analysis.rigid_blocks import LimitBounds
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
@@ -128,7 +129,8 @@ class Collapse:
         # The lower end is that of exact states: those found are as near as was asked for.
         lower -= self.certificate.tolerance * self.certificate.size
         outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
-        outside = max(outside - self.certificate.error_estimate, 0.0) / self.certificate.size
+        gap = np.nan_to_num(self.certificate.error_estimate)
+        outside = max(outside - gap, 0.0) / self.certificate.size
         if self.status != "limit":
             return replace(self, load_factor=np.nan) if outside > 0.0 else self
         residuals = {**self.certificate.residuals, "bracket": outside}
@@ -209,6 +211,7 @@ class Result:
         capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
         passes: What was found on the way to the accuracy wished.
         inaccurate: Why that accuracy was not reached, for people; empty where it was.
+        stopped: Why the run was ended early, for people; empty where it was not.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
@@ -223,6 +226,7 @@ class Result:
     fall: Array | None = None
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
+    stopped: str = ""
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""

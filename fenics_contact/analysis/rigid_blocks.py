@@ -44,7 +44,8 @@ from fenics_contact.analysis.lower_end import GivenFriction, LeastForces, lower_
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.solvers.highs import Beside, solved
 from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
@@ -65,6 +66,7 @@ class ProgramOptions:
         settled: The value of a program is that with all tangents if so many more rounds in a row
             change it by less than `feasibility`. Forces that no mechanism needs may go on changing.
         parts: Parts k of the strength with which the dead load is seen to stand: what is tried.
+        large: Unknowns above which a program is solved in a process of its own: a second or more.
     """
 
     collinear: float = 1e-6
@@ -75,9 +77,16 @@ class ProgramOptions:
     rounds: int = 60
     settled: int = 3
     parts: tuple[float, ...] = (0.5, 0.2, 0.05, 0.01, 0.001)
+    large: int = 5000
 
 
 OPTIONS = ProgramOptions()
+
+#: The interior point method is ten times as fast as the simplex method on large walls.
+FIRST_METHOD = "highs-ipm"
+
+#: Cost, columns, right hand side, and limits of the unknowns, of a linear program.
+Given = tuple[Array, Any, Array, list[Any]]
 
 
 @dataclass(frozen=True)
@@ -290,7 +299,8 @@ class RigidBlocks:
         bodies = replace(bodies, live=sign * bodies.live)
         faces = straight_faces(joints, joints.shear_strength)
         crushing = Crushing.of(joints, strength_of(whole.original), faces.of_point)
-        return cls(joints, bodies, whole.scene.comm, faces, crushing)
+        patient = whole.effort.wait
+        return cls(joints, bodies, whole.scene.comm, faces, crushing, patient)
 
     def __init__(
         self,
@@ -299,13 +309,18 @@ class RigidBlocks:
         comm: MPI.Comm,
         faces: Faces | None = None,
         crushing: Crushing | None = None,
+        patient: Callable[[], None] = lambda: None,
     ) -> None:
         """Take all joint points, the bodies' motions and loads, and the ranks to share results.
 
         Faces have the friction of the scene where none are given, and crush where they may.
+        `patient` is called now and then on rank 0 while a large program is solved, and may raise
+        `Stopped`.
         """
         faces = faces or straight_faces(joints, joints.shear_strength)
         self._joints, self._bodies, self._comm = joints, bodies, comm
+        self._patient = patient
+        self._begun: Beside | None = None
         self._program = _Program(joints, bodies, faces, crushing)
         self._tangents: _Program | None = None
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
@@ -317,7 +332,8 @@ class RigidBlocks:
         """The same blocks without friction."""
         none = np.zeros_like(self._program.faces.friction)
         faces = replace(self._program.faces, friction=none, strength=none)
-        return RigidBlocks(self._joints, self._bodies, self._comm, faces, self.crushing)
+        whole = self._joints, self._bodies, self._comm
+        return RigidBlocks(*whole, faces, self.crushing, self._patient)
 
     @property
     def crushing(self) -> Crushing | None:
@@ -330,6 +346,29 @@ class RigidBlocks:
         Coulomb's friction is taken as associative.
         """
         return self._on_root(lambda: self._limit)
+
+    def begin(self) -> None:
+        """Begin to solve for the limit beside other work, if the program is large; on rank 0."""
+        if self._comm.rank == 0 and self._is_large:
+            given = self._largest_program(self._program)
+            self._begun = Beside(*_arguments(*given, FIRST_METHOD))
+
+    def limit_so_far(self) -> float | None:
+        """The limit, on this rank alone, if it is known or takes no time; else None."""
+        begun = self._begun is not None and self._begun.is_solved
+        if begun or "_upper" in vars(self) or not self._is_large:
+            return self._upper
+        return None
+
+    @cached_property
+    def _upper(self) -> float | None:
+        """The limit to be shown."""
+        return self._shown()
+
+    @property
+    def _is_large(self) -> bool:
+        """Whether the program takes longer than to start a process for it."""
+        return len(self._program.limits(1.0)) > OPTIONS.large
 
     def stands(self) -> bool:
         """Whether the dead load alone has an equilibrium."""
@@ -434,7 +473,7 @@ class RigidBlocks:
         if lower is not None and not self.frictionless._optimum.exact:
             lower = 0.0 if self.frictionless._within_strength(0.0) else None  # it may be less
         lower = None if lower is None else max(lower, 0.0)
-        return LimitBounds(lower, self._shown() if stands else np.inf, lower)
+        return LimitBounds(lower, self._upper if stands else np.inf, lower)
 
     @property
     def friction(self) -> Array:
@@ -557,7 +596,7 @@ class RigidBlocks:
         """A load factor to be shown, no -0.0; None if the program fails."""
         try:
             factor = self._limit
-        except SolverError as error:
+        except (SolverError, Stopped) as error:
             _log.warning("a bound on the load factor is not known: %s", error)
             return None
         return None if factor is None else factor + 0.0
@@ -640,15 +679,22 @@ class RigidBlocks:
         least = _answer(np.ones(len(limits)), program.forces, right, limits, "highs-ds")
         return program.point_forces(unit * (least.x if least.status == 0 else x))
 
-    def _largest(self, program: _Program) -> _Optimum:
-        """The largest load factor of a program."""
+    def _largest_program(self, program: _Program) -> Given:
+        """Cost, columns, right hand side and limits of the largest load factor."""
         columns, right = self._equilibrium(program)
         limits = [(None, None), *program.limits(self._force)]
-        cost = -np.eye(1, len(limits)).ravel()
+        return -np.eye(1, len(limits)).ravel(), columns, right, limits
+
+    def _largest(self, program: _Program) -> _Optimum:
+        """The largest load factor of a program."""
+        _, columns, right, limits = given = self._largest_program(program)
         tangents = _Tangents(program, self._force, first=1)
-        # The interior point method is ten times as fast on large walls.
-        for method in ("highs-ipm", "highs-ds"):
-            answer = tangents.answer(cost, columns, right, limits, method)
+        for method in (FIRST_METHOD, "highs-ds"):
+            if program.crushing is None:
+                answer = self._answer_beside(program, given, method)
+                tangents.complete = answer.status == 0
+            else:
+                answer = tangents.answer(*given, method)
             if answer.status == 0:
                 factor, multipliers = float(answer.x[0]) * self._load, answer.eqlin.marginals
                 work = float(program.load(program.bodies.live) @ multipliers)
@@ -661,17 +707,27 @@ class RigidBlocks:
             return _Optimum(np.inf)
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
 
+    def _answer_beside(self, program: _Program, given: Given, method: str) -> Any:
+        """HiGHS' answer, from a process of its own if the program is large."""
+        if not self._is_large:
+            return _answer(*given, method)
+        is_begun = program is self._program and method == FIRST_METHOD
+        begun, self._begun = (self._begun, None) if is_begun else (None, self._begun)
+        answer = (begun or Beside(*_arguments(*given, method))).answer(self._patient)
+        return _answer(*given, method) if answer is None else answer
+
     def _on_root(self, solve: Callable[[], Any]) -> Any:
-        """What a function returns on rank 0, on all ranks; its `SolverError` likewise."""
-        answer, message = None, ""
+        """What a function returns on rank 0, on all ranks; its `SolverError` or `Stopped` too."""
+        answer: Any = None
+        failure: SolverError | Stopped | None = None
         if self._comm.rank == 0:
             try:
                 answer = solve()
-            except SolverError as error:
-                message = str(error)
-        answer, message = self._comm.bcast((answer, message))
-        if message:
-            raise SolverError(message)
+            except (SolverError, Stopped) as error:
+                failure = type(error)(str(error))
+        answer, failure = self._comm.bcast((answer, failure))
+        if failure is not None:
+            raise failure
         return answer
 
 
@@ -770,10 +826,22 @@ def _answer(
 
     Besides equilibrium, rows times the unknowns may be `most`.
     """
-    from scipy.optimize import linprog
+    return solved(*_arguments(cost, columns, right, limits, method, options, rows, most))
 
+
+def _arguments(
+    cost: Array,
+    columns: Any,
+    right: Array,
+    limits: list[Any],
+    method: str,
+    options: dict[str, Any] | None = None,
+    rows: Any = None,
+    most: Array | None = None,
+) -> tuple[Any, ...]:
+    """Arguments of scipy's `linprog`."""
     names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
     size = sum(columns.shape) + (0 if most is None else len(most))
     steps = OPTIONS.iterations * size  # HiGHS may go round in circles
     options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
-    return linprog(cost, rows, most, columns, right, limits, method, options=options)
+    return cost, rows, most, columns, right, limits, method, None, options

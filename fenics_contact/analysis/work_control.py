@@ -31,19 +31,31 @@ from fenics_contact.analysis.strategy import (
     WorkOptions,
     name_of,
 )
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
 
 def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Collapse:
-    """The collapse of a load case, to a relative tolerance on the load factor."""
-    options = strategy.work
+    """The collapse of a load case, to a relative tolerance on the load factor.
+
+    Raises:
+        Stopped: If the run is to end; the record of the load case has what was found.
+    """
     search = _Search(case, strategy, tolerance)
-    with case.discretization.effort.at_most(options.cost):
-        status = _searched(search, options, case.block_count)
-    return search.result(status)
+    try:
+        with case.discretization.effort.at_most(strategy.work.cost):
+            status = _searched(search, strategy.work, case.block_count)
+        found = search.result(status)
+        if status == "limit":
+            case.record.best = case.record.best or found
+        return found
+    except Stopped:
+        if search.best is not None:
+            status = "limit" if search.verified else "not_converged"
+            case.record.best = search.result(status)
+        raise
 
 
 def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
@@ -118,6 +130,7 @@ class _Search:
                         solution, history = attempt(task)
                     self._last_found = True
                     ended("a state, not yet verified")
+                    case.record.phase("verification")
                     verified = verify(case, solution.state, scales, self.tolerance, self.gap)
                     self.found.append(_Found(verified, history, ratio))
                     ended(self.found[-1].outcome)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from copy import copy
 from dataclasses import dataclass, fields, replace
@@ -36,7 +37,7 @@ from fenics_contact.errors import InputError
 from fenics_contact.mesh import Indices
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
-from fenics_contact.solvers.effort import Effort, Tally
+from fenics_contact.solvers.effort import Effort, Tally, Watch
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
 
@@ -241,6 +242,10 @@ class Discretization:
         """Friction and given strength at this rank's rows."""
         points = self.operators.points
         return self.joints.friction[points], self.joints.shear_strength[points]
+
+    def end_when(self, asked: Callable[[], str]) -> None:
+        """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
+        self.effort.watch = Watch(self.scene.comm, asked)
 
     @property
     def size(self) -> int:

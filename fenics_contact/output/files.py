@@ -7,7 +7,7 @@ import json
 import math
 import textwrap
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,9 @@ import numpy as np
 
 from fenics_contact import compat
 from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import Lowest
+from fenics_contact.analysis.history import Lowest, Peak
 from fenics_contact.analysis.mechanism import mechanism
 from fenics_contact.analysis.mesh_error import MeshError
-from fenics_contact.analysis.peak import Peak
 from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
@@ -51,11 +50,16 @@ BRACKET = ("lower", "upper", "frictionless", "meet")
 #: Characters of a title that a picture has room for.
 LONGEST_TITLE = 60
 
+#: What is skipped where somebody is in a hurry.
+SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
+
 Record = dict[str, Any]
 
 
-def write_result(result: Result, folder: Path) -> None:
+def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambda: False) -> None:
     """Write everything the scene's output options ask for; the folder is made if need be.
+
+    Once `hurry` is true, on all ranks, only result.json and the report are written.
 
     Collective. Files appear when all of them are complete, result.json last, so that its presence
     says that all is there.
@@ -66,17 +70,9 @@ def write_result(result: Result, folder: Path) -> None:
     start = time.perf_counter()
     comm, options = result.scene.comm, result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
-        if result.fall is not None and options.pictures:
-            view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
-            marked = partial(draw_marked, blocks=result.falling)
-            _draw(result, view, "falls under its dead load", {hidden / "collapse": [marked]})
-        for direction, end in result.ends.items():
-            _write_collapse(result, direction, end, hidden)
-        with writing(comm):
-            if result.capacity and comm.rank == 0:
-                _write_capacity(result, hidden)
-        if result.capacity and options.paraview and options.capacity:
-            write_series(hidden / "capacity.pvd", result.discretization, result.capacity)
+        _write_fields(result, hidden, hurry)
+        if hurry():
+            result.skipped = (*result.skipped, SKIPPED_FILES)
         result.seconds["write"] = time.perf_counter() - start
         record = strict(result_record(result))
         with writing(comm):
@@ -85,6 +81,22 @@ def write_result(result: Result, folder: Path) -> None:
                 (hidden / RECORD).write_text(json.dumps(record, indent=2) + "\n")
                 if options.report:
                     write_report(hidden)
+
+
+def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> None:
+    """Pictures, ParaView files and the capacity curve. Collective."""
+    comm, options = result.scene.comm, result.scene.output
+    if result.fall is not None and options.pictures and not hurry():
+        view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
+        marked = partial(draw_marked, blocks=result.falling)
+        _draw(result, view, "falls under its dead load", {folder / "collapse": [marked]})
+    for direction, end in result.ends.items():
+        _write_collapse(result, direction, end, folder, hurry)
+    with writing(comm):
+        if result.capacity and comm.rank == 0:
+            _write_capacity(result, folder)
+    if result.capacity and options.paraview and options.capacity and not hurry():
+        write_series(folder / "capacity.pvd", result.discretization, result.capacity)
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -117,13 +129,15 @@ def _draw(result: Result, view: View, title: str, pictures: Mapping[Path, Sequen
                 save(view, whole, _pictures(result, path), *draws)
 
 
-def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
+def _write_collapse(
+    result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
+) -> None:
     """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
     discretization, options = result.discretization, result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
-        if options.pictures:
+        if options.pictures and not hurry():
             view, title = view_of(discretization, sign=sign), f"these blocks wedge{reversal}"
             marked = partial(draw_marked, blocks=result.wedged(end))
             _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
@@ -131,7 +145,7 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
     if end.state is None or end.mode is None or end.joints is None:
         return
     state, mode = discretization.with_imposed(end.state), end.mode
-    if options.pictures:
+    if options.pictures and not hurry():
         stress = partial(draw_stress, raster=stress_raster(discretization, state.elastic))
         panels: dict[str, list[Draw]] = {
             "collapse": [draw_mode, draw_forces],
@@ -142,7 +156,7 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
         view = view_of(discretization, mode, end.joints, sign)
         _draw(result, view, _title(end, reversal), pictures)
         _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
-    if options.paraview:
+    if options.paraview and not hurry():
         path = folder / f"blocks{suffix}.pvd"
         write_blocks(path, discretization, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
@@ -189,6 +203,7 @@ def result_record(result: Result) -> Record:
         "load_factor_negative": result.load_factor_negative,
         "bounds": _record(result.bounds, *BRACKET),
         "reason": result.reason() or None,
+        "stopped": result.stopped or None,
         "attempts": [] if collapse is None else [dict(vars(trial)) for trial in collapse.attempts],
         "falling_blocks": result.falling.tolist(),
         "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),

@@ -12,9 +12,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from fenics_contact.analysis.history import CapacityPoint
+from fenics_contact.analysis.history import CapacityPoint, Peak
 from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.analysis.peak import Peak
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.output.drawing import (
     BLACK,

@@ -7,10 +7,55 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from fenics_contact.errors import EffortError
+from mpi4py import MPI
+
+from fenics_contact.errors import EffortError, Stopped
 
 #: Part of a factorisation by which sums of costs may be rounded.
 ROUNDING = 1e-6
+
+
+class Watch:
+    """Ends a run before a factorisation, on all ranks together.
+
+    Attributes:
+        reason: Why it ended, the same on all ranks; empty while it may go on.
+    """
+
+    def __init__(self, comm: MPI.Comm | None = None, asked: Callable[[], str] = lambda: "") -> None:
+        """Begin to watch.
+
+        Args:
+            comm: Ranks that end together; None for this one alone.
+            asked: Says why this rank wants the run to end; empty while it does not.
+        """
+        self._comm, self._asked = comm, asked
+        self.reason = ""
+
+    def __call__(self) -> None:
+        """Collective.
+
+        Raises:
+            Stopped: On all ranks, if any of them has a reason.
+        """
+        if not self.reason:
+            self.reason = self._asked()
+            if self._comm is not None and self._comm.size > 1:
+                self.reason = self._of_all_ranks(self._comm)
+        if self.reason:
+            raise Stopped(self.reason)
+
+    def alone(self) -> None:
+        """As a call, for this rank alone: somebody has to tell the others."""
+        reason = self.reason or self._asked()
+        if reason:
+            raise Stopped(reason)
+
+    def _of_all_ranks(self, comm: MPI.Comm) -> str:
+        """The reason of the lowest rank that has one."""
+        if not comm.allreduce(bool(self.reason), MPI.LOR):
+            return ""
+        return next(filter(None, comm.allgather(self.reason)))
 
 
 class Effort:
@@ -18,12 +63,12 @@ class Effort:
 
     Attributes:
         spent: Cost so far, in units of one factorisation of the structure.
-        watch: Called before every factorisation, on all ranks alike; it may raise `Stopped`.
+        watch: Asked before every factorisation, on all ranks.
     """
 
     def __init__(self) -> None:
         self.spent = 0.0
-        self.watch: Callable[[], None] = _nothing
+        self.watch = Watch()
         self._limit = math.inf
 
     @property
@@ -53,6 +98,10 @@ class Effort:
         if cost > self.left + ROUNDING:
             raise EffortError(f"the limit of {self._limit:.4g} factorisations is reached")
 
+    def wait(self) -> None:
+        """Ask whether to wait on for something that this rank does alone; raises `Stopped`."""
+        self.watch.alone()
+
     @contextmanager
     def at_most(self, cost: float) -> Iterator[None]:
         """Limit what is spent inside; limits nest, and the tightest one counts."""
@@ -62,10 +111,6 @@ class Effort:
             yield
         finally:
             self._limit = before
-
-
-def _nothing() -> None:
-    """Nobody watches."""
 
 
 @dataclass

@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib import image
 
+from fenics_contact.output.files import SKIPPED_FILES
 from tests.system.program import Run, command, environment, files, result, run, write_scene
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
@@ -138,7 +139,10 @@ def complete(folder: Path) -> set[str]:
         if path.suffix in (".pvd", ".pvtu", ".vtu", *readers):
             readers.get(path.suffix, ElementTree.parse)(path)
     if "result.json" in names:
-        assert {"blocks.pvd", "joints.vtu", "collapse.png"} <= names
+        said = set(result(folder)["files"])
+        assert said == {name for name in names - {"result.json"} if "/" not in name}
+        if SKIPPED_FILES not in result(folder)["skipped"]:
+            assert {"blocks.pvd", "joints.vtu", "collapse.png"} <= names
     return names
 
 
@@ -154,39 +158,126 @@ def test_ctrl_c_after_the_end(scene):
     assert found.err == "" and "result.json" in complete(program.output)
 
 
+def known(program: Started, name: str) -> None:
+    """See that what was known when a run was stopped has been written."""
+    names, record = complete(program.output), result(program.output)
+    assert "result.json" in names
+    if not record["stopped"]:  # all was found, and some files were on their way
+        assert record["status"] == "limit"
+        return
+    assert SKIPPED_FILES in record["skipped"]
+    assert record["stopped"] == f"stopped by {name}" and record["files"] == []
+    if record["status"] == "limit":
+        assert record["discretization"]["estimate"] is None
+        return
+    assert record["status"] == "not_converged" and record["reason"].startswith("stopped by")
+    assert record["bounds"]["lower"] == 0.0 or record["load_factor"] is None
+    path = record["ends"]["positive"]["path"]
+    assert record["load_factor"] == (path[-1]["load_factor"] if path else None)
+
+
 @pytest.mark.slow
 @moments
-def test_ctrl_c(moment, scene):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1])
+def test_signals(number, moment, scene):
+    """While it reads, nothing is known yet; later, what is known is written."""
     with started(scene) as program:
         program.wait_for(MOMENTS[moment])
+        os.killpg(program.process.pid, number)
+        found = program.ended()
+    assert found.err == ""
+    if "result.json" not in complete(program.output):
+        assert moment == "reading" and found.code in (-number, 128 + number)
+        return
+    assert found.code == 128 + number
+    known(program, signal.Signals(number).name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factorizations", [1, 20, 60])
+def test_stopped_on_the_way(factorizations, scene):
+    """Lines of the path tell how far a run is."""
+    lines = "load factor"
+    with started(scene) as program:
+        program.wait_for(lambda run: lines in run.out)
+        time.sleep(0.02 * factorizations)
+        program.process.send_signal(signal.SIGTERM)
+        found = program.ended()
+    assert (found.code, found.err) == (143, "")
+    known(program, "SIGTERM")
+
+
+@pytest.mark.slow
+def test_ctrl_c_twice(scene):
+    with started(scene) as program:
+        program.wait_for(MOMENTS["solving"])
+        os.killpg(program.process.pid, signal.SIGINT)
         os.killpg(program.process.pid, signal.SIGINT)
         found = program.ended()
     assert (found.code, found.err) == (130, "")
-    assert "result.json" not in complete(program.output)
+    complete(program.output)
 
 
 @pytest.mark.slow
 @moments
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_to_mpirun(number, moment, scene):
-    """Open MPI gives its own exit code, 1, and takes a second to end its ranks."""
+    """Open MPI gives its own exit code, 1, and kills its ranks after a second."""
     with started(scene, 2) as program:
         program.wait_for(MOMENTS[moment])
         program.process.send_signal(number)
         found = program.ended()
-    assert (found.code, found.err) in [(1, ""), (130, "")]
+    assert found.code in (0, 1, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+    assert "Traceback" not in found.err and "PETSC" not in found.err
     complete(program.output)
 
 
 @pytest.mark.slow
+def test_a_signal_that_mpirun_passes_on(scene):
+    with started(scene, 2) as program:
+        program.wait_for(MOMENTS["solving"])
+        time.sleep(0.5)
+        program.process.send_signal(signal.SIGUSR1)
+        found = program.ended()
+    assert found.code == 128 + signal.SIGUSR1
+    assert "Traceback" not in found.err and "PETSC" not in found.err
+    known(program, "SIGUSR1")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [[0], [1], [0, 1]])
+def test_a_signal_to_ranks(ranks, scene):
+    """All ranks end alike, whichever of them is asked."""
+    with started(scene, 2) as program:
+        program.wait_for(MOMENTS["solving"])
+        time.sleep(0.5)
+        for rank in ranks:
+            os.kill(program.ranks()[rank], signal.SIGTERM)
+        found = program.ended()
+    assert found.code == 128 + signal.SIGTERM
+    assert "Traceback" not in found.err and "PETSC" not in found.err
+    known(program, "SIGTERM")
+
+
+@pytest.mark.slow
+def test_time_is_over(scene):
+    write_scene(scene, {"joints.default.friction": 0.65, "solve.time": 0.5}, "long wall")
+    found = run(["solve", "scene.toml"], scene)
+    record = result(scene / "scene")
+    assert (found.code, found.err) == (4, "")
+    assert record["reason"].startswith("stopped after 0.5 s (solve.time)")
+    assert record["reason"] in " ".join(found.out.split())
+    complete(scene / "scene")
+
+
+@pytest.mark.slow
 @moments
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_ended_by_a_signal(number, moment, scene):
+def test_killed(moment, scene):
     with started(scene) as program:
         program.wait_for(MOMENTS[moment])
-        program.process.send_signal(number)
+        program.process.send_signal(signal.SIGKILL)
         found = program.ended()
-    assert (found.code, found.err) == (-number, "")
+    assert (found.code, found.err) == (-signal.SIGKILL, "")
     assert "result.json" not in complete(program.output)
     again = run(["solve", "scene.toml"], scene)
     assert (again.code, again.err) == (0, "")

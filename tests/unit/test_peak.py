@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
-from fenics_contact.analysis.history import CapacityPoint, CurveEnd, LoadPath, LoadStep
-from fenics_contact.analysis.peak import NOT_ASKED, TOO_DEAR, Above, Limits, Peak, find_peak
+from fenics_contact.analysis.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
+from fenics_contact.analysis.peak import NOT_ASKED, TOO_DEAR, Above, Limits, find_peak, peak_of
 from fenics_contact.analysis.strategy import COULOMB
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.console import summary
@@ -110,8 +110,8 @@ def test_load_control_says_what_its_path_carried():
     assert path.lower == pytest.approx(PEAK, rel=3e-4)
     step = LoadStep(0.5, 2e-3, 7.0)
     path = LoadPath((LoadStep(0.0, 0.0, 0.0), step), 0.5, 0.51)
-    assert Peak.of_path(path, Above(0.4, 0.4, 9.0)) == Peak("found", 0.5, 0.51, 7.0, 2e-3)
-    assert Peak.of_path(path, Above(0.5, 0.5, 9.0)) == Peak("none")
+    assert peak_of(path, Above(0.4, 0.4, 9.0)) == Peak("found", 0.5, 0.51, 7.0, 2e-3)
+    assert peak_of(path, Above(0.5, 0.5, 9.0)) == Peak("none")
 
 
 def test_none_without_a_factorisation_where_the_collapse_reaches_the_upper_bound():

@@ -77,7 +77,7 @@ def test_reason_where_nothing_is_found():
         end = collapse_of(case, finds_nothing)
     assert end.status == "not_converged"
     assert [trial.outcome for trial in end.attempts] == ["made up"] * 2
-    assert end.reason.startswith("no state was found; 'finds nothing' found no state (2 times")
+    assert end.reason.startswith("no state was found; finds nothing found no state (2 times")
     assert "solve.method = 'monolithic' or" not in end.reason
     assert "try solve.method = 'monolithic', solve.method = 'fixed-point'" in end.reason
 

@@ -1,0 +1,135 @@
+"""Runs that are stopped: what is known by then is the result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import InputError, SolveOptions, limit_load
+from fenics_contact.analysis.stopping import within
+from fenics_contact.errors import Stopped
+from fenics_contact.solvers.effort import Effort, Watch
+from fenics_contact.solvers.highs import Beside, solved
+from tests.bank import coulomb, wall_recipe
+
+
+class Asked:
+    """Somebody who asks to stop when asked for the n-th time."""
+
+    def __init__(self, patience: int) -> None:
+        self.left = patience
+
+    def __call__(self) -> str:
+        self.left -= 1
+        return "a test" if self.left < 0 else ""
+
+
+def stopped_after(factorizations: int, **options):
+    recipe = wall_recipe("W1", coulomb(0.65))
+    scene = replace(recipe.scene(1), solve=SolveOptions(**options))
+    return limit_load(scene, stop=Asked(factorizations))
+
+
+def test_stopped_before_any_state():
+    found = stopped_after(0)
+    assert found.status == "not_converged" and np.isnan(found.load_factor)
+    assert found.reason() == "stopped by a test, before any state was looked for"
+    assert found.stopped == "stopped by a test"
+    assert found.factorizations == 0
+
+
+def test_stopped_on_the_path():
+    found = stopped_after(8)
+    end = found.collapse
+    assert (found.status, found.factorizations) == ("not_converged", 8)
+    assert found.reason().startswith("stopped by a test; the path (block modes, rising work)")
+    assert end.load_factor == end.trace[-1].load_factor == end.state.load_factor
+    assert end.attempts[-1].outcome.endswith("stopped by a test")
+    assert not end.attempts[-1].found
+    # The best point shows how the blocks begin to move, and lies in the bracket's numbers.
+    work = found.discretization.elasticity.live @ end.mode
+    assert work == pytest.approx(1.0)
+    assert end.bounds.lower == 0.0 and end.bounds.upper == pytest.approx(0.642857, rel=1e-5)
+
+
+def test_what_is_left_of_a_verified_load_factor_is_not_known():
+    whole = stopped_after(10**9, fast=True)
+    found = stopped_after(whole.factorizations)
+    assert found.status == "limit" and found.stopped == "stopped by a test"
+    assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-9)
+    end = found.collapse
+    assert (end.peak.status, end.lowest.status) == ("not_known", "not_known")
+    assert end.peak.reason == end.lowest.reason == end.mesh_error.unknown == "stopped by a test"
+    assert np.isnan(end.mesh_error.estimate)
+    assert found.reason() == ""
+
+
+def test_stopped_in_the_second_direction():
+    whole = stopped_after(10**9, fast=True)
+    found = stopped_after(whole.factorizations + 3, fast=True, direction="both")
+    assert found.positive.status == "limit" and found.negative.status == "not_converged"
+    assert found.positive.load_factor == pytest.approx(whole.load_factor, rel=1e-9)
+    assert found.status == "not_converged" and "stopped by a test" in found.reason()
+
+
+def test_time_is_over():
+    found = stopped_after(10**9, time=1e-3)
+    assert found.status == "not_converged"
+    assert found.reason().startswith("stopped after 0.001 s (solve.time)")
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf")])
+def test_time_must_be_positive(seconds):
+    with pytest.raises(InputError, match="time = "):
+        SolveOptions(time=seconds)
+
+
+def test_load_factor_alone():
+    none = {"error": False, "peak": False, "lowest": False}
+    whole, fast = stopped_after(10**9, **none), stopped_after(10**9, fast=True)
+    assert fast.load_factor == whole.load_factor
+    assert fast.factorizations == whole.factorizations
+    assert fast.collapse.mesh_error is None
+    assert (fast.collapse.peak.status, fast.collapse.lowest) == ("not_known", None)
+    assert any(text.endswith("solve.fast = true") for text in fast.skipped)
+
+
+def test_no_accuracy_without_estimate():
+    with pytest.raises(InputError, match="fast = false"):
+        SolveOptions(fast=True, accuracy=0.01)
+
+
+@pytest.mark.parametrize(
+    "more", [{"peak": True}, {"lowest": True}, {"error": True}, {"states": "lowest"}]
+)
+def test_what_fast_leaves_out_cannot_be_asked_for(more):
+    with pytest.raises(InputError, match="needs fast = false"):
+        SolveOptions(fast=True, **more)
+
+
+def test_a_watch_keeps_its_reason():
+    asked = Asked(1)
+    watch, effort = Watch(asked=within(None, asked)), Effort()
+    effort.watch = watch
+    effort.spend(1.0)
+    for _ in range(2):
+        with pytest.raises(Stopped, match="stopped by a test"):
+            effort.spend(1.0)
+    assert (effort.spent, watch.reason) == (1.0, "stopped by a test")
+
+
+PROGRAM = ([-1.0, -2.0], None, None, [[1.0, 1.0]], [1.0], [(0.0, None)] * 2, "highs-ds")
+
+
+def test_a_linear_program_in_a_process_of_its_own():
+    beside = Beside(*PROGRAM)
+    answer = beside.answer(lambda: None)
+    assert answer.x.tolist() == solved(*PROGRAM).x.tolist() == [0.0, 1.0]
+
+
+def test_waiting_for_a_linear_program_may_be_stopped():
+    asked = Asked(0)
+    with pytest.raises(Stopped):
+        Beside(*PROGRAM).answer(Watch(asked=within(None, asked)).alone)
