@@ -63,7 +63,8 @@ def main() -> None:
     print(FORM.format("seed", "peak", "collapse", "carried", "not at", "control", "solve", "cost"))
     for seed in range(options.seed, options.seed + options.count):
         draw = Draw.of_seed(seed)
-        scene = replace(draw.recipe().scene(draw.elements), output=OutputOptions(pictures=False))
+        scene = draw.recipe().scene(draw.elements, fast=False)
+        scene = replace(scene, output=OutputOptions(pictures=False))
         if found := row(scene, options.control):
             print(FORM.format(seed, *found), flush=True)
 

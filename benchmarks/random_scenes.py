@@ -66,7 +66,9 @@ def measure(seed: int) -> Row:
 def solved(draw: Draw) -> Row:
     """What a scene's solution is and costs, and what is wrong with it."""
     gc.collect()
-    scene = replace(draw.recipe().scene(draw.elements), output=OutputOptions(pictures=False))
+    scene = replace(
+        draw.recipe().scene(draw.elements, fast=False), output=OutputOptions(pictures=False)
+    )
     blocks, result = read(scene), limit_load(scene)
     seconds = result.seconds["total"]
     why = faults(blocks, result.status, result.load_factor)

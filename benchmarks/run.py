@@ -109,7 +109,7 @@ def ask(task: Task, time_out: float) -> dict[str, Any]:
 
 def solve(task: Task) -> dict[str, Any]:
     """Solve a scene with this program."""
-    options = {"variant": Variant(degree=task.degree), "method": task.method}
+    options = {"variant": Variant(degree=task.degree), "method": task.method, "fast": False}
     limit_load(wall_recipe("2x2", coulomb(0.5)).scene(1, **options))
     entries = {"methods": BANK, "cost_size": COST_SIZE, "time_error": TIME_ERROR}[task.table]
     scene = entries[task.scene].recipe.scene(int(task.resolution), **options)

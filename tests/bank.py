@@ -131,6 +131,9 @@ class Variant:
 
 PLAIN = Variant()
 
+#: Options about more than the load factor.
+BESIDE = {"accuracy", "error", "lowest", "peak", "states"}
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -161,8 +164,10 @@ class Recipe:
             elements: Elements along half a block, or through the thickness of an arch.
             comm: Communicator; all ranks when not given.
             variant: How it is written.
-            solve: Arguments of `SolveOptions`.
+            solve: Arguments of `SolveOptions`. What is said of a collapse beside its load factor
+                is left out if none of it is named.
         """
+        solve.setdefault("fast", not BESIDE & set(solve))
         parts = {
             "materials": {"default": STONE},
             "live": PUSH,

@@ -14,18 +14,29 @@ from dataclasses import replace
 from fenics_contact.analysis.hinges import with_mesh_error
 from fenics_contact.analysis.history import Lowest, Peak
 from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.load_control import raised_path
 from fenics_contact.analysis.lowest import second_opinion
 from fenics_contact.analysis.mesh_error import MeshError
-from fenics_contact.analysis.peak import NOT_ASKED, Above, Limits, find_peak, peak_of
+from fenics_contact.analysis.peak import (
+    ABOVE,
+    NOT_ASKED,
+    TOO_DEAR,
+    Above,
+    Limits,
+    find_peak,
+    peak_of,
+)
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.errors import Stopped
+from fenics_contact.analysis.strategy import strategy_of
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.scene import SolveOptions
 
 _log = logging.getLogger("fenics_contact")
 
 Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
-#: Why something is not known that `fast` leaves out.
+#: Why something is not known.
+NOT_REACHED = "a load that rises step by step does not reach the collapse"
 FAST = "solve.fast = true leaves it out"
 
 
@@ -61,10 +72,34 @@ def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool)
         return peak_of(end.path, above)
     if not asked and (options.fast or options.peak is False):
         return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
+    limits = Limits.of(cost, asked)
     try:
-        return find_peak(case, above, options.tolerance, Limits.of(cost, asked))
+        found = find_peak(case, above, options.tolerance, limits)
+        if asked and found.status != "found":
+            return _raised(case, above, found, limits)
+        return found
     except Stopped as stop:
         return Peak("not_known", reason=str(stop))
+
+
+def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:
+    """The peak of a load that rises step by step, where another search has not found one.
+
+    The block modes that it follows do not have every peak of the structure. This costs hundreds of
+    factorisations.
+    """
+    scene = case.discretization.scene
+    with case.discretization.effort.at_most(limits.found):
+        try:
+            path = raised_path(case, strategy_of(scene), scene.solve)
+        except SolverError as error:
+            return replace(before, status="not_known", reason=str(error))
+    found = peak_of(path, above)
+    if found.status == "none" and not above(path.upper) <= ABOVE:
+        return Peak("not_known", reason=TOO_DEAR)  # more may be carried
+    if found.status == "none" and above(path.lower) < -ABOVE:
+        return Peak("not_known", reason=NOT_REACHED)
+    return found
 
 
 def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:

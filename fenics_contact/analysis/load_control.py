@@ -127,6 +127,24 @@ def _against_the_live_load(
     return replace(found, program=climb.case.blocks.classical_bounds)
 
 
+def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> LoadPath:
+    """Load factors with and without equilibrium under a load that rises from the dead load.
+
+    Raises:
+        SolverError: If no equilibrium is found under the dead load, or the limit on factorisations
+            is reached before it was found at any other load factor.
+    """
+    upper = case.blocks.limit()
+    climb = _Climb(case, strategy, options, np.inf if upper is None else upper, None)
+    try:
+        climb.run()
+    except EffortError:
+        if not climb.steps:
+            raise
+        climb.failed = np.inf  # where a step was too long there may be a state
+    return LoadPath(tuple(climb.steps), climb.lower, climb.failed)
+
+
 @dataclass(frozen=True)
 class Reached:
     """A state of equilibrium, and the structure with the origin of slip at which it was found."""

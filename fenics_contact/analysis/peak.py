@@ -57,6 +57,9 @@ from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
+#: A peak is higher than the collapse by this, relative.
+ABOVE = 2e-3
+
 #: Why a peak is not known, for people.
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
 OTHER_METHOD = "this method does not look for it; solve.method = 'auto' does"
@@ -90,7 +93,6 @@ class PeakOptions:
         usual: Limits on the cost until something is seen, and in all, in units of that of the
             collapse.
         asked: The same where the peak was asked for.
-        above: A peak is higher than the collapse by this, relative.
         products: On the way, in units of force times elastic displacement; the second if the path
             is lost with the first. Larger ones round the path off.
         least: From where the interior point method takes them to zero.
@@ -110,7 +112,6 @@ class PeakOptions:
 
     usual: tuple[float, float] = (0.5, 5.0)
     asked: tuple[float, float] = (20.0, 50.0)
-    above: float = 2e-3
     products: tuple[float, ...] = (3e-4, 1e-3)
     apart: float = 1.8
     least: float = 3e-6
@@ -208,7 +209,7 @@ class Above:
 def peak_of(path: LoadPath, above: Above) -> Peak:
     """What a path of load control carries, if that is above the collapse."""
     last = path.steps[-1]
-    if above(path.lower) <= OPTIONS.above:
+    if above(path.lower) <= ABOVE:
         return Peak("none")
     return Peak("found", path.lower, path.upper, last.work, last.displacement)
 
@@ -226,7 +227,7 @@ def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) ->
         return Peak("not_known", reason=OTHER_METHOD)
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
-    if above(upper) <= OPTIONS.above:
+    if above(upper) <= ABOVE:
         return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
@@ -340,11 +341,11 @@ class _ModesPath:
         bias, last = 0.0, None
         for before, last in self._rise():
             seen = self._above(last.iterate.load_factor)
-            if seen <= OPTIONS.above + bias:
+            if seen <= ABOVE + bias:
                 continue
             left = self._above(self._finished(last).load_factor)
             _log.info("  peak: %.4g above the collapse, %.4g with products 0", seen, left)
-            if left > OPTIONS.above:
+            if left > ABOVE:
                 return self._modes.prolonged(before.state)
             bias = seen - left
         if last is None or abs(self._above(last.iterate.load_factor)) <= OPTIONS.another + bias:
@@ -373,7 +374,7 @@ class _ModesPath:
             if crossing is not None:
                 yield point, crossing
             yield point, after
-            level = [abs(ends(p.iterate.load_factor)) <= OPTIONS.above for p in (point, after)]
+            level = [abs(ends(p.iterate.load_factor)) <= ABOVE for p in (point, after)]
             if all(level) or (level[1] and work > OPTIONS.past * ends.work):
                 return
             point = after
@@ -517,7 +518,7 @@ class _Summit:
 
     @property
     def _found(self) -> bool:
-        return self.best is not None and self._above(self.best.load_factor) > OPTIONS.above
+        return self.best is not None and self._above(self.best.load_factor) > ABOVE
 
     def _climb_from(self, point: _Point) -> float:
         """Climb to the summit, over small dips; the load factor at which no state is found."""

@@ -20,7 +20,9 @@ W4, W3 = 0.27952, 0.36195
 
 def wall_error(name, elements, **options):
     """Load factor and estimate of its error for a wall with friction 0.65."""
-    result = limit_load(wall_recipe(name, coulomb(0.65)).scene(elements, **options))
+    result = limit_load(
+        wall_recipe(name, coulomb(0.65)).scene(elements, **{"fast": False, **options})
+    )
     assert result.status == "limit"
     return result.load_factor, result.positive.mesh_error
 
@@ -82,7 +84,7 @@ def test_another_state_of_w3_is_told_apart_from_the_error(elements):
     ],
 )
 def test_determinate_states_do_not_depend_on_hinges(name):
-    result = limit_load(BANK[name].scene())
+    result = limit_load(BANK[name].scene(fast=False))
     error = result.positive.mesh_error
     assert error.hinge_error == error.estimate == 0.0
     assert error.load_factor_point_hinges == result.load_factor
@@ -101,7 +103,7 @@ def test_determinate_states_do_not_depend_on_hinges(name):
 def test_finest_and_coarsest_mesh_agree_where_no_dependence_is_claimed(name):
     factors = []
     for elements in (2, 8):
-        result = limit_load(BANK[name].scene(elements, tolerance=1e-8))
+        result = limit_load(BANK[name].scene(elements, tolerance=1e-8, fast=False))
         assert result.positive.mesh_error.estimate == 0.0
         factors.append(result.load_factor)
     assert factors[1] == pytest.approx(factors[0], rel=1e-7)
@@ -118,7 +120,7 @@ def side_pushed(elements, **options):
     """W4 pushed by tractions on its side: its joints slide while they are closed over a length."""
     recipe = wall_recipe("W4", coulomb(0.65))
     recipe = replace(recipe, parts={"live": Load(traction={"left": (1e3, 0.0)})})
-    return limit_load(recipe.scene(elements, **options))
+    return limit_load(recipe.scene(elements, **{"fast": False, **options}))
 
 
 #: W4 pushed from the side: from degree 1 with 8 and 16, and degree 2 with 4 and 8 elements.
@@ -186,14 +188,14 @@ def test_a_state_that_degree_2_does_not_have_is_told():
 
 def test_load_control_and_reversed_load_have_an_estimate():
     recipe = wall_recipe("W4", coulomb(0.65))
-    error = limit_load(recipe.scene(2, control="load")).positive.mesh_error
+    error = limit_load(recipe.scene(2, control="load", fast=False)).positive.mesh_error
     assert error.load_factor_point_hinges == pytest.approx(W4, abs=3e-5)
 
 
 def test_reversed_load_and_record():
     recipe = wall_recipe("W4", coulomb(0.65))
-    mirrored = limit_load(recipe.scene(2, variant=Variant(mirrored=True)))
-    result = limit_load(recipe.scene(2, direction="negative"))
+    mirrored = limit_load(recipe.scene(2, variant=Variant(mirrored=True), fast=False))
+    result = limit_load(recipe.scene(2, direction="negative", fast=False))
     factors = [end.mesh_error.load_factor_point_hinges for end in result.ends.values()]
     assert factors == pytest.approx([-W4], abs=3e-5)
     record = result_record(mirrored)["discretization"]
@@ -220,7 +222,7 @@ UNASKED, ASKED = 24.0, 120.0
 
 @pytest.mark.parametrize("name", ["W2 coulomb 0.65", "10x10 coulomb 0.75"])
 def test_what_costs_too_much_is_not_known_and_says_what_to_do(name):
-    scene = BANK[name].scene()
+    scene = BANK[name].scene(fast=False)
     result, alone = limit_load(scene), limit_load(BANK[name].scene(error=False))
     structure = result.factorizations - result.mode_factorizations
     assert 0 < structure - (alone.factorizations - alone.mode_factorizations) <= UNASKED
