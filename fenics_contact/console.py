@@ -197,7 +197,7 @@ def _peak_lines(end: Collapse) -> list[str]:
     if peak is None:
         return []
     if peak.status == "none":
-        return ["peak: none, the load factor rises to that of the collapse"]
+        return ["peak: none found, the load factor rises to that of the collapse"]
     if peak.status == "not_known":
         return [f"peak: not known, {peak.reason}"]
     return [
@@ -234,7 +234,7 @@ def _lowest_lines(end: Collapse) -> list[str]:
     plural = "es" * (lowest.starts != 1)
     others = ", ".join(f"{state.load_factor:.8g}" for state in end.states[1:])
     return [
-        f"lower state: none found by {lowest.starts} search{plural}",
+        f"lower state: none found by {lowest.starts} search{plural}, which is no proof",
         *([f"other collapse states: {others}"] if others else []),
     ]
 
