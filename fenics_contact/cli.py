@@ -270,7 +270,7 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
             monitor = progress if loud else None
             result = limit_load(scene, monitor, stop=signals)
             if scene.output.capacity and not result.stopped:
-                result.trace_capacity(monitor)
+                result.trace_capacity(monitor, stop=signals)
         result.seconds["read"] = read
         result.seconds["total"] += read
         result.hold_against_brackets()

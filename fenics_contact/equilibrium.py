@@ -15,9 +15,10 @@ from fenics_contact.analysis.service_state import (
     service_state,
     without_equilibrium,
 )
+from fenics_contact.analysis.stopping import within
 from fenics_contact.analysis.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, Stopped
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.scene import Scene
 
@@ -84,7 +85,11 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         proved = without_equilibrium(blocks, abs(load_factor), sign)
         if proved is not None:
             return Equilibrium(**vars(proved), discretization=made)
-        bonded = made.bonded(strategy.kind)
-        case = LoadCase.of(made, bonded, sign, strategy.kind, lambda step: None)
-        found = service_state(case, strategy, scene.solve, abs(load_factor), steps)
+        made.end_when(within(scene.solve.time))
+        try:
+            bonded = made.bonded(strategy.kind)
+            case = LoadCase.of(made, bonded, sign, strategy.kind, lambda step: None)
+            found = service_state(case, strategy, scene.solve, abs(load_factor), steps)
+        except Stopped as stop:
+            found = ServiceState("not_converged", load_factor, reason=str(stop))
     return Equilibrium(**vars(found), discretization=made)

@@ -7,7 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -97,15 +97,20 @@ class LimitLoad(Result):
         return summary(self)
 
     def trace_capacity(
-        self, monitor: Monitor | None = None, points: int = 0
+        self,
+        monitor: Monitor | None = None,
+        points: int = 0,
+        stop: Callable[[], str] = lambda: "",
     ) -> tuple[CapacityPoint, ...]:
         """Compute the capacity curve, hundreds of factorisations, and keep it as `capacity`.
 
         Collective. It is none of `limit_load`; `write` does so where the scene asks for a curve.
+        It counts for `solve.time` like the solve before.
 
         Args:
             monitor: Told of every point.
             points: Number of points; by default those of the scene's output options.
+            stop: As of `limit_load`; points found by then are kept.
         """
         start, scene = time.perf_counter(), self.scene
         direction, end = next(iter(self.ends.items()), ("", None))
@@ -114,14 +119,17 @@ class LimitLoad(Result):
             return ()
         sign, kind = SIGNS[direction], strategy_of(scene).kind
         monitor, end = monitor or _Silent(), end if sign > 0.0 else end.reversed()
+        curve: list[CapacityPoint] = []
         with Discretization(scene) as made:
-            case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
-            if end.peak is not None and end.peak.status == "not_known":
-                end = with_peak(case, end, CURVE_SOLVE, asked=True)
-                known = end if sign > 0.0 else end.reversed()
-                self.ends[direction] = replace(self.ends[direction], peak=known.peak)
-            with crushed_like(case, end) as crushed:
-                curve = capacity_curve(crushed, end, points, monitor.point)
+            made.end_when(within(scene.solve.time, stop, self.seconds["total"]))
+            with suppress(Stopped):  # before its first point
+                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+                if end.peak is not None and end.peak.status == "not_known":
+                    end = with_peak(case, end, CURVE_SOLVE, asked=True)
+                    known = end if sign > 0.0 else end.reversed()
+                    self.ends[direction] = replace(self.ends[direction], peak=known.peak)
+                with crushed_like(case, end) as crushed:
+                    curve = capacity_curve(crushed, end, points, monitor.point)
             self.factorizations += made.factorizations()
             self.mode_factorizations += made.mode_tally.count
         self.capacity = tuple(replace(p, load_factor=sign * p.load_factor) for p in curve)

@@ -21,7 +21,7 @@ from fenics_contact.analysis.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.analysis.strategy import Strategy, Task, next_to, states_along_rising_work
-from fenics_contact.errors import EffortError, SolverError
+from fenics_contact.errors import EffortError, SolverError, Stopped
 from fenics_contact.scene import SolveOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
@@ -303,7 +303,8 @@ def capacity_curve(
 
     Slip is measured from the stress-free state. With load control its steps are the points. Points
     at which no state was found have nan, and are not `converged`. The monitor is told the number
-    of a point that was found, that of all, and the point.
+    of a point that was found, that of all, and the point. A curve that is stopped ends with the
+    last point found.
     """
     if end.path is not None:
         return [CapacityPoint(**vars(step)) for step in end.path.steps]
@@ -321,9 +322,13 @@ def capacity_curve(
         work = case.written(state).work
         return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))
 
-    for number, state in states_along_rising_work(task, works):
-        found[number] = point(state)
-        monitor(number, points, found[number])
+    try:
+        for number, state in states_along_rising_work(task, works):
+            found[number] = point(state)
+            monitor(number, points, found[number])
+    except Stopped as stop:
+        _log.warning("capacity curve: %s", stop)
+        works = works[: max(found, default=0)]
     none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
     curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
     if end.peak is not None and end.peak.state is not None:

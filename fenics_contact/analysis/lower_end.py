@@ -37,7 +37,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.mesh import Indices
 from fenics_contact.solvers.problem import Array
 
@@ -151,7 +151,7 @@ def lower_end(programs: FacePrograms, upper: float) -> float:
     search = _Search(programs, upper + OPTIONS.rounding * abs(upper))
     try:
         search.run()
-    except (SolverError, _SpentError) as error:
+    except (SolverError, Stopped, _SpentError) as error:
         _log.info("  lower end of the bracket: %s", error)
     _log.info("  lower end of the bracket: %.8g by %d programs", search.lower, search.solved)
     return search.lower

@@ -508,6 +508,7 @@ class RigidBlocks:
         Raises:
             SolverError: If HiGHS finds no answer in as many iterations.
         """
+        self._patient()
         faces = replace(self._bare.faces, strength=strength)
         program = replace(self._bare, faces=faces)
         columns, right = self._bare_equilibrium
@@ -547,6 +548,7 @@ class RigidBlocks:
         """
         from scipy.sparse import block_diag
 
+        self._patient()
         program, count = self._program, len(weights)
         columns, right = self._whole_equilibrium
         low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)

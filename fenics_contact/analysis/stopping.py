@@ -14,14 +14,17 @@ from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
 
 
-def within(seconds: float | None, asked: Callable[[], str] = lambda: "") -> Callable[[], str]:
+def within(
+    seconds: float | None, asked: Callable[[], str] = lambda: "", spent: float = 0.0
+) -> Callable[[], str]:
     """A function that says why a run is to end; empty while it may go on.
 
     Args:
-        seconds: Time from now on; None for any.
+        seconds: Time that it may take; None for any.
         asked: Who asks to end the run, in words; empty while nobody does.
+        spent: Time that it took until now, s.
     """
-    start = time.monotonic()
+    start = time.monotonic() - spent
 
     def reason() -> str:
         if seconds is not None and time.monotonic() - start >= seconds:

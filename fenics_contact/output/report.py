@@ -205,6 +205,11 @@ def _answer(record: Record) -> Iterator[str]:
         if end["reason"]:
             yield _paragraph(f"Reason: {end['reason']}.")
         yield _table(_load_factor_rows(direction, end, record))
+        if end["status"] == "not_converged" and end["attempts"]:
+            head = "attempt", "how it ended", "factorisations"
+            keys = "name", "outcome", "factorizations"
+            rows = [[one[key] for key in keys] for one in end["attempts"]]
+            yield _table(rows, head, "What was tried")
     if not record["ends"]:
         yield _paragraph(f"Reason: {record['reason']}.")
 

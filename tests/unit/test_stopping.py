@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import InputError, SolveOptions, limit_load
+from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
+from fenics_contact.analysis.history import CapacityPoint
 from fenics_contact.analysis.stopping import within
 from fenics_contact.errors import Stopped
+from fenics_contact.limit_load import Monitor
 from fenics_contact.solvers.effort import Effort, Watch
 from fenics_contact.solvers.highs import Beside, solved
 from tests.bank import coulomb, wall_recipe
+from tests.unit.core import BOND
 
 
 class Asked:
@@ -24,6 +27,17 @@ class Asked:
     def __call__(self) -> str:
         self.left -= 1
         return "a test" if self.left < 0 else ""
+
+
+class Interrupting(Monitor):
+    """Asks to stop after a point of the capacity curve."""
+
+    def __init__(self, asked: Asked, last: int) -> None:
+        self.asked, self.last = asked, last
+
+    def point(self, done: int, total: int, point: CapacityPoint) -> None:
+        if done == self.last:
+            self.asked.left = 0
 
 
 def stopped_after(factorizations: int, **options):
@@ -78,6 +92,23 @@ def test_time_is_over():
     found = stopped_after(10**9, time=1e-3)
     assert found.status == "not_converged"
     assert found.reason().startswith("stopped after 0.001 s (solve.time)")
+
+
+def test_time_is_over_for_equilibrium():
+    scene = wall_recipe("W1", coulomb(0.65)).scene(1)
+    found = equilibrium(replace(scene, solve=SolveOptions(time=1e-6)), 0.5)
+    assert (found.status, found.state) == ("not_converged", None)
+    assert found.reason == "stopped after 1e-06 s (solve.time)"
+
+
+def test_a_curve_that_is_stopped_keeps_its_points():
+    scene = BOND.scene(1)
+    found = limit_load(replace(scene, solve=SolveOptions(fast=True)))
+    whole = found.trace_capacity(points=4)
+    asked = Asked(10**9)
+    listener = Interrupting(asked, 2)
+    assert found.trace_capacity(listener, points=4, stop=asked) == whole[:2]
+    assert found.trace_capacity(points=4, stop=Asked(0)) == ()
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf")])
