@@ -255,7 +255,7 @@ def _solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     def say(text: str) -> None:
         if loud:
-            print(text, flush=True)
+            print(f"{text}\n", end="", flush=True)  # in one piece: see `Progress.phase`
 
     say(f"reading {options.scene}")
     folder = _output_folder(options, comm)

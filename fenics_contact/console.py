@@ -23,19 +23,25 @@ class Progress:
 
     Attributes:
         pause: Least time between two lines of a path, s.
+        long: Time without a line after which what begins is shown, s.
     """
 
-    pause = 1.0
+    pause, long = 1.0, 5.0
 
     def __init__(self, tolerance: float) -> None:
         """Count digits down to the change of the friction bound at which a solve ends."""
         self._digits = -math.log10(tolerance)
-        self._name, self._count, self._last = "", 0, -math.inf
+        self._name, self._count = "", 0
+        self._last = self._flushed = time.monotonic()
 
     def phase(self, name: str) -> None:
-        """Show what begins."""
-        sys.stdout.write(f"{name}\n")
-        sys.stdout.flush()
+        """Show what begins, unless something was shown just before.
+
+        mpirun ends a run whose output nobody reads once some ten pieces of it were lost.
+        """
+        if time.monotonic() - self._flushed >= self.long:
+            sys.stdout.write(f"{name}\n")
+            self._flush()
 
     def passed(self, direction: str, point: TracePoint, upper: float | None) -> None:
         """Show a point of the path against the end of the bracket."""
@@ -68,6 +74,10 @@ class Progress:
     def _show(self, name: str, share: float, text: str) -> None:
         self._name = name
         sys.stdout.write(f"{name}: {text}\n")
+        self._flush()
+
+    def _flush(self) -> None:
+        self._flushed = time.monotonic()
         sys.stdout.flush()
 
     def close(self) -> None:

@@ -59,7 +59,19 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
 
 
 def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
-    """The status that states at growing work lead to."""
+    """The status that states at growing work lead to.
+
+    What costs most is tried where the other attempts have found no state at any work.
+    """
+    status = _at_growing_work(search, options, blocks)
+    if search.found or status == "unbounded" or not search.strategy.once:
+        return status
+    search.attempts = search.strategy.once
+    return _at_growing_work(search, replace(options, missing=1), blocks)
+
+
+def _at_growing_work(search: _Search, options: WorkOptions, blocks: int) -> str:
+    """The status that states by the attempts of a search lead to."""
     ratio = first = max(options.first, options.first_of_many * blocks**2)
     missing = 0
     while ratio <= options.largest * first and missing < options.missing:
@@ -110,7 +122,7 @@ class _Search:
         self.case, self.strategy, self.options = case, strategy, strategy.work
         self.tolerance, self.gap = tolerance, strategy.work.gap * tolerance
         self.found: list[_Found] = []
-        self._once = strategy.once
+        self.attempts = strategy.attempts
         self._last_found = False
 
     def at(self, ratio: float) -> _Found | None:
@@ -150,9 +162,7 @@ class _Search:
             yield strategy.further
             if self.verified:
                 return
-        yield from strategy.attempts
-        once, self._once = self._once, ()
-        yield from once
+        yield from self.attempts
 
     @property
     def best(self) -> _Found | None:

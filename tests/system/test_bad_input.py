@@ -97,7 +97,7 @@ def test_scene_without_ending_is_not_taken_for_its_output_folder(folder, capsys)
 
 @pytest.mark.parametrize(
     ("arguments", "ranks"),
-    [(["solve"], 1), (["mend", "scene.toml"], 1), (["solve", "scene.toml", "--fast"], 2)],
+    [(["solve"], 1), (["mend", "scene.toml"], 1), (["solve", "scene.toml", "--faster"], 2)],
 )
 def test_wrong_arguments_are_said_once(arguments, ranks, tmp_path):
     write_scene(tmp_path)

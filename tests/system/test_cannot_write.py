@@ -47,8 +47,8 @@ def test_folder_that_changes_during_the_run(
 ):
     solved = cli.limit_load
 
-    def solve(*arguments):
-        result = solved(*arguments)
+    def solve(*arguments, **options):
+        result = solved(*arguments, **options)
         if MPI.COMM_WORLD.rank == 0:
             Path("out").mkdir()
             happens(Path("out/here"))
