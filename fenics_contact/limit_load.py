@@ -179,7 +179,8 @@ class LimitLoad(Result):
 
     def _view(self) -> View:
         """What pictures show of the collapse. Collective."""
-        return view_of(self.discretization, *self._drawn(), self._sign)
+        view = view_of(self.discretization, *self._drawn(), self._sign)
+        return replace(view, verified=self.status == "limit")
 
     @property
     def _sign(self) -> float:
@@ -365,7 +366,7 @@ def _solved(
         seconds["solve"] = time.perf_counter() - start
         for phase, (text, add) in additions(scene.solve).items():
             start = time.perf_counter()
-            if not discretization.effort.watch.reason:
+            if not (scene.solve.fast or discretization.effort.watch.reason):
                 monitor.phase(text)
             found = {name: add(cases[name], end, cost) for name, end in found.items()}
             seconds[phase] = time.perf_counter() - start

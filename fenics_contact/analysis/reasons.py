@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby
 
 from fenics_contact.analysis.certificate import Certificate
 from fenics_contact.analysis.history import Trial
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.result import Collapse
-from fenics_contact.scene import Scene
+from fenics_contact.discretization.discretization import Discretization
 
 #: Methods in the order in which they are recommended.
-METHODS = "auto", "monolithic", "fixed-point"
+METHODS = "auto", "fixed-point", "monolithic"
 #: Attempts as people know them, by name.
 ATTEMPTS = {
     "along block modes": "the path on block modes",
     "further along rising work": "the path from the last state",
+    "through lower friction": "the path through lower friction",
     "along falling products": "the path of falling products",
     "next to another state": "the search next to the last state",
     "interior point": "the interior point method",
@@ -41,7 +41,7 @@ def explained(case: LoadCase, end: Collapse) -> Collapse:
         cures = "more time"
     else:
         parts = [end.reason or _reached(end, case.sign), *_tried(end.attempts)]
-        cures = _either(_cures(whole.scene))
+        cures = _either(_cures(whole))
     return replace(end, reason="; ".join([*parts, f"try {cures}"]))
 
 
@@ -79,17 +79,19 @@ def missed(certificate: Certificate) -> str:
 
 
 def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
-    """Attempts that found nothing, those of one kind in a row together."""
-    lost = (trial for trial in attempts if not trial.found)
-    for name, group in groupby(lost, key=lambda trial: trial.name):
-        trials = list(group)
+    """Attempts that cost something and found nothing, those of one kind together."""
+    lost = [trial for trial in attempts if not trial.found and trial.factorizations > 0]
+    for name in dict.fromkeys(trial.name for trial in lost):
+        trials = [trial for trial in lost if trial.name == name]
         times = f"{len(trials)} times, the last one: " if len(trials) > 1 else ""
         yield f"{ATTEMPTS.get(name, name)} found no state ({times}{trials[-1].outcome})"
 
 
-def _cures(scene: Scene) -> Iterator[str]:
+def _cures(whole: Discretization) -> Iterator[str]:
     """What may help, the easiest first."""
-    options = scene.solve
+    scene, options = whole.scene, whole.scene.solve
+    if whole.warnings:
+        yield "what the warnings say"
     if options.control == "load":
         yield "solve.control = 'work'"
     yield from (f"solve.method = '{name}'" for name in METHODS if name != options.method)

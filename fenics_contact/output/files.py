@@ -8,6 +8,7 @@ import math
 import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,7 @@ def _write_collapse(
         }
         pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
         view = view_of(discretization, mode, end.joints, sign)
+        view = replace(view, verified=end.status == "limit")
         _draw(result, view, _title(end, reversal), pictures)
         _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
     if options.paraview and not hurry():

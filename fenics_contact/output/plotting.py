@@ -58,8 +58,14 @@ def draw_mode(axes: Any, view: View) -> Any:
     draw_moved(axes, view)
     entries = [*draw_joints(axes, view), *draw_live_load(axes, view)]
     legend(axes, [*entries, *material_entries(axes, view)])
-    axes.set_title("collapse mode (grey outline: at rest)", fontsize=10)
+    motion = "collapse mode" if view.verified else "motion, not verified"
+    axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
     return axes
+
+
+def _when(view: View) -> str:
+    """The state that a view shows, in words."""
+    return "at collapse" if view.verified else "of a state that is not verified"
 
 
 def draw_forces(axes: Any, view: View) -> Any:
@@ -82,7 +88,7 @@ def draw_forces(axes: Any, view: View) -> Any:
         add_lines(axes, lines, colors=FORCE, linewidths=widths)
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
         draw_scale(axes, view, per_metre, float(size.max()), FORCE)
-    axes.set_title("joint forces at collapse", fontsize=10)
+    axes.set_title(f"joint forces {_when(view)}", fontsize=10)
     return axes
 
 
@@ -107,7 +113,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
         entries += axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
         entries += axes.plot(*lines.centre.T, **style)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
-    axes.set_title("line of thrust at collapse (width: force)", fontsize=10)
+    axes.set_title(f"line of thrust {_when(view)} (width: force)", fontsize=10)
     return axes
 
 
@@ -139,7 +145,7 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
     label = f"larger compressive principal stress ({unit})\n{crosses}"
     axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
-    axes.set_title("principal stresses at collapse", fontsize=10)
+    axes.set_title(f"principal stresses {_when(view)}", fontsize=10)
     return axes
 
 

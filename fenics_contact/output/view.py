@@ -52,6 +52,7 @@ class View:
         tractions: Live tractions and earth pressure, as they act.
         forces: Live forces at places.
         body: Resultant of the live body force on its line of action; no arrow if there is none.
+        verified: Whether mode and values are those of a verified collapse.
     """
 
     boundary: Boundary
@@ -66,6 +67,7 @@ class View:
     tractions: Arrows
     forces: Arrows
     body: Arrows
+    verified: bool = True
 
     @property
     def size(self) -> float:

@@ -141,7 +141,8 @@ def complete(folder: Path) -> set[str]:
     if "result.json" in names:
         said = set(result(folder)["files"])
         assert said == {name for name in names - {"result.json"} if "/" not in name}
-        if SKIPPED_FILES not in result(folder)["skipped"]:
+        record = result(folder)
+        if SKIPPED_FILES not in record["skipped"] and record["load_factor"] is not None:
             assert {"blocks.pvd", "joints.vtu", "collapse.png"} <= names
     return names
 
@@ -173,7 +174,11 @@ def known(program: Started, name: str) -> None:
     assert record["status"] == "not_converged" and record["reason"].startswith("stopped by")
     assert record["bounds"]["lower"] == 0.0 or record["load_factor"] is None
     path = record["ends"]["positive"]["path"]
-    assert record["load_factor"] == (path[-1]["load_factor"] if path else None)
+    reached = path[-1]["load_factor"] if path else None
+    upper = record["bounds"]["upper"]
+    if reached is not None and upper is not None and reached > upper:
+        reached = None  # the last point of a path may be beyond what can be carried
+    assert record["load_factor"] == reached
 
 
 @pytest.mark.slow
@@ -261,11 +266,11 @@ def test_a_signal_to_ranks(ranks, scene):
 
 @pytest.mark.slow
 def test_time_is_over(scene):
-    write_scene(scene, {"joints.default.friction": 0.65, "solve.time": 0.5}, "long wall")
+    write_scene(scene, {"joints.default.friction": 0.65, "solve.time": 0.01}, "long wall")
     found = run(["solve", "scene.toml"], scene)
     record = result(scene / "scene")
     assert (found.code, found.err) == (4, "")
-    assert record["reason"].startswith("stopped after 0.5 s (solve.time)")
+    assert record["reason"].startswith("stopped after 0.01 s (solve.time)")
     assert record["reason"] in " ".join(found.out.split())
     complete(scene / "scene")
 

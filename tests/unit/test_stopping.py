@@ -65,6 +65,8 @@ def test_stopped_on_the_path():
     # The best point shows how the blocks begin to move, and lies in the bracket's numbers.
     work = found.discretization.elasticity.live @ end.mode
     assert work == pytest.approx(1.0)
+    assert "not verified" in found.plot().get_title()
+    assert "not verified" in found.plot_forces().get_title()
     assert end.bounds.lower == 0.0 and end.bounds.upper == pytest.approx(0.642857, rel=1e-5)
 
 
