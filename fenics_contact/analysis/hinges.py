@@ -49,7 +49,9 @@ class ErrorOptions:
     Attributes:
         ways: Halvings m of hinges, and what looks for their state, in this order: fewer, and from
             the start, where none is near; from the start only if the scene asks for the estimate.
-        enough: From so many halvings on the rest of the change is extrapolated: it falls like 1/m.
+        enough: From so many halvings on the rest of the change is extrapolated: it falls like
+            1 / (m + own).
+        own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
             this up to the next m, relative, or than the tolerance.
         share: Largest cost of the estimate, in units of that of the collapse: what is done unasked.
@@ -70,6 +72,7 @@ class ErrorOptions:
         *((1000.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
     )
     enough: float = 100.0
+    own: float = 2.0
     unchanged: float = 1e-6
     share: float = 0.6
     asked: float = 3.0
@@ -175,11 +178,12 @@ class _Way:
 
     @property
     def rest(self) -> float:
-        """Change of the load factor that is left, as c / m for m halvings."""
+        """Change of the load factor that is left, as c / (m + own) for m halvings."""
         if self.ended:
             return 0.0
         change = self.states[-1].load_factor - self.states[-2].load_factor
-        return change * self.halvings[-2] / (self.halvings[-1] - self.halvings[-2])
+        before, last = self.halvings[-2:]
+        return change * (before + OPTIONS.own) / (last - before)
 
     @property
     def last(self) -> tuple[Collapse, Indices, float]:
