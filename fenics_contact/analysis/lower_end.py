@@ -87,11 +87,14 @@ class GivenFriction:
             without equilibrium.
         slip: Slip rates of the faces in the collapse mode, where f_L.v = 1, not negative, shape
             (faces,); those of the motion that proves that there is no equilibrium, up to a factor.
+        pressure: Normal forces at all joint points, at the ends of faces, N/m; none without a
+            finite factor.
         iterations: Of HiGHS.
     """
 
     factor: float
     slip: Array
+    pressure: Array
     iterations: int
 
 

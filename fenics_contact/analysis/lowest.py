@@ -5,7 +5,8 @@ Collapse states with Coulomb friction are not unique (M.C. Ferris, F. Tin-Loi, I
 for given friction g. Searches from elsewhere than the path tell whether others are lower:
 
 - friction that grows as the products fall (`growing_friction`), which meets low states first;
-- the fixed point itself (`coulomb`) from several bounds g.
+- the fixed point itself (`coulomb`) from several bounds g, one of them that of rigid blocks
+  (`rigid_fixed_point`), which takes linear programs alone.
 
 They go along the block modes (`block_modes`), whose load factors are those of the structure to
 1e-6 in the median. A state there that is below the collapse of the path is finished on the
@@ -104,30 +105,29 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
         cost: Of the collapse, in units of one factorisation of the structure.
     """
     case, limit = _general(case).unrecorded, end.load_factor - LOWEST.below * end.size
-    none = replace(end, lowest=Lowest("none", end.load_factor, 1))
-    try:
-        with case.discretization.effort.at_most(LOWEST.searches * cost):
-            state = _first(case, end, tolerance, limit, LOWEST.search * cost)
-    except SolverError:
-        return replace(end, lowest=Lowest("not_known", reason=NO_STATE))
-    if state is None or state.load_factor >= limit:
-        return none
-    with case.discretization.effort.at_most(LOWEST.finish * cost):
-        lower = _finished(case, state, tolerance)
-    if lower.status != "limit":
-        reason = f"a state at {case.sign * state.load_factor:.6g} was met, but is not verified"
-        return replace(end, lowest=Lowest("not_known", starts=1, reason=reason))
-    if lower.load_factor >= end.load_factor - LOWEST.same * end.size:
-        return none
-    states = _told({"path": end, "growing friction": lower})
-    return replace(end, states=states, lowest=Lowest("lower", lower.load_factor, 1))
-
-
-def _first(
-    case: LoadCase, end: Collapse, tolerance: float, limit: float, cost: float
-) -> State | None:
-    """What the first search finds that comes to an end, as `_other`; `cost` of each at most."""
+    effort, lower, ended = case.discretization.effort, dict[str, State](), list[str]()
     task = _task(case, end.work_ratio, tolerance, end)
+    for name, look in SECOND.items():
+        try:
+            with effort.at_most(LOWEST.searches * cost):
+                state = look(task, end, limit, LOWEST.search * cost)
+        except SolverError as error:
+            _log.info("second opinion: %s", error)
+            continue
+        ended.append(name)
+        if state is not None and state.load_factor < limit:
+            lower[name] = state
+            break
+    if not lower and next(iter(SECOND)) not in ended:  # rigid blocks alone tell too little
+        return replace(end, lowest=Lowest("not_known", reason=NO_STATE))
+    return _confirmed(case, end, lower, len(ended), tolerance, cost)
+
+
+def _grown(task: Task, end: Collapse, limit: float, cost: float) -> State | None:
+    """What the first search with growing friction finds that comes to an end, as `_other`.
+
+    It may take `cost`, and following it again.
+    """
     for begin, power in LOWEST.growths[: LOWEST.tries]:
         search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
         try:
@@ -136,6 +136,44 @@ def _first(
             _log.info("second opinion: %s", error)
             failed = error
     raise failed
+
+
+def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None:
+    """A state next to that of rigid blocks, as `_other`; None if theirs is not low."""
+    case, whole = task.case, task.case.discretization
+    rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure))
+    _log.info("second opinion: rigid blocks settle at %.8g", rigid.load_factor)
+    if rigid.load_factor >= limit:
+        return None
+    bound = case.problem.bound(rigid.pressure[whole.operators.points])
+    budget = LOWEST.searches * cost / LOWEST.search, cost
+    return _other(task, partial(by_fixed_point, bound=bound), end.mode, budget, limit)
+
+
+#: Searches of a second opinion, by name, the first of which has to come to an end.
+SECOND = {"growing friction": _grown, "fixed point of rigid blocks": _rigid}
+
+
+def _confirmed(
+    case: LoadCase,
+    end: Collapse,
+    lower: Mapping[str, State],
+    starts: int,
+    tolerance: float,
+    cost: float,
+) -> Collapse:
+    """A collapse with what searches have found, finished on the structure and verified."""
+    none = replace(end, lowest=Lowest("none", end.load_factor, starts))
+    for name, state in lower.items():
+        with case.discretization.effort.at_most(LOWEST.finish * cost):
+            found = _finished(case, state, tolerance)
+        if found.status != "limit":
+            reason = f"a state at {case.sign * state.load_factor:.6g} was met, but is not verified"
+            return replace(end, lowest=Lowest("not_known", starts=starts, reason=reason))
+        if found.load_factor < end.load_factor - LOWEST.same * end.size:
+            states = _told({"path": end, name: found})
+            return replace(end, states=states, lowest=Lowest("lower", found.load_factor, starts))
+    return none
 
 
 def find_lowest(case: LoadCase, tolerance: float) -> Collapse:

@@ -41,6 +41,7 @@ from mpi4py import MPI
 
 from fenics_contact.analysis.crushing import Crushing, strength_of
 from fenics_contact.analysis.lower_end import GivenFriction, LeastForces, lower_end, meet
+from fenics_contact.analysis.rigid_fixed_point import RigidState, rigid_fixed_point
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
@@ -485,6 +486,19 @@ class RigidBlocks:
         """Given bounds on the shear forces of the faces, N/m, shape (faces,)."""
         return self._program.faces.strength
 
+    def of_faces(self, values: Array) -> Array:
+        """Sums over the joint points of every face, shape (faces,)."""
+        faces = self._program.faces
+        return np.bincount(faces.of_point, values, len(faces.ends)).astype(float)
+
+    def rigid_state(self, pressure: Array) -> RigidState:
+        """Where `rigid_fixed_point` leads from normal forces at all joint points, N/m.
+
+        Raises:
+            SolverError: If it does not settle.
+        """
+        return self._on_root(lambda: rigid_fixed_point(self, pressure))
+
     @property
     def unit(self) -> float:
         """Force that is 1 in the programs, N/m: of the largest dead load."""
@@ -513,9 +527,10 @@ class RigidBlocks:
         program = replace(self._bare, faces=faces)
         columns, right = self._bare_equilibrium
         limits = [(None, None), *program.limits(self._force)]
-        cost = -np.eye(1, len(limits)).ravel()
+        cost, pressure = -np.eye(1, len(limits)).ravel(), np.zeros(len(self._joints.length))
         answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
         if answer.status == 0:
+            pressure = program.point_forces(answer.x[1:] * self._force)[0]
             x, multipliers = np.clip(answer.x, *_ends_of(limits)), answer.eqlin.marginals
             lost = np.abs(multipliers) @ np.abs(columns @ x - right)
             factor = float(x[0] - lost) * self._load
@@ -527,7 +542,7 @@ class RigidBlocks:
             if factor > 0.0 and self._wedging(program) is None:
                 raise SolverError(f"rigid-block linear program failed: {answer.message}")
         slip = np.abs(columns.T @ multipliers)[-len(strength) :]
-        return GivenFriction(factor, slip, int(answer.nit))
+        return GivenFriction(factor, slip, pressure, int(answer.nit))
 
     def least_forces(
         self, weights: Array, factors: tuple[float, float], iterations: int
