@@ -241,6 +241,8 @@ def _lowest_lines(end: Collapse) -> list[str]:
         return [f"lower state: another collapse, verified, at {lowest.load_factor:.8g}"]
     if lowest.status == "not_known":
         return [f"lower state: not known, {lowest.reason}"]
+    if lowest.starts == 0:
+        return ["lower state: none, as the bracket proves"]
     plural = "es" * (lowest.starts != 1)
     others = ", ".join(f"{state.load_factor:.8g}" for state in end.states[1:])
     return [

@@ -180,7 +180,7 @@ class Lowest:
         status: "lower" if one is below the collapse that is reported, "none" if there is none
             below it, "not_known".
         load_factor: Of the lowest verified one; nan if not known.
-        starts: Number of searches that ended in a state.
+        starts: Number of searches that ended in a state; 0 where the bracket proves "none".
         reason: Why it is not known, for people.
     """
 

@@ -96,7 +96,9 @@ Search = Callable[[BlockModes, PerturbedKKT, Task, Callable[[Array], bool]], tup
 
 
 def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float) -> Collapse:
-    """A verified collapse with what one cheap search for a lower state has found.
+    """A verified collapse with what cheap searches for a lower state have found.
+
+    There is none to look for where the bracket proves it.
 
     Args:
         case: The load case that led to the collapse.
@@ -105,6 +107,9 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
         cost: Of the collapse, in units of one factorisation of the structure.
     """
     case, limit = _general(case).unrecorded, end.load_factor - LOWEST.below * end.size
+    proved = case.blocks.proved_lower() if end.load_factor > 0.0 else None
+    if proved is not None and proved >= limit:
+        return replace(end, lowest=Lowest("none", end.load_factor, 0))
     effort, lower, ended = case.discretization.effort, dict[str, State](), list[str]()
     task = _task(case, end.work_ratio, tolerance, end)
     for name, look in SECOND.items():

@@ -448,6 +448,10 @@ class RigidBlocks:
         """
         return self._bounds
 
+    def proved_lower(self) -> float | None:
+        """The lower end of `bounds`, on all ranks."""
+        return self._on_root(lambda: self._bounds.lower)
+
     def classical_bounds(self) -> LimitBounds:
         """Drucker's bounds, without friction and with associative friction; else as `bounds`.
 

@@ -34,7 +34,7 @@ class RigidFixedPointOptions:
 
     relaxation: float = 0.5
     programs: int = 30
-    pivots: int = 500_000
+    pivots: int = 200_000
     settled: float = 1e-3
     last: int = 3
 

@@ -247,7 +247,11 @@ def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
     searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
     text = {
         "lower": f"{_alike(lowest['load_factor'], factor)}: another collapse state, verified",
-        "none": f"no lower state found by {searches}",
+        "none": (
+            f"no lower state found by {searches}"
+            if lowest["starts"]
+            else "there is no lower one, as the bracket proves"
+        ),
         "not_known": f"not known: {lowest['reason']}",
     }
     yield "lowest collapse state found", text[lowest["status"]]
