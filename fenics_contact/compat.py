@@ -178,8 +178,8 @@ def quiet_compiler() -> Iterator[None]:
 
 
 @contextmanager
-def form_cache() -> Iterator[None]:
-    """Keep the cache of compiled forms to this process, and free of what a killed one left.
+def form_cache() -> Iterator[Path]:
+    """Keep the cache of compiled forms, a folder, to this process, and free of a killed one's.
 
     FFCx waits for ten seconds for a source that another process compiles, and then gives up. If
     that process was killed, the lock file still says so, and its sources are removed.
@@ -198,7 +198,7 @@ def form_cache() -> Iterator[None]:
                         source.unlink(missing_ok=True)
             os.write(lock, b"compiling")
             stack.callback(os.ftruncate, lock, 0)
-        yield
+        yield folder
 
 
 def add_ghosts(vector: Any) -> None:

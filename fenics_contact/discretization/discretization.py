@@ -23,7 +23,7 @@ from fenics_contact.discretization.elasticity import (
     with_loads,
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
-from fenics_contact.discretization.forms import compile_forms
+from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, facet_motion, ground_motion
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.rigid_motions import (
@@ -87,7 +87,7 @@ class Discretization:
         effort: Cost of all factorisations, with its limit.
         tally: Counts factorisations of the structure.
         mode_tally: Counts those of its block modes.
-        compile_seconds: Time to compile the forms, or to look them up, s.
+        compile_seconds: Time to compile forms and laws, or to look them up, s.
         seconds: Time spent assembling, s.
     """
 
@@ -95,6 +95,7 @@ class Discretization:
         """Discretise; raises `InputError` if joints, supports or loads do not fit the mesh."""
         start = time.perf_counter()
         compile_forms(scene)
+        self._not_compiled = compile_laws(scene.comm)
         self.compile_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.scene = scene
@@ -102,7 +103,7 @@ class Discretization:
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
-        self.warnings = doubts(scene, self.boundary, self.joints)
+        self.warnings = self._not_compiled + doubts(scene, self.boundary, self.joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         self.bodies = bodies = self._rigid_bodies()
         sides, position = self.joints.bodies, self.joints.position
@@ -218,7 +219,7 @@ class Discretization:
         new.scene, new.compile_seconds = scene, 0.0
         new.supports = find_supports(scene, self.boundary)
         new.joints = find_joints(scene, self.boundary)
-        new.warnings = doubts(scene, self.boundary, new.joints)
+        new.warnings = self._not_compiled + doubts(scene, self.boundary, new.joints)
         new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
         new.bodies = new._rigid_bodies()
         _check_live_load(made, new.bodies, scene)

@@ -1,4 +1,4 @@
-"""UFL forms of linear elasticity, and their compilation before all other work.
+"""UFL forms of linear elasticity, and the compilation of all code before all other work.
 
     int_Omega sigma(u) : eps(v) dx = int_Omega rho b . v dx + int_Gamma t . v ds,
     sigma(u) = 2 mu eps(u) + lambda tr(eps(u)) I,
@@ -9,7 +9,9 @@ in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambd
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,11 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.mesh import Labels
 from fenics_contact.scene import Scene
+from fenics_contact.solvers import compiled_laws
+from fenics_contact.solvers.compiled_laws import CompiledLaws
+
+#: What finds compiled laws in a folder, or compiles them there.
+LoadLaws = Callable[[Path], CompiledLaws]
 
 #: Corners of a cell in gmsh's order, by the cell's name.
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
@@ -99,6 +106,32 @@ def compile_forms(scene: Scene) -> None:
         if turn == (scene.comm.rank == 0):
             _compile(*kind)
         scene.comm.barrier()
+
+
+def compile_laws(comm: MPI.Comm, load: LoadLaws = compiled_laws.load) -> tuple[str, ...]:
+    """Compile the laws of joint points, as forms are; a warning where that fails on any rank.
+
+    All ranks then compute them in Python: the same numbers, in more time.
+    """
+    reason = ""
+    for turn in (True, False):  # as the forms
+        if turn == (comm.rank == 0):
+            laws, reason = _loaded(load)
+        comm.barrier()
+    reason = next(filter(None, comm.allgather(reason)), "")
+    compiled_laws.use(None if reason else laws)
+    slower = "joint laws are not compiled, solves take longer: is there a C compiler?"
+    return (f"{slower} ({reason})",) if reason else ()
+
+
+@cache
+def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
+    """The compiled laws, or why there are none."""
+    try:
+        with compat.quiet_compiler(), compat.form_cache() as folder:
+            return load(folder), ""
+    except Exception as error:  # compilers and the packages around them fail in many ways
+        return None, " ".join(str(error).split()) or type(error).__name__
 
 
 @cache

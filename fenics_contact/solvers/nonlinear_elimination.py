@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
 from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
@@ -64,7 +65,7 @@ class EliminationOptions:
     room: float = 1e-4
     newton_steps: int = 7
     solved: float = 3e-2
-    columns: int = 16
+    columns: int = 64
 
 
 @dataclass(frozen=True)
@@ -156,16 +157,35 @@ class TangentModel:
 
     def states(self, part: float, s: float, forces: Array | None = None) -> JointStates:
         """States on the tangents, with excess forces at the chosen points, normal ones first."""
-        moved = self.moved(part, s)
-        if forces is not None and len(forces):
-            in_turn = forces.reshape(2, -1).T.ravel()
-            moved = moved + self.response(in_turn @ self.answers[0], in_turn @ self.answers[1])
-        return JointStates(moved)
+        moved, motion = self.moved(part, s), self._motion(forces)
+        return JointStates(moved if motion is None else moved + self.response(*motion))
 
     def distances(self, part: float, s: float, forces: Array | None = None) -> Array:
         """Distances from the laws; infinite where a tangent leads nowhere."""
-        states = self.states(part, s, forces)
-        return np.nan_to_num(self.laws.distances(states, self.mu_at(s)), nan=np.inf)
+        laws, mu, compiled = self.laws, self.mu_at(s), compiled_laws()
+        if compiled is None:
+            distances = laws.distances(self.states(part, s, forces), mu)
+            return np.where(np.isnan(distances), np.inf, distances)
+        found = np.empty(len(laws.friction))
+        numbers = len(found), laws.smallest, mu, part, s
+        motion = self._motion(forces)
+        motion = np.zeros((2, len(found))) if motion is None else motion
+        compiled.distances(*numbers, *self.arrays, motion, found)
+        return found
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """Laws, tangents and springs as the compiled laws take them."""
+        laws = self.laws
+        of_laws = laws.friction, laws.strength, laws.frictional.astype(float)
+        return *of_laws, self.start, self.correction, self.tangent, self.springs, self.compliance
+
+    def _motion(self, forces: Array | None) -> Array | None:
+        """Openings and slips for forces at the chosen points, normal ones first."""
+        if forces is None or not len(forces):
+            return None
+        in_turn = forces.reshape(2, -1).T.ravel()
+        return np.stack([in_turn @ self.answers[0], in_turn @ self.answers[1]])
 
     def response(self, opening: Array, slip: Array) -> Array:
         """Changes of states that displacements of the blocks cause: springs answer."""
@@ -236,9 +256,27 @@ class ChosenPoints:
 
     def at(self, x: Array) -> CurvePoint:
         """What is left of the equations at x, with derivatives."""
+        part, s = self.line.at(float(x[-1]))
+        compiled = compiled_laws()
+        moved, excess, sizes, slopes = (
+            self._equations(x, part, s)
+            if compiled is None
+            else self._compiled_equations(compiled, x, part, s)
+        )
+        rest, slopes[:, -1] = (
+            moved[:, k].ravel() - self._compliance @ excess[:, k].ravel() for k in range(2)
+        )
+        return CurvePoint(x, part, s, rest, excess[:, 0].ravel(), sizes, slopes)
+
+    def _equations(self, x: Array, part: float, s: float) -> tuple[Array, Array, Array, Array]:
+        """Displacements, excess forces, sizes and slopes at x.
+
+        The first two are of the laws' differences from the tangents, and of their change along the
+        line, shape (2, 2, points). The last column of the slopes, shape (2 points, 2 points + 1),
+        is left out.
+        """
         model, count = self.model, len(x) // 2
-        p, q, tau = x[:count], x[count:-1], float(x[-1])
-        part, s = self.line.at(tau)
+        p, q = x[:count], x[count:-1]
         of_part, of_s = self.line.direction
         states, (by_p, by_q, by_mu) = model.laws.linearized(p, q, model.mu_at(s))
         difference = states.values - model.moved(part, s)
@@ -246,16 +284,27 @@ class ChosenPoints:
         changes = np.array([difference, along, by_p, by_q]).swapaxes(0, 1)
         moved = model.displacements(changes)
         excess = model.excess(changes, moved) * model.laws.carried[:, None]
-        rest, of_tau = (
-            moved[:, k].ravel() - self._compliance @ excess[:, k].ravel() for k in range(2)
-        )
         # A point's p and q change its own forces alone.
         normal, shear = self._compliance[:, None, :count], self._compliance[:, None, count:]
-        slopes = -(normal * excess[0, 2:] + shear * excess[1, 2:]).reshape(2, count, 2, count)
-        np.einsum("skpk->spk", slopes)[:] += moved[:, 2:]
-        slopes = np.column_stack([slopes.reshape(2 * count, 2 * count), of_tau])
+        by_pq = -(normal * excess[0, 2:] + shear * excess[1, 2:]).reshape(2, count, 2, count)
+        np.einsum("skpk->spk", by_pq)[:] += moved[:, 2:]
+        slopes = np.empty((2 * count, 2 * count + 1))
+        slopes[:, :-1] = by_pq.reshape(2 * count, 2 * count)
         sizes = np.append(model.laws.sizes(states).ravel(), 1.0)
-        return CurvePoint(x, part, s, rest, excess[:, 0].ravel(), sizes, slopes)
+        return moved[:, :2], excess[:, :2], sizes, slopes
+
+    def _compiled_equations(
+        self, compiled: CompiledLaws, x: Array, part: float, s: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """The results of `_equations`, compiled."""
+        model, count = self.model, len(x) // 2
+        shapes = (2, 2, count), (2, 2, count), (2 * count + 1,), (2 * count, 2 * count + 1)
+        moved, excess, sizes, slopes = (np.empty(shape) for shape in shapes)
+        numbers = count, model.laws.smallest, model.mu_at(s), model.log_mu_rate
+        line = part, s, *self.line.direction
+        found = moved, excess, sizes, slopes
+        compiled.chosen_points(*numbers, *line, x, *model.arrays, self._compliance, *found)
+        return found
 
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""

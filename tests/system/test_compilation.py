@@ -27,8 +27,8 @@ SCENES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def compiled(cache: Path) -> dict[str, int]:
-    """Compiled forms and when they were made."""
-    return {path.name: path.stat().st_mtime_ns for path in cache.rglob("libffcx_*.so")}
+    """Compiled forms and laws, and when they were made."""
+    return {path.name: path.stat().st_mtime_ns for path in cache.rglob("*.so")}
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,7 @@ def test_only_the_first_run_compiles_and_says_nothing(name, ranks, tmp_path, mon
         made.append(compiled(tmp_path / "cache"))
         seconds.append(result(tmp_path / "scene")["seconds"])
     assert made[0] and made[0] == made[1]
+    assert sum(name.startswith("fenics_contact_laws_") for name in made[0]) == 1
     assert all(found["compile"] > 0.0 for found in seconds)
 
 
@@ -69,3 +70,22 @@ def test_a_run_killed_while_it_compiled_does_not_stop_the_next(tmp_path, monkeyp
     assert left
     found = run(["solve", "scene.toml"], tmp_path)
     assert (found.code, found.err) == (0, "")
+
+
+def test_a_run_without_a_compiler_says_so_and_finds_the_same(tmp_path, monkeypatch):
+    """Forms are those of an earlier run; joint laws are computed in Python."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    write_scene(tmp_path, {"output.pictures": False}, "block")
+    runs, recorded = [], []
+    for compiler in ("cc", "/there/is/none"):
+        monkeypatch.setenv("CC", compiler)
+        runs.append(run(["solve", "scene.toml"], tmp_path))
+        recorded.append(result(tmp_path / "scene"))
+        for path in (tmp_path / "cache").rglob("fenics_contact_laws_*"):
+            path.unlink()
+    assert [done.code for done in runs] == [0, 0]
+    told = [done.out.count("joint laws are not compiled") for done in runs]
+    assert told == [0, 1]
+    assert [any("not compiled" in text for text in one["warnings"]) for one in recorded] == [0, 1]
+    factors = [one["load_factor"] for one in recorded]
+    assert factors[0] == factors[1]

@@ -1,0 +1,138 @@
+/* Joint points on their laws and on their tangents, point by point.
+
+   What SmoothedLaws, TangentModel.distances and ChosenPoints.at say in Python, operation by
+   operation in the same order, so that both give the same numbers bit for bit. Arrays of values of
+   points hold them row by row: y, r_N, w, r_T of states; normal, tangential of forces. */
+
+#include <math.h>
+
+typedef struct {
+    double y, r, w, shear;
+} state;
+
+static inline double larger(double a, double b) /* nan where any is nan */
+{
+    return (a >= b) | (a != a) ? a : b;
+}
+
+static inline double smaller(double a, double b)
+{
+    return (a <= b) | (a != a) ? a : b;
+}
+
+static inline void normal_law(double p, double mu, double *y, double *r)
+{
+    double large = 0.5 * (sqrt(p * p + 4.0 * mu) + fabs(p)), small = mu / large;
+    *y = p > 0.0 ? small : large;
+    *r = p > 0.0 ? large : small;
+}
+
+static inline double distance_from_bound(double q, double gamma, double mu)
+{
+    double rest = gamma - q, large = 0.5 * (sqrt(rest * rest + 4.0 * mu) + fabs(rest));
+    double s = smaller(rest > 0.0 ? large : mu / large, gamma);
+    for (int k = 0; k < 4; k++) {
+        double other = 2.0 * gamma - s, near = mu / s, far = mu / other;
+        s = s - (s - near + far - rest) / (1.0 + near / s + far / other);
+    }
+    return smaller(s, gamma);
+}
+
+/* Distances from the laws at x0 + part c + s t, moved by given openings and slips. */
+void distances(int count, double smallest, double mu, double part, double s,
+               const double *friction, const double *strength, const double *carried,
+               const double *start, const double *correction, const double *tangent,
+               const double *springs, const double *compliance, const double *motion,
+               double *restrict found)
+{
+    const double *k_n = springs, *k_t = k_n + count, *coupling = k_t + count;
+    const double *c_n = compliance, *c_t = c_n + count;
+    for (int i = 0; i < count; i++) {
+        int j = i + count, k = j + count, l = k + count;
+        double opening = motion[i], slip = motion[j];
+        double r = -k_n[i] * opening, shear = -k_t[i] * slip - coupling[i] * opening;
+        double at_y = start[i] + part * correction[i] + s * tangent[i] + (opening + c_n[i] * r);
+        double at_r = start[j] + part * correction[j] + s * tangent[j] + r;
+        double at_w = start[k] + part * correction[k] + s * tangent[k] + (slip + c_t[i] * shear);
+        double at_shear = start[l] + part * correction[l] + s * tangent[l] + shear;
+        double y, q = at_shear - at_w;
+        normal_law(at_r - at_y, mu, &y, &r);
+        double bound = friction[i] * r + strength[i], gamma = carried[i] > 0.0 ? bound : 1.0;
+        double w = copysign(gamma - distance_from_bound(fabs(q), gamma, mu), q) - q;
+        double of_p = fabs(y - at_y) / larger(r + y, smallest);
+        double of_q = fabs(w - at_w) / larger(gamma + fabs(w), smallest);
+        double distance = larger(of_p, carried[i] > 0.0 ? of_q : 0.0);
+        found[i] = distance == distance ? distance : INFINITY;
+    }
+}
+
+/* Displacements by blocks alone, and forces in excess of those of the springs. */
+static inline void split(state x, double k_n, double k_t, double coupling, double c_n, double c_t,
+                  double carried, double *moved, double *excess, int next)
+{
+    double opening = x.y - c_n * x.r, slip = x.w - c_t * x.shear;
+    moved[0] = opening;
+    moved[next] = slip;
+    excess[0] = x.r + k_n * opening;
+    excess[next] = (x.shear + k_t * slip + coupling * opening) * carried;
+}
+
+/* Equations of the chosen points: displacements and excess forces of what the laws differ by from
+   the tangents and of its change along the line, shape (2, 2, count) each; sizes of p, q, tau; and
+   slopes by p and q, shape (2 count, 2 count + 1), whose last column is left to the caller. */
+void chosen_points(int count, double smallest, double mu, double log_mu_rate, double part,
+                   double s, double of_part, double of_s, const double *x,
+                   const double *friction, const double *strength,
+                   const double *carried, const double *start,
+                   const double *correction, const double *tangent, const double *springs,
+                   const double *compliance, const double *answers, double *moved,
+                   double *excess, double *sizes, double *slopes)
+{
+    int width = 2 * count + 1;
+    for (int j = 0; j < count; j++) {
+        double p = x[j], q = x[count + j], y, r;
+        normal_law(p, mu, &y, &r);
+        double root = y + r, gamma = carried[j] > 0.0 ? friction[j] * r + strength[j] : 1.0;
+        double r_p = r / root, y_p = -y / root, r_mu = mu / root;
+        double near = distance_from_bound(fabs(q), gamma, mu), far = 2.0 * gamma - near;
+        double of_near = mu / near, of_far = mu / far;
+        double by_s = 1.0 + of_near / near + of_far / far;
+        double by_gamma = -1.0 - 2.0 * of_far / far;
+        double side = carried[j] > 0.0 ? copysign(1.0, q) : 0.0;
+        double shear = side * (gamma - near), w = shear - q;
+        double shear_r = side * (1.0 + by_gamma / by_s) * friction[j];
+        double shear_p = shear_r * r_p, shear_q = carried[j] > 0.0 ? 1.0 / by_s : 0.0;
+        double shear_mu = shear_r * r_mu + side * (of_far - of_near) / by_s;
+        double states[4] = {y, r, w, shear}, by_mu[4] = {r_mu, r_mu, shear_mu, shear_mu};
+        double change[2][4];
+        for (int k = 0; k < 4; k++) {
+            int i = k * count + j;
+            change[0][k] = states[k] - (start[i] + part * correction[i] + s * tangent[i]);
+            change[1][k] = of_s * (log_mu_rate * by_mu[k] - tangent[i]) - of_part * correction[i];
+        }
+        state of[4] = {{change[0][0], change[0][1], change[0][2], change[0][3]},
+                       {change[1][0], change[1][1], change[1][2], change[1][3]},
+                       {y_p, r_p, shear_p, shear_p},
+                       {0.0, 0.0, shear_q - 1.0, shear_q}};
+        double k_n = springs[j], k_t = springs[count + j], coupling = springs[2 * count + j];
+        double c_n = compliance[j], c_t = compliance[count + j];
+        for (int k = 0; k < 2; k++) {
+            int i = k * count + j;
+            split(of[k], k_n, k_t, coupling, c_n, c_t, carried[j], moved + i, excess + i, 2 * count);
+        }
+        for (int k = 0; k < 2; k++) { /* p and q of a point change its own forces alone */
+            double own[2], forces[2];
+            split(of[2 + k], k_n, k_t, coupling, c_n, c_t, carried[j], own, forces, 1);
+            double *slope = slopes + k * count + j;
+            for (int i = 0; i < 2 * count; i++) {
+                const double *answer = answers + 2 * count * i;
+                slope[i * width] = -(answer[j] * forces[0] + answer[count + j] * forces[1]);
+            }
+            slope[j * width] += own[0];
+            slope[(count + j) * width] += own[1];
+        }
+        sizes[j] = larger(r + y, smallest);
+        sizes[count + j] = larger(gamma + fabs(w), smallest);
+    }
+    sizes[2 * count] = 1.0;
+}
