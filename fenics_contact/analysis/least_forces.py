@@ -7,8 +7,9 @@ joint that belongs to a point, this takes the forces with
 
     min sum (r_N^2 + r_T^2) / d,   B_N^T r_N + B_T^T r_T as given,   r_N >= 0,   |r_T| <= F r_N + c,
 
-the least in the norm of the pressures. Points at their bounds, open or slipping, keep their forces,
-so that complementarity, friction and dissipation remain. In an orthonormal basis of the loops this
+the least in the norm of the pressures. Points at their bounds keep their forces, and so do points
+that have opened or slipped, or do so in the collapse mode: complementarity, friction and
+dissipation remain. In an orthonormal basis of the loops this
 is a least distance program (C.L. Lawson, R.J. Hanson, Solving Least Squares Problems (1974), ch.
 23).
 """
@@ -32,11 +33,13 @@ class LeastForcesOptions:
 
     Attributes:
         bound: A point is at a bound if it misses it by less than this part of the largest force.
+        moved: It has opened or slipped by more than this part of the largest opening or slip.
         rank: Singular values below this part of the largest one are zero; others are above 1e-2.
         rounding: Forces may miss their bounds by this part of the largest one at the place.
     """
 
     bound: float = 1e-6
+    moved: float = 1e-6
     rank: float = 1e-9
     rounding: float = 1e-12
 
@@ -55,7 +58,7 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     """Joint values with the least forces that load the nodes alike; the same on all ranks."""
     joints = whole.joints
     forces = np.column_stack([values.normal_force, values.shear_force])
-    free = _free(joints, forces)
+    free = _free(joints, forces) & _rests(values)[:, None]
     rows = _nodal_rows(whole)
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
     for points in _places(joints.nodes):
@@ -95,6 +98,13 @@ def _free(joints: Joints, forces: Array) -> Flags:
     frictionless = (joints.friction == 0.0) & (joints.shear_strength == 0.0)
     pressed, sticks = normal > least, bound - np.abs(shear) > least
     return np.column_stack([pressed & (sticks | frictionless), pressed & sticks])
+
+
+def _rests(values: JointValues) -> Flags:
+    """Points that have neither opened nor slipped, and do not in the collapse mode."""
+    moved = np.maximum(values.gap, np.abs(values.slip))
+    still = moved <= OPTIONS.moved * max(moved.max(initial=0.0), 0.0)
+    return np.asarray(still & ~values.opens & ~values.slips)
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,13 @@ def test_the_certificate_passes_with_least_forces(solved):
     assert certificate.kinematic_factor == pytest.approx(end.certificate.kinematic_factor, rel=1e-7)
 
 
+def moved(result):
+    """Points that have opened or slipped, or do so in the collapse mode."""
+    values = result.positive.joints
+    so_far = np.maximum(values.gap, np.abs(values.slip))
+    return (so_far > 1e-6 * so_far.max()) | values.opens | values.slips
+
+
 def test_laws_hold_and_bounds_stay(solved):
     result, whole, raw = solved
     joints, (normal, shear) = whole.joints, least(result).T
@@ -90,7 +97,7 @@ def test_laws_hold_and_bounds_stay(solved):
     strict = joints.friction * raw[:, 0] + joints.shear_strength - np.abs(raw[:, 1])
     at_bound = (raw[:, 0] < 1e-8 * largest) | (strict < 1e-8 * largest)
     assert np.array_equal(least(result)[at_bound], raw[at_bound])
-    moves = result.positive.joints.opens | result.positive.joints.slips
+    moves = result.positive.joints.opens | result.positive.joints.slips | moved(result)
     assert np.array_equal(least(result)[moves], raw[moves])
 
 
@@ -100,6 +107,7 @@ def test_no_admissible_forces_are_less(solved):
     joints, found = whole.joints, least(result)
     strict = joints.friction * raw[:, 0] + joints.shear_strength - np.abs(raw[:, 1])
     free = (raw[:, 0] > 2e-6 * np.abs(raw).max()) & (strict > 2e-6 * np.abs(raw).max())
+    free &= ~moved(result)
     assert np.any(free)
     # Unknown are changes (normal, shear), each of size 1 at most, of the forces at these points.
     now, friction = found[free] / np.abs(raw).max(), joints.friction[free]
