@@ -17,6 +17,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.gmsh_reader import GmshContents, Tags, contents, read
+from fenics_contact.msh_text import text_contents
 from fenics_contact.planar_cells import (
     anticlockwise,
     check_apart,
@@ -194,7 +195,7 @@ def _read(path: Path) -> GmshMesh:
     if not start.startswith((b"$MeshFormat", b"$Comments")):
         raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
     try:
-        found = read(path)
+        found = text_contents(path) or read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
     return _mesh_of(found, f"'{path}'")

@@ -5,7 +5,9 @@ Every `draw_...` draws on given matplotlib axes, on this rank, and returns them;
 
 from __future__ import annotations
 
+import io
 import math
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -41,6 +43,8 @@ from fenics_contact.output.view import View
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
 WIDTH, NARROWEST, HEIGHTS = 6.0, 3.2, (1.2, 9.0)
+#: Pixels per inch of files, and what is left free around a picture, inches.
+DPI, MARGIN = 150, 0.08
 #: Blocks that are numbered in a picture.
 LEGIBLE = 60
 #: Squares of the stress raster to a cross; the stress that ends the colours is this quantile of
@@ -246,7 +250,7 @@ def save(
     width, height = np.ptp(extent(view, view.moved), axis=0)
     tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
     wide = max(min(WIDTH, tall * width / height), NARROWEST)
-    figure = Figure(figsize=(len(draws) * wide, tall + 1.1), layout="constrained")
+    figure = Figure(figsize=(len(draws) * wide, tall + 1.1), dpi=DPI, layout="constrained")
     places = figure.subplots(1, len(draws), squeeze=False, sharex=True, sharey=True)
     for axes, draw in zip(places[0], draws, strict=True):
         draw(axes, view)
@@ -268,13 +272,37 @@ def save_capacity(
     """The capacity curve."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(7.0, 4.5), dpi=DPI, layout="constrained")
     draw_capacity(figure.subplots(), points, limit, peak)
     _save(figure, title or "Capacity curve", paths)
 
 
 def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
-    """Write a figure with its title and tight margins."""
+    """Write a figure with its title and tight margins, laid out once for all files."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine("none")
+    box = figure.get_tightbbox().padded(MARGIN)
     for path in paths:
-        figure.savefig(path, dpi=150, bbox_inches="tight", pad_inches=0.08)
+        if isinstance(path, Path) and path.suffix != ".png":
+            figure.savefig(path, bbox_inches=box)
+        else:
+            _save_png(figure, box, path)
+
+
+def _save_png(figure: Any, box: Any, path: Path | BinaryIO) -> None:
+    """Write the part of a figure in a box, inches, as PNG.
+
+    Without transparency, and packed by runs of equal pixels: a third of the time of `savefig`.
+    """
+    from PIL import Image
+
+    raw = io.BytesIO()
+    figure.savefig(raw, format="raw", bbox_inches=box)
+    shape = -1, int(box.width * DPI), 4
+    pixels = np.frombuffer(raw.getvalue(), dtype=np.uint8).reshape(shape)[..., :3]
+    image = Image.fromarray(np.ascontiguousarray(pixels))
+    image.save(path, format="png", dpi=(DPI, DPI), compress_type=zlib.Z_RLE)

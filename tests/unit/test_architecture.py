@@ -24,6 +24,7 @@ TREES = {
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
+    {"msh_text"},
     {"mesh"},
     {"meshing", "drawing", "builders", "refinement", "scene", "toml_tables"},
     {"discretization"},
