@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import atexit
 import contextlib
+import gc
 import io
 import logging
 import os
@@ -50,6 +51,8 @@ EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "n
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
+    gc.freeze()  # modules stay: no search for garbage need look at them again
+    atexit.register(gc.freeze)  # nor the last one at anything: all is freed with the process
     comm = MPI.COMM_WORLD
     with _output_may_close():
         with _only_on_root(comm):

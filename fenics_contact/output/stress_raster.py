@@ -56,13 +56,16 @@ def stress_raster(discretization: Discretization, elastic: Array) -> StressRaste
     corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
     sums = np.zeros((rows * columns, 4))  # area, and area times stresses
     for cells, shapes in _samples(corners, step):
-        places = np.einsum("sk,ckd->csd", shapes, corners[cells])
-        column, row = np.moveaxis(((places - corner) / step).astype(np.int64), -1, 0)
+        places = (shapes @ corners[cells, :, axis].T for axis in (0, 1))
+        column, row = (
+            ((place - start) / step).astype(np.int64)
+            for place, start in zip(places, corner, strict=True)
+        )
         square = np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
-        share = np.repeat(_areas(corners[cells]) / len(shapes), len(shapes))
-        values = np.repeat(stress[cells], len(shapes), axis=0)
-        for total, weight in zip(sums.T, [share, *(share * values.T)], strict=True):
-            total += np.bincount(square.ravel(), weight, rows * columns)
+        share = _areas(corners[cells]) / len(shapes)
+        for total, weight in zip(sums.T, [share, *(share * stress[cells].T)], strict=True):
+            weights = np.broadcast_to(weight, square.shape).ravel()
+            total += np.bincount(square.ravel(), weights, rows * columns)
     discretization.scene.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     return StressRaster(corner, step, *_means(sums.reshape(rows, columns, 4)))
 
@@ -76,8 +79,10 @@ def _means(sums: Array) -> tuple[Array, Array]:
 def _samples(corners: Array, step: float) -> list[tuple[Indices, Array]]:
     """Cells, and shape functions at points that divide them finer than the squares, by number."""
     size = np.ptp(corners, axis=1).max(axis=1)
-    # Powers of two, so that there are few kinds of cells.
-    divisions = 2 ** np.ceil(np.log2(np.maximum(2.0 * size / step, 1.0))).astype(np.int64)
+    least = np.maximum(2.0 * size / step, 1.0)
+    # Powers of two and 1.5 times these, so that there are few kinds of cells.
+    power = 2 ** np.ceil(np.log2(least)).astype(np.int64)
+    divisions = np.where(least <= 0.75 * power, 3 * power // 4, power)
     kinds = np.unique(divisions).tolist()
     return [(np.flatnonzero(divisions == n), _shapes(n, corners.shape[1])) for n in kinds]
 
