@@ -249,7 +249,7 @@ def by_fixed_point(
     options = FixedPointOptions(max_iterations=LOWEST.iterations)
     iteration = FixedPoint(modes.reduced, solve, LOWEST.tolerance, *told, options)
     start = modes.restricted(case.bonded_state(task.work))
-    return iteration.run(start, bound)[0].state, task.mu(OPTIONS.ends[0])
+    return iteration.run(start, modes.of_points(bound))[0].state, task.mu(OPTIONS.ends[0])
 
 
 def _searches(case: LoadCase) -> Iterator[tuple[str, Search]]:

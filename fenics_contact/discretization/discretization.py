@@ -293,8 +293,8 @@ class Discretization:
         nodes = self._first_node + np.arange(len(elasticity.arm))
         directions = self.supports.free_directions(nodes)
         shapes = np.einsum("nji,njk->nik", directions, modes(elasticity.arm))
-        body, sides = elasticity.node_body, self.operators.sides
-        blocks = Blocks.numbered_by_rank(self.scene.comm, body, sides, count)
+        points, sides = self.operators.points, self.joints.bodies
+        blocks = Blocks(elasticity.node_body, points, sides, count)
         return self._owned.enter_context(BlockModes(self.problem, shapes, blocks))
 
     @property

@@ -16,6 +16,8 @@ which is zero for a single triangle, whose modes are all that it has. A path of 
 (`arclength`) leads through the same folds at little cost: which joints open and slide hangs on how
 blocks move, and how forces spread among the others on how they strain. Its state, with the same
 joint forces and the displacements P a + C B^T r, is where the structure itself is taken up.
+
+It is small: every rank has all of it and follows the same path, so that the ranks need not talk.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,27 +59,57 @@ class BlockModesOptions:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks as the reduction sees them, each rank's numbered in a row.
+    """Blocks and joint points as the reduction sees them.
 
     Attributes:
         body: Block of every node of this rank.
-        sides: Blocks on both sides of this rank's joint points, -1: ground, shape (points, 2).
+        points: Numbers of this rank's joint points among all.
+        sides: Blocks on both sides of all joint points, -1: ground, shape (all points, 2).
         count: Number of blocks.
-        mine: Numbers of this rank's blocks.
     """
 
     body: Integers
+    points: npt.NDArray[np.integer]
     sides: Integers
     count: int
-    mine: range
 
-    @classmethod
-    def numbered_by_rank(
-        cls, comm: MPI.Comm, body: Integers, sides: Integers, count: int
-    ) -> Blocks:
-        """Number the blocks by the rank that has most of their nodes; they come by any numbers."""
-        number, mine = numbered_by_rank(comm, body, count)
-        return cls(number[body], np.where(sides < 0, -1, number[sides]), count, mine)
+
+@dataclass(frozen=True)
+class Share:
+    """The part of a whole array that is on this rank.
+
+    Attributes:
+        comm: Ranks that share the array.
+        places: Of this rank's entries in the whole array.
+        size: Of the whole array.
+    """
+
+    comm: MPI.Comm
+    places: npt.NDArray[np.integer]
+    size: int
+
+    def whole(self, values: Array) -> Array:
+        """The whole array, on all ranks, from this rank's entries along the last axis."""
+        found = np.zeros((*values.shape[:-1], self.size))
+        found[..., self.places] = values
+        if self.comm.size > 1:
+            self.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+        return found
+
+    def whole_matrix(self, matrix: PETSc.Mat, column: npt.NDArray[np.integer]) -> PETSc.Mat:
+        """A whole matrix on every rank, in place of a distributed one whose rows are shared so.
+
+        `column` is the place of every column of the matrix in the whole one.
+        """
+        start, columns, values = matrix.getValuesCSR()
+        matrix.destroy()
+        rows = np.repeat(self.places, np.diff(start))
+        parts = self.comm.allgather((rows, column[columns], values))
+        rows, columns, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        order = np.lexsort((columns, rows))
+        begin = np.cumsum([0, *np.bincount(rows, minlength=self.size)])
+        csr = begin.astype(PETSc.IntType), columns[order].astype(PETSc.IntType), values[order]
+        return PETSc.Mat().createAIJ((self.size, len(column)), csr=csr, comm=MPI.COMM_SELF)
 
 
 class BlockModes(Closing):
@@ -104,25 +137,49 @@ class BlockModes(Closing):
             options: Numbers of the reduction.
         """
         options = options or BlockModesOptions()
-        self.full, self._blocks, self._modes = problem, blocks, shapes.shape[2]
-        basis, is_mode = _orthonormal_columns(problem, shapes, blocks, options.dependent)
-        stiffness = problem.stiffness.matrix.ptap(basis)
-        _set_diagonal_where_missing(stiffness, is_mode)
+        comm, count = problem.comm, shapes.shape[2]
+        self.full, self._blocks, self._modes = problem, blocks, count
+        number, mine = numbered_by_rank(comm, blocks.body, blocks.count)
+        original = np.argsort(number)
+        basis, is_mode = _orthonormal_columns(problem, shapes, number[blocks.body], mine, options)
         self._basis = SparseMap(basis)
+        self._points = Share(comm, blocks.points, len(blocks.sides))
+        unknowns = _unknowns(original, count)
+        self._unknowns = Share(comm, unknowns[count * mine.start : count * mine.stop], len(unknowns))
         self._indentation = _node_compliance(problem, blocks, options.indentation)
-        self.reduced = replace(
+        stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), unknowns)
+        _set_diagonal_where_missing(stiffness, is_mode[np.argsort(unknowns)])
+        rigid = basis.transposeMatMult(problem.rigid.matrix)
+        motions = np.arange(rigid.getSize()[1])
+        normal, tangential = (
+            self._points.whole_matrix(operator.matrix.matMult(basis), unknowns)
+            for operator in (problem.normal, problem.tangential)
+        )
+        self.reduced = self._loaded(
+            problem,
             problem,
             stiffness=SparseMap(stiffness),
-            dead=self._basis.T @ problem.dead,
-            live=self._basis.T @ problem.live,
-            normal=SparseMap(problem.normal.matrix.matMult(basis)),
-            tangential=SparseMap(problem.tangential.matrix.matMult(basis)),
-            rigid=SparseMap(basis.transposeMatMult(problem.rigid.matrix)),
-            compliance=_point_compliance(problem, self._indentation),
+            normal=SparseMap(normal),
+            tangential=SparseMap(tangential),
+            rigid=SparseMap(self._unknowns.whole_matrix(rigid, motions)),
+            compliance=self._points.whole(_point_compliance(problem, self._indentation)),
         )
         self._owner, less = Owner(), self.reduced
         for item in (less.stiffness, less.normal, less.tangential, less.rigid, self._basis):
             self._owner.callback(item.close)
+
+    def _loaded(
+        self, reduced: ContactProblem, problem: ContactProblem, **maps: Any
+    ) -> ContactProblem:
+        """The reduced structure under the loads and laws of a problem of the structure."""
+        laws = ("friction", "strength", "opening_origin", "slip_origin")
+        return replace(
+            reduced,
+            dead=self.motion(problem.dead),
+            live=self.motion(problem.live),
+            **{name: self._points.whole(getattr(problem, name)) for name in laws},
+            **maps,
+        )
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
         """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""
@@ -132,34 +189,39 @@ class BlockModes(Closing):
     def changed(self, problem: ContactProblem) -> BlockModes:
         """The same modes under other loads and laws; this object keeps the maps."""
         new = copy(self)
-        new.full = problem
-        new.reduced = replace(
-            self.reduced,
-            dead=self._basis.T @ problem.dead,
-            live=self._basis.T @ problem.live,
-            friction=problem.friction,
-            strength=problem.strength,
-            opening_origin=problem.opening_origin,
-            slip_origin=problem.slip_origin,
-        )
+        new.full, new.reduced = problem, self._loaded(self.reduced, problem)
         return new
+
+    def of_points(self, values: Array) -> Array:
+        """Values at this rank's joint points as those at all points, which the modes have."""
+        return self._points.whole(values)
 
     def restricted(self, state: State) -> State:
         """A state in the modes: their part of the displacements, the same joint forces."""
         u = self.motion(state.displacement)
-        return replace(state, displacement=u, elastic=self.reduced.elastic_part(u))
+        return replace(
+            state,
+            displacement=u,
+            elastic=self.reduced.elastic_part(u),
+            pressure=self.of_points(state.pressure),
+            shear=self.of_points(state.shear),
+        )
 
     def motion(self, displacement: Array) -> Array:
-        """Part of displacements of the structure that is in the modes, by these."""
-        return self._basis.T @ displacement
+        """Part of displacements of the structure, or of forces, that is in the modes."""
+        return self._unknowns.whole(self._basis.T @ displacement)
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""
-        indented = self._indentation * self.full.joint_forces(state.pressure, state.shear)
+        mine, points = self._unknowns.places, self._points.places
+        pressure, shear = state.pressure[points], state.shear[points]
+        indented = self._indentation * self.full.joint_forces(pressure, shear)
         return replace(
             state,
-            displacement=self._basis @ state.displacement + indented,
-            elastic=self._basis @ state.elastic + self.full.elastic_part(indented),
+            displacement=self._basis @ state.displacement[mine] + indented,
+            elastic=self._basis @ state.elastic[mine] + self.full.elastic_part(indented),
+            pressure=pressure,
+            shear=shear,
         )
 
 
@@ -192,24 +254,33 @@ def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Intege
     return number, range(first, last)
 
 
+def _unknowns(original: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.integer]:
+    """Places of the columns of P, by rank, among the unknowns by block; `original` blocks."""
+    return np.asarray((count * original[:, None] + np.arange(count)).ravel())
+
+
 def _orthonormal_columns(
-    problem: ContactProblem, shapes: Array, blocks: Blocks, dependent: float
+    problem: ContactProblem, shapes: Array, body: Integers, mine: range, options: BlockModesOptions
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
-    """P, of which a block's columns span its modes, and which of all columns are not zero."""
-    comm, count, body = problem.comm, shapes.shape[2], blocks.body
-    gram = np.zeros((blocks.count, count, count))
+    """P, of which a block's columns span its modes, and which of all columns are not zero.
+
+    `body` is the block of every node of this rank, numbered by rank, and `mine` are its blocks.
+    """
+    comm, count = problem.comm, shapes.shape[2]
+    blocks = comm.allreduce(len(mine))
+    gram = np.zeros((blocks, count, count))
     for k, m in combinations_with_replacement(range(count), 2):
         products = np.sum(shapes[:, :, k] * shapes[:, :, m], axis=1)
-        gram[:, k, m] = gram[:, m, k] = np.bincount(body, products, blocks.count)
+        gram[:, k, m] = gram[:, m, k] = np.bincount(body, products, blocks)
     gram = comm.allreduce(gram)
     # Modes of unit length first: their sizes are powers of the block's.
     length = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
     size, direction = np.linalg.eigh(gram * scale[:, :, None] * scale[:, None, :])
-    independent = size > dependent
+    independent = size > options.dependent
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.matmul(shapes, columns[body])
-    sizes = (values.shape[0] * 2, PETSc.DETERMINE), (count * len(blocks.mine), count * blocks.count)
+    sizes = (values.shape[0] * 2, PETSc.DETERMINE), (count * len(mine), count * blocks)
     indices = np.repeat(count * body[:, None] + np.arange(count), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (count * np.arange(2 * len(body) + 1), indices.ravel())]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
@@ -219,9 +290,7 @@ def _orthonormal_columns(
 def _set_diagonal_where_missing(stiffness: PETSc.Mat, is_mode: npt.NDArray[np.bool_]) -> None:
     """Put the mean diagonal on rows of modes that are none."""
     diagonal = stiffness.getDiagonal()
-    first, last = stiffness.getOwnershipRange()
-    mean = diagonal.sum() / diagonal.getSize()
-    diagonal.array[~is_mode[first:last]] = mean
+    diagonal.array[~is_mode] = diagonal.sum() / diagonal.getSize()
     stiffness.setDiagonal(diagonal)
     diagonal.destroy()
 
