@@ -21,6 +21,7 @@ IN_TREE13 := TREE="$(TREE13)" PACKAGES="$(PACKAGES13)" MIRROR="$(MIRROR13)" .ci/
 # Processes that share the tests, and numbers of ranks that those in parallel run on.
 WORKERS := 2
 RANKS := 2 3
+MPI := mpi
 
 export OMP_NUM_THREADS := 1
 # mpirun asks for these where root runs it, as in a container.
@@ -79,7 +80,7 @@ test-slow: setup  ## run all other tests
 
 test-mpi: setup  ## run the tests in parallel, on 2 and 3 ranks (others: make test-mpi RANKS=4)
 	for n in $(RANKS); do \
-	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m mpi -p no:xdist -p no:cacheprovider \
+	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m "$(MPI)" -p no:xdist -p no:cacheprovider \
 	  || exit 1; done
 
 debian13: debootstrap  # a Debian 13 tree with the packages, as root

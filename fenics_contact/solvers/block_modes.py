@@ -145,7 +145,8 @@ class BlockModes(Closing):
         self._basis = SparseMap(basis)
         self._points = Share(comm, blocks.points, len(blocks.sides))
         unknowns = _unknowns(original, count)
-        self._unknowns = Share(comm, unknowns[count * mine.start : count * mine.stop], len(unknowns))
+        own = unknowns[count * mine.start : count * mine.stop]
+        self._unknowns = Share(comm, own, len(unknowns))
         self._indentation = _node_compliance(problem, blocks, options.indentation)
         stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), unknowns)
         _set_diagonal_where_missing(stiffness, is_mode[np.argsort(unknowns)])

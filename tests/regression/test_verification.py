@@ -24,6 +24,7 @@ def test_hertz():
     assert missed(hertz_figures(hertz(10), 10)) == []
 
 
+@pytest.mark.slow
 def test_cattaneo_and_mindlin():
     assert missed(cattaneo_figures(cattaneo(15), 15)) == []
 

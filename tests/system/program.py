@@ -23,7 +23,7 @@ from tests.drawing import rectangle
 ROOT = Path(__file__).resolve().parents[2]
 
 #: A hang is a failure; nothing here takes more than a few seconds.
-TIMEOUT = 60.0
+TIMEOUT = 180.0
 
 #: A block of 1 m x 0.5 m on rigid ground, its weight times the load factor pushing to the right.
 BLOCK: dict[str, Any] = {

@@ -27,7 +27,7 @@ from tests.system.program import Run, command, environment, files, result, run, 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
 #: Time in which a run comes to a moment, and in which it ends, s.
-PATIENCE = 60.0
+PATIENCE = 180.0
 
 STATE, PARENT, SESSION = 0, 1, 3  # columns of /proc/PID/stat behind the name
 

@@ -497,7 +497,7 @@ def capacity_of(folder: Path) -> dict[str, np.ndarray]:
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_capacity_curve(ranks, tmp_path):
     # A tower that topples: its joints open bit by bit.
     rough = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
@@ -514,6 +514,7 @@ def test_capacity_curve(ranks, tmp_path):
     assert factor[-1] == pytest.approx(result(output)["load_factor"], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_capacity_curve_of_load_control_is_its_path(tmp_path):
     changes = WALL | {"solve.control": "load", "output.capacity": 4, "output.paraview": False}
     write_scene(tmp_path, changes, "wall")
@@ -534,6 +535,7 @@ def test_capacity_curve_of_load_control_is_its_path(tmp_path):
     assert records[1] == pytest.approx(records[0], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_capacity_curve_as_a_time_series(tmp_path):
     rough = {"joints.default.friction": 0.8, "foundations.base.friction": 0.8}
     write_scene(tmp_path, rough | {"output.capacity": 3, "output.pictures": False}, "tower")

@@ -75,7 +75,7 @@ def test_piped_output_is_lines_printed_once(ranks, tmp_path):
         assert len(lines) == (2 if once == "verified" else 1)  # a verdict for each direction
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_piped_capacity_curve_is_a_line_per_point(ranks, tmp_path):
     write_scene(tmp_path, {"output.capacity": 3})
     found = run(["solve", "scene.toml"], tmp_path, ranks)

@@ -91,7 +91,10 @@ def solved(folder: Path, capsys: Any, changes: dict[str, Any], mesh: str) -> tup
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("direction", ["positive", "negative", "both"])
+@pytest.mark.parametrize(
+    "direction",
+    ["both", *(pytest.param(one, marks=pytest.mark.slow) for one in ("positive", "negative"))],
+)
 @pytest.mark.parametrize("status", SCENES)
 def test_every_status_has_its_page(status, direction, folder, capsys):
     changes, mesh, words = SCENES[status]
@@ -225,6 +228,7 @@ def test_4_where_the_page_cannot_be_written(folder, capsys):
     assert found.code == 4 and found.err.startswith("fenics-contact: cannot write 'no/page.html'")
 
 
+@pytest.mark.slow
 def test_ranks_write_the_same_page(tmp_path):
     write_scene(tmp_path, SMALL | {"output.pictures": False}, "wall")
     records = []

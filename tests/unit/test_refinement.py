@@ -113,7 +113,7 @@ def test_no_marked_cell_changes_nothing():
     assert np.array_equal(np.sort(same.body), np.sort(mesh.body))
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_load_factor_of_a_refined_wall_on_any_ranks(degree):
     """That of W1 does not depend on the mesh, that of W4 does."""
     scene = wall_recipe("W1", coulomb(0.65)).scene(2, error=False)
