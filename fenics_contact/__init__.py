@@ -1,23 +1,33 @@
-"""Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction."""
+"""Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction.
 
-from fenics_contact.equilibrium import Equilibrium, equilibrium
+Names are imported when they are first used: the command line answers `--help` without dolfinx.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
 from fenics_contact.errors import ContactError, InputError, OutputError, SolverError
-from fenics_contact.limit_load import LimitLoad, limit_load
-from fenics_contact.mesh import BlockMesh
-from fenics_contact.scene import (
-    EarthPressure,
-    EdgeForce,
-    JointLaw,
-    Load,
-    Material,
-    Movement,
-    OutputOptions,
-    Scene,
-    SolveOptions,
-)
-from fenics_contact.sweeps.points import Point
-from fenics_contact.sweeps.sweep import Sweep, sweep
 from fenics_contact.version import __version__
+
+if TYPE_CHECKING:
+    from fenics_contact.equilibrium import Equilibrium, equilibrium
+    from fenics_contact.limit_load import LimitLoad, limit_load
+    from fenics_contact.mesh import BlockMesh
+    from fenics_contact.scene import (
+        EarthPressure,
+        EdgeForce,
+        JointLaw,
+        Load,
+        Material,
+        Movement,
+        OutputOptions,
+        Scene,
+        SolveOptions,
+    )
+    from fenics_contact.sweeps.points import Point
+    from fenics_contact.sweeps.sweep import Sweep, sweep
 
 __all__ = [
     "BlockMesh",
@@ -43,3 +53,45 @@ __all__ = [
     "limit_load",
     "sweep",
 ]
+
+#: Modules that have the names above.
+_HOMES = {
+    "BlockMesh": "mesh",
+    "EarthPressure": "scene",
+    "EdgeForce": "scene",
+    "Equilibrium": "equilibrium",
+    "JointLaw": "scene",
+    "LimitLoad": "limit_load",
+    "Load": "scene",
+    "Material": "scene",
+    "Movement": "scene",
+    "OutputOptions": "scene",
+    "Point": "sweeps.points",
+    "Scene": "scene",
+    "SolveOptions": "scene",
+    "Sweep": "sweeps.sweep",
+    "equilibrium": "equilibrium",
+    "limit_load": "limit_load",
+    "sweep": "sweeps.sweep",
+}
+
+
+class _Face(ModuleType):
+    """This package, in which a function goes before the module of the same name."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module 'fenics_contact' has no attribute '{name}'")
+        found = getattr(import_module(f"fenics_contact.{_HOMES[name]}"), name)
+        setattr(self, name, found)
+        return found
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *_HOMES})
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Face

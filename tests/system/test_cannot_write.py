@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import cli
+from fenics_contact import commands
 from tests.system.program import files, launcher, run_command, run_here, write_scene
 
 #: Run the command line, in which no file can be longer than so many bytes, as on a full disk.
@@ -45,7 +45,7 @@ def no_right(folder: Path) -> None:
 def test_folder_that_changes_during_the_run(
     happens: Callable[[Path], None], reason, folder, capsys, monkeypatch
 ):
-    solved = cli.limit_load
+    solved = commands.limit_load
 
     def solve(*arguments, **options):
         result = solved(*arguments, **options)
@@ -58,7 +58,7 @@ def test_folder_that_changes_during_the_run(
         return result
 
     before: set[str] = set()
-    monkeypatch.setattr(cli, "limit_load", solve)
+    monkeypatch.setattr(commands, "limit_load", solve)
     if MPI.COMM_WORLD.rank == 0:
         write_scene(folder)
     MPI.COMM_WORLD.barrier()

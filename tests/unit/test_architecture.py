@@ -23,7 +23,7 @@ TREES = {
 
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
-    {"errors", "compat", "gmsh_reader", "planar_cells", "version"},
+    {"errors", "compat", "gmsh_reader", "planar_cells", "version", "exit_codes"},
     {"msh_text"},
     {"mesh"},
     {"meshing", "drawing", "builders", "refinement", "scene", "toml_tables"},
@@ -32,7 +32,8 @@ FLOORS = (
     {"output", "console", "progress"},
     {"equilibrium", "limit_load"},
     {"sweeps"},
-    {"cli", "report"},
+    {"commands"},
+    {"cli"},
     {"__main__"},
 )
 
@@ -42,7 +43,7 @@ IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
 ON_FLOORS = set(TREES) - IN_SOLVERS
 
 #: Modules that talk to people.
-CONSOLE = {"cli", "__main__"}
+CONSOLE = {"cli", "commands", "__main__"}
 
 #: Modules that are slow to import or not always needed.
 LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "tqdm"}
@@ -175,3 +176,26 @@ def test_no_world_communicator_and_no_print():
         words = {getattr(node, "attr", getattr(node, "id", "")) for node in nodes}
         assert not {"print", "COMM_WORLD"} & words, name
         assert not any(full.endswith(".COMM_WORLD") for full in imported(nodes)), name
+
+
+LATE_FACE = """
+import sys
+import fenics_contact, fenics_contact.cli
+early = {"dolfinx", "petsc4py", "scipy", "matplotlib", "gmsh"} & set(sys.modules)
+import fenics_contact.limit_load
+from fenics_contact import equilibrium, limit_load, sweep
+wrong = [one for one in (equilibrium, limit_load, sweep) if not callable(one)]
+missing = set(fenics_contact.__all__) - set(dir(fenics_contact))
+if early or wrong or missing:
+    raise SystemExit(f"{early} {wrong} {missing}")
+"""
+
+
+def test_the_face_imports_what_is_used():
+    assert run_alone(LATE_FACE) == ""
+
+
+def test_the_face_has_no_other_names():
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = fenics_contact.nothing
+    assert [name for name in fenics_contact.__all__ if not hasattr(fenics_contact, name)] == []
