@@ -1,7 +1,7 @@
 """Run times, errors and costs: tables of rows, and the pictures drawn from them.
 
-    python3 benchmarks/run.py [--tables time_error,cost_size,methods] [--only "W4*"] [--repeat 3]
-        [--time-out 300] [--results FOLDER] [--pictures FOLDER]
+    python3 benchmarks/run.py [--tables time_error,cost_size,methods,real] [--only "W4*"]
+        [--repeat 3] [--time-out 300] [--results FOLDER] [--pictures FOLDER]
 
 A row is the median of runs in processes of their own, in which a small scene was solved first, so
 that no time is for compiling forms or loading libraries; the mesh is there before the clock starts.
@@ -28,12 +28,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.peers import PEERS, peer
 from benchmarks.pictures import draw
-from benchmarks.scenes import COST_SIZE, TIME_ERROR, matching, wall_blocks
+from benchmarks.scenes import COST_SIZE, REAL, TIME_ERROR, matching, wall_blocks
 from benchmarks.worker import HOME, Worker, save
 from fenics_contact import __version__, limit_load
-from tests.bank import BANK, Variant, coulomb, wall_recipe
+from tests.bank import BANK, Recipe, Variant, coulomb, wall_recipe
 
-TABLES = ("time_error", "cost_size", "methods")
+TABLES = ("time_error", "cost_size", "methods", "real")
 METHODS = ("auto", "fixed-point", "monolithic", "splitting", "active-set")
 
 #: Scenes of the bank on which all methods are compared.
@@ -74,6 +74,7 @@ def tasks(table: str) -> Iterator[Task]:
     for method, ranks in (("auto", 1), ("auto", 2), ("fixed-point", 1)):
         if table == "cost_size":
             yield from (Task(table, name, method, 4, ranks=ranks) for name in COST_SIZE)
+    yield from (Task(table, name, "auto") for name in REAL if table == "real")
     for name in TIME_ERROR if table == "time_error" else ():
         for method, degree in (("auto", 1), ("auto", 2), ("fixed-point", 1), ("splitting", 1)):
             yield from (Task(table, name, method, n, degree) for n in (1, 2, 4, 8))
@@ -111,8 +112,7 @@ def solve(task: Task) -> dict[str, Any]:
     """Solve a scene with this program."""
     options = {"variant": Variant(degree=task.degree), "method": task.method, "fast": False}
     limit_load(wall_recipe("2x2", coulomb(0.5)).scene(1, **options))
-    entries = {"methods": BANK, "cost_size": COST_SIZE, "time_error": TIME_ERROR}[task.table]
-    scene = entries[task.scene].recipe.scene(int(task.resolution), **options)
+    scene = recipe_of(task).scene(int(task.resolution), **options)
     gc.collect()
     scene.comm.barrier()
     result = limit_load(scene)
@@ -132,6 +132,14 @@ def solve(task: Task) -> dict[str, Any]:
         "memory_mb": memory / 1024.0,
         "made_with": f"fenics_contact {__version__}; {machine()}",
     }
+
+
+def recipe_of(task: Task) -> Recipe:
+    """How the scene of a row is made."""
+    if task.table == "real":
+        return REAL[task.scene]
+    entries = {"methods": BANK, "cost_size": COST_SIZE, "time_error": TIME_ERROR}[task.table]
+    return entries[task.scene].recipe
 
 
 def machine() -> str:

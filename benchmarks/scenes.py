@@ -93,6 +93,14 @@ COST_SIZE = {
     for n in (10, 14, 20, 28, 40, 80)
 }
 
+#: Structures as people draw them, pushed to the right and to the left.
+REAL = {
+    f"{name} {friction:g} {way}": recipe
+    for friction in (0.4, 0.5, 0.6, 0.7, 0.8)
+    for way, live in (("right", bank.PUSH), ("left", bank.LEFTWARDS))
+    for name, recipe in bank.real_recipes(friction, live).items()
+}
+
 
 def opening_courses(seed: int) -> list[list[float]]:
     """Courses of a wall of random size with one or two openings at random places."""
@@ -144,11 +152,11 @@ def comparison() -> dict[str, tuple[Recipe, int]]:
     for name in WALLS:
         found[f"{name} tresca"] = wall_recipe(name, bank.tresca(2e3)), 2
         found[f"{name} frictionless"] = wall_recipe(name, JointLaw("frictionless")), 2
-    return found
+    return found | {name: (recipe, 2) for name, recipe in REAL.items()}
 
 
 #: Scenes of `comparison` that take up to minutes, left out unless a pattern names them.
-LARGE = "?0x?0 * 4"
+LARGE = "?0x?0 * 4, facade*, rubble*"
 
 
 def matching(names: Iterable[str], pattern: str) -> list[str]:

@@ -16,8 +16,9 @@ from typing import Any
 
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, SolveOptions
-from fenics_contact.meshing import arch, buttress, polygons, running_bond, wall, wedge
+from fenics_contact import BlockMesh, EdgeForce, JointLaw, Load, Material, Scene, SolveOptions
+from fenics_contact.meshing import arch, buttress, default_size, polygons, running_bond, wall, wedge
+from tests import structures
 from tests.drawing import Drawing, rectangle, turned
 
 GRAVITY = 9.81
@@ -111,11 +112,19 @@ class Variant:
         """A load."""
         scaled = {n: (self.stress * x, self.stress * y) for n, (x, y) in load.traction.items()}
         traction = {name: self.vector(value) for name, value in scaled.items()}
-        return Load(self.vector(load.body), traction)
+        forces = {name: self.edge_force(one) for name, one in load.force.items()}
+        return Load(self.vector(load.body), traction, force=forces)
+
+    def edge_force(self, given: EdgeForce) -> EdgeForce:
+        """A force at a place with both coordinates."""
+        x, y = self.vector((given.x / self.length, (given.y or 0.0) / self.length))
+        unit = self.stress / self.length
+        force = self.vector((unit * given.force[0], unit * given.force[1]))
+        return EdgeForce(force, x, y, given.width / self.length)
 
     def law(self, law: JointLaw) -> JointLaw:
         """A joint law."""
-        names = "bound", "compressive_strength"
+        names = "bound", "compressive_strength", "cohesion"
         given = {name: getattr(law, name) for name in names if getattr(law, name) is not None}
         return replace(law, **{name: value * self.stress for name, value in given.items()})
 
@@ -204,8 +213,8 @@ class Known:
         source: Where that comes from.
         tags: Kinds of scenes, for `known`: "wall" (W1 ... W4) or "bond" with "tresca", "coulomb" or
             "bracket" (only bounds are known); "closed-form", "wedge"; "arch", "least" (thickness);
-            "hard" (on the arithmetic); "slow" (over 5 s); "open" (not solved reliably:
-            `not_converged` is an answer).
+            "hard" (on the arithmetic); "real" (as people draw); "slow" (over 5 s); "open" (not
+            solved reliably: `not_converged` is an answer).
         tolerance: On the load factor, relative to `size`.
         size: Typical load factor; that expected where not given.
         elements: For which mesh this holds.
@@ -355,6 +364,51 @@ def odd_and_even(drawing: Drawing) -> Drawing:
 def stretched(x: float, y: float, drawing: Drawing) -> Drawing:
     """Stretched along the axes."""
     return drawing.moved(lambda points: points * [x, y])
+
+
+def drawn_recipe(draw: Callable[[], Any], law: JointLaw, **parts: Any) -> Recipe:
+    """A `fenics_contact.drawing.Drawing`, with cells of the usual size for two elements."""
+
+    def mesh(elements: int, quads: bool) -> Any:
+        drawing = draw()
+        return drawing.mesh(default_size(drawing.blocks) * 2.0 / elements, quads)
+
+    return Recipe(mesh, law, parts)
+
+
+#: Two ties through the facade: forces at their four ends, N/m.
+TIES = {
+    f"{side} {level:g}": EdgeForce((force, 0.0), x, level, 0.4)
+    for level in (3.5, 5.8)
+    for side, x, force in (("left", 0.0, 5.0e4), ("right", 8.0, -5.0e4))
+}
+
+
+#: Pushed to the left in place of to the right.
+LEFTWARDS = Load((-GRAVITY, 0.0))
+FACADE_STONE = Material(3e9, 0.2, 2000.0)
+
+
+def real_recipes(friction: float, live: Load = PUSH) -> dict[str, Recipe]:
+    """Structures as they are drawn."""
+    law = coulomb(friction)
+    sticky = replace(law, cohesion=2e4)
+    pushed = {"live": live}
+    stone = {"materials": {"default": FACADE_STONE}, **pushed}
+    tied = {"dead": replace(WEIGHT, force=TIES), **stone}
+    return {
+        "facade": drawn_recipe(structures.facade, law, **stone),
+        "facade with ties": drawn_recipe(structures.facade, law, **tied),
+        "facade with cohesion": drawn_recipe(structures.facade, sticky, **stone),
+        "arch wall": drawn_recipe(structures.arch_wall, law, **pushed),
+        "gable": Recipe(
+            lambda n, quads: wall(structures.gable(), (0.4, 0.2), n, quads), law, pushed
+        ),
+        "buttressed wall": Recipe(
+            lambda n, quads: buttress(12, 0.6, 1.2, 0.4, 0.4 / n, quads), law, pushed
+        ),
+        "rubble": drawn_recipe(structures.rubble, law, **pushed),
+    }
 
 
 # What is known
@@ -569,9 +623,34 @@ def verge_entries(about: frozenset[str]) -> Iterator[Known]:
         yield Known(name, wedge_recipe(friction), exact, STATICS, about)
 
 
+def real_entries() -> Iterator[Known]:
+    """Structures as they are drawn, with friction 0.6."""
+    uppers = {  # pushed to the right, to the left
+        "facade": (0.43729, 0.42464),
+        "facade with ties": (0.48123, 0.47728),
+        "facade with cohesion": (0.63570, 0.61080),
+        "arch wall": (0.25900, 0.25900),
+        "gable": (0.55117, 0.55117),
+        "buttressed wall": (0.33590, 0.16303),
+        "rubble": (0.20465, 0.23198),
+    }
+    source = f"upper end: {PROGRAM}"
+    for way, live, number in (("right", PUSH, 0), ("left", LEFTWARDS, 1)):
+        for name, recipe in real_recipes(0.6, live).items():
+            about = tags("real" + " slow" * (name[:6] in ("facade", "rubble")))
+            label, upper = f"{name} 0.6 to the {way}", uppers[name][number]
+            yield Known(label, recipe, (0.0, upper), source, about, 5.1e-6, 1.0)
+
+
 BANK: dict[str, Known] = {
     entry.name: entry
-    for entries in (wall_entries, closed_form_entries, arch_entries, hard_entries)
+    for entries in (
+        wall_entries,
+        closed_form_entries,
+        arch_entries,
+        hard_entries,
+        real_entries,
+    )
     for entry in entries()
 }
 

@@ -39,7 +39,8 @@ def test_tables_name_scenes_that_exist():
         rows = list(run.tasks(table))
         assert len({(task.curve, task.scene, task.resolution) for task in rows}) == len(rows)
     assert len(matching(comparison(), "W[1-4] 0.65 *")) == 16
-    assert len(comparison()) == 184
+    assert len(comparison()) == 184 + 70
+    assert len(matching(comparison(), "facade*")) == 30
 
 
 def test_comparison_says_what_is_slower_and_what_differs():
