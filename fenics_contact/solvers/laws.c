@@ -78,7 +78,7 @@ static inline void split(state x, double k_n, double k_t, double coupling, doubl
 }
 
 /* Equations of the chosen points: displacements and excess forces of what the laws differ by from
-   the tangents and of its change along the line, shape (2, 2, count) each; sizes of p, q, tau; and
+   the tangents and of its change along the line, shape (2, 2 count) each; sizes of p, q, tau; and
    slopes by p and q, shape (2 count, 2 count + 1), whose last column is left to the caller. */
 void chosen_points(int count, double smallest, double mu, double log_mu_rate, double part,
                    double s, double of_part, double of_s, const double *x,
@@ -117,8 +117,8 @@ void chosen_points(int count, double smallest, double mu, double log_mu_rate, do
         double k_n = springs[j], k_t = springs[count + j], coupling = springs[2 * count + j];
         double c_n = compliance[j], c_t = compliance[count + j];
         for (int k = 0; k < 2; k++) {
-            int i = k * count + j;
-            split(of[k], k_n, k_t, coupling, c_n, c_t, carried[j], moved + i, excess + i, 2 * count);
+            int i = 2 * k * count + j;
+            split(of[k], k_n, k_t, coupling, c_n, c_t, carried[j], moved + i, excess + i, count);
         }
         for (int k = 0; k < 2; k++) { /* p and q of a point change its own forces alone */
             double own[2], forces[2];

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -170,15 +170,16 @@ class TangentModel:
         numbers = len(found), laws.smallest, mu, part, s
         motion = self._motion(forces)
         motion = np.zeros((2, len(found))) if motion is None else motion
-        compiled.distances(*numbers, *self.arrays, motion, found)
+        compiled.distances(*numbers, *self.contiguous, motion, found)
         return found
 
-    @property
-    def arrays(self) -> tuple[Array, ...]:
+    @cached_property
+    def contiguous(self) -> tuple[Array, ...]:
         """Laws, tangents and springs as the compiled laws take them."""
         laws = self.laws
-        of_laws = laws.friction, laws.strength, laws.frictional.astype(float)
-        return *of_laws, self.start, self.correction, self.tangent, self.springs, self.compliance
+        of_laws = laws.friction, laws.strength, laws.carried[1]
+        of_points = self.start, self.correction, self.tangent, self.springs, self.compliance
+        return tuple(np.ascontiguousarray(array) for array in (*of_laws, *of_points))
 
     def _motion(self, forces: Array | None) -> Array | None:
         """Openings and slips for forces at the chosen points, normal ones first."""
@@ -234,7 +235,7 @@ class CurvePoint:
         """Place on the line."""
         return float(self.x[-1])
 
-    @property
+    @cached_property
     def error(self) -> float:
         """The largest rest, relative to p and q."""
         return float(np.max(np.abs(self.rest) / self.sizes[:-1], initial=0.0))
@@ -263,17 +264,16 @@ class ChosenPoints:
             if compiled is None
             else self._compiled_equations(compiled, x, part, s)
         )
-        rest, slopes[:, -1] = (
-            moved[:, k].ravel() - self._compliance @ excess[:, k].ravel() for k in range(2)
-        )
-        return CurvePoint(x, part, s, rest, excess[:, 0].ravel(), sizes, slopes)
+        rest = moved[0] - self._compliance @ excess[0]
+        slopes[:, -1] = moved[1] - self._compliance @ excess[1]
+        return CurvePoint(x, part, s, rest, excess[0], sizes, slopes)
 
     def _equations(self, x: Array, part: float, s: float) -> tuple[Array, Array, Array, Array]:
         """Displacements, excess forces, sizes and slopes at x.
 
         The first two are of the laws' differences from the tangents, and of their change along the
-        line, shape (2, 2, points). The last column of the slopes, shape (2 points, 2 points + 1),
-        is left out.
+        line, normal ones first, shape (2, 2 points). The last column of the slopes, shape
+        (2 points, 2 points + 1), is left out.
         """
         model, count = self.model, len(x) // 2
         p, q = x[:count], x[count:-1]
@@ -291,20 +291,23 @@ class ChosenPoints:
         slopes = np.empty((2 * count, 2 * count + 1))
         slopes[:, :-1] = by_pq.reshape(2 * count, 2 * count)
         sizes = np.append(model.laws.sizes(states).ravel(), 1.0)
-        return moved[:, :2], excess[:, :2], sizes, slopes
+        moved, excess = (both[:, :2].swapaxes(0, 1).reshape(2, -1) for both in (moved, excess))
+        return moved, excess, sizes, slopes
 
     def _compiled_equations(
         self, compiled: CompiledLaws, x: Array, part: float, s: float
     ) -> tuple[Array, Array, Array, Array]:
         """The results of `_equations`, compiled."""
         model, count = self.model, len(x) // 2
-        shapes = (2, 2, count), (2, 2, count), (2 * count + 1,), (2 * count, 2 * count + 1)
-        moved, excess, sizes, slopes = (np.empty(shape) for shape in shapes)
+        moved = np.empty((2, 2 * count))
+        excess = np.empty((2, 2 * count))
+        sizes = np.empty(2 * count + 1)
+        slopes = np.empty((2 * count, 2 * count + 1))
         numbers = count, model.laws.smallest, model.mu_at(s), model.log_mu_rate
         line = part, s, *self.line.direction
-        found = moved, excess, sizes, slopes
-        compiled.chosen_points(*numbers, *line, x, *model.arrays, self._compliance, *found)
-        return found
+        given = x, *model.contiguous, self._compliance
+        compiled.chosen_points(*numbers, *line, *given, moved, excess, sizes, slopes)
+        return moved, excess, sizes, slopes
 
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""
@@ -318,8 +321,9 @@ class ChosenPoints:
     ) -> tuple[CurvePoint, int] | None:
         """Point a step on, not beyond some tau, and Newton's steps; None: not found."""
         ahead = here.tau + length * along[-1]
-        end = float(np.clip(ahead, *reach))
-        forward, fixed = along / here.sizes**2, np.eye(len(along))[-1]
+        end = _within(ahead, *reach)
+        forward, fixed = along / here.sizes**2, np.zeros(len(along))
+        fixed[-1] = 1.0
         x = here.x + length * along
         if end != ahead:
             x = here.x + length * (end - here.tau) / (ahead - here.tau) * along
@@ -329,7 +333,7 @@ class ChosenPoints:
             if new.error <= self.options.solved:
                 if reach[0] <= new.tau <= reach[1]:
                     return new, corrections
-                new.x[-1] = end = float(np.clip(new.tau, *reach))
+                new.x[-1] = end = _within(new.tau, *reach)
                 new, forward = self.at(new.x), fixed
                 continue
             if not np.isfinite(new.error) or abs(new.tau - end) > longest:
@@ -368,7 +372,7 @@ class ChosenPoints:
                     break
                 found = None
                 part = (options.allowed - near) / (leaving - near)
-                length *= float(np.clip(part, 0.1, 0.5))
+                length *= _within(part, 0.1, 0.5)
             if along is None or found is None:
                 break
             (here, corrections), near = found, leaving
@@ -477,9 +481,10 @@ class NonlinearElimination:
         def along_path(part: float) -> Array:
             return np.maximum(reached, model.distances(1.0, back + part * ahead))
 
-        distances = to_path if self._too_many(reached) else along_path
-        low, high, found = 1e-5, 1.0, distances(1.0)
-        if self._too_many(found):
+        on_the_way = self._too_many(reached)
+        distances = to_path if on_the_way else along_path
+        low, high, found = 1e-5, 1.0, reached if on_the_way else along_path(1.0)
+        if on_the_way or self._too_many(found):
             for _ in range(options.bisections):
                 middle = float(np.sqrt(low * high))
                 tried = distances(middle)
@@ -521,7 +526,8 @@ class NonlinearElimination:
         order = np.argsort(np.concatenate(comm.allgather(mine)))
 
         def whole(of: Any) -> Any:
-            arrays = {n: a[..., chosen[mine, 1]] for n, a in vars(of).items() if np.ndim(a)}
+            values = {field.name: getattr(of, field.name) for field in fields(of)}
+            arrays = {n: a[..., chosen[mine, 1]] for n, a in values.items() if np.ndim(a)}
             parts = comm.allgather(arrays)
             joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in arrays}
             return replace(of, **{n: array[..., order] for n, array in joined.items()})
@@ -556,11 +562,18 @@ class NonlinearElimination:
 
 def _solved(at: CurvePoint, forward: Array, rest: Array, product: float) -> Array | None:
     """A change of x by which `rest` and the product with a row change as asked for."""
-    matrix = np.vstack([at.slopes, forward])
+    matrix, right = np.empty((len(forward), len(forward))), np.empty(len(forward))
+    matrix[:-1], matrix[-1] = at.slopes, forward
+    right[:-1], right[-1] = rest, product
     try:
-        return np.linalg.solve(matrix, np.append(rest, product))
+        return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
         return None
+
+
+def _within(value: float, least: float, largest: float) -> float:
+    """The value, or the end of a range that it is beyond; nan stays nan."""
+    return min(max(float(value), least), largest)
 
 
 def _answers_to(linear: Linearization, points: Integers) -> Array:
