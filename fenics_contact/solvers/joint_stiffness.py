@@ -38,6 +38,7 @@ class MumpsOptions:
         smallest_pivot: Least pivot, in units of the mean diagonal of K. A smaller one is rounding
             next to a mechanism; the work of the live load limits the mechanism.
         minimum_fill: MUMPS' number of that ordering, which is quicker to find than the default.
+        at_once: Right-hand sides that are solved for at once.
         minimum_fill_up_to: Unknowns up to which it is used; beyond the default needs less memory.
     """
 
@@ -47,6 +48,7 @@ class MumpsOptions:
     smallest_pivot: float = 1e-20
     minimum_fill: int = 2
     minimum_fill_up_to: int = 100_000
+    at_once: int = 64
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ class JointStiffness(Closing):
         if self._kind == GENERAL:
             options = self._options
             pivot = np.nan_to_num(options.smallest_pivot * self.mean_diagonal)  # PETSc 3.22 checks
-            values = {**options.plain, "cntl_4": float(pivot)}
+            values = {**options.plain, "cntl_4": float(pivot), "icntl_27": options.at_once}
             small = self._matrix.getSize()[0] <= options.minimum_fill_up_to
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:
