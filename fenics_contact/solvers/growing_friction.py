@@ -36,8 +36,7 @@ class FrictionGrowth:
         window: Steps over which that residual has to halve; where it does not, the best iterate
             is where the path is begun.
         max_steps: Steps at most, each one factorisation.
-        steps: Numbers of the interior point steps, without centrality correctors: products would
-            fall faster than friction can follow.
+        steps: Numbers of the interior point steps.
     """
 
     begin: float = 1.0
@@ -47,7 +46,7 @@ class FrictionGrowth:
     near: float = 1e-3
     window: int = 8
     max_steps: int = 60
-    steps: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(correctors=0))
+    steps: InteriorPointOptions = field(default_factory=InteriorPointOptions)
 
     def part(self, mu: float) -> float:
         """Part of the friction that acts at products mu."""

@@ -37,7 +37,8 @@ class InteriorPointOptions:
         least: Products that are aimed at, at least, in units of the tolerance.
         short: Length up to which a step is replaced by one to equal products.
         weights: Number of corrector weights that are tried.
-        correctors: Centrality correctors at most, each one solve.
+        correctors: Centrality correctors at most, each one solve. With Coulomb friction only for
+            the end of a central path: from elsewhere they may lead past folds to another state.
         longer: By how much they aim to make the step longer.
         central: Least and largest product that they leave alone, in units of the target.
         gain: Part of `longer` by which the step has to become longer for another one.
@@ -52,7 +53,7 @@ class InteriorPointOptions:
     least: float = 1e-2
     short: float = 0.1
     weights: int = 9
-    correctors: int = 2
+    correctors: int = 0
     longer: float = 0.1
     central: tuple[float, float] = (0.1, 10.0)
     gain: float = 0.1
