@@ -50,11 +50,14 @@ class CertificateOptions:
 
     Attributes:
         rounding: Digits of u, relative: so much may `State.elastic` differ from that part of u.
+        products: Complementarity may be missed by this part of the tolerance asked for: what
+            products are left is part of the gap.
         small_factor: Load factors are judged relative to this part of the typical one at least.
     """
 
     rounding: float = 1e-13
     small_factor: float = 1e-3
+    products: float = 1e-2
 
 
 OPTIONS = CertificateOptions()
@@ -96,6 +99,8 @@ class Certificate:
     def tolerances(self) -> dict[str, float]:
         """What the residuals may be, by name."""
         allowed = {**TOLERANCES, "limit": max(TOLERANCES["limit"], self.tolerance)}
+        products = OPTIONS.products * self.tolerance
+        allowed["complementarity"] = max(TOLERANCES["complementarity"], products)
         return {name: allowed[name] for name in self.residuals}
 
     @property

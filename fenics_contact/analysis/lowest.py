@@ -285,8 +285,8 @@ def _met(
     case: LoadCase, path: Collapse, tolerance: float, cost: float
 ) -> tuple[dict[str, State], list[str]]:
     """States on block modes that searches lead to, by name, and searches that end in the path's."""
-    options, met, recognised = COULOMB["auto"].work, dict[str, State](), list[str]()
-    first = max(options.first, options.first_of_many * case.block_count**2)
+    met, recognised = dict[str, State](), list[str]()
+    first = COULOMB["auto"].work.begin(case.block_count, tolerance)
     task = _task(case, path.work_ratio or first, tolerance, path)
     mode = path.mode if path.status == "limit" else None
     budget = LOWEST.start * cost, LOWEST.start * cost

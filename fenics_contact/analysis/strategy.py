@@ -449,6 +449,7 @@ class WorkOptions:
             loads are far below it, as works are many times that on the bonded structure.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.
         cost: That of all states of one collapse.
+        exact: Tolerance on the load factor for which the first work is large enough.
     """
 
     first: float = 300.0
@@ -462,6 +463,16 @@ class WorkOptions:
     on_line: float = 0.5
     attempt: float = 300.0
     cost: float = 500.0
+    exact: float = 1e-6
+
+    def begin(self, blocks: int, tolerance: float) -> float:
+        """First work for so many blocks, in units of that on the bonded structure.
+
+        The plateau is the nearer the larger the work, and the longer the path. Beside `exact`, a
+        looser tolerance asks for less of both.
+        """
+        part = min(1.0, (self.exact / tolerance) ** 0.5)
+        return max(self.first, self.first_of_many * blocks**2 * part)
 
 
 #: Iterations on the bound, which a user may ask for, take some 10 states with given friction.

@@ -72,7 +72,7 @@ def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
 
 def _at_growing_work(search: _Search, options: WorkOptions, blocks: int) -> str:
     """The status that states by the attempts of a search lead to."""
-    ratio = first = max(options.first, options.first_of_many * blocks**2)
+    ratio = first = options.begin(blocks, search.tolerance)
     missing = 0
     while ratio <= options.largest * first and missing < options.missing:
         found = search.at(ratio)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import SolverError
+from fenics_contact import SolverError, limit_load
 from fenics_contact.analysis import strategy as attempts
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.analysis.strategy import COULOMB, GIVEN, JOINT_FORCES, Task, strategy_of
@@ -116,3 +116,21 @@ def test_strategy_of_a_scene(method):
     given = strategy_of(replace(recipe, law=tresca(1e3)).scene(1, method=method))
     assert given is JOINT_FORCES.get(method, GIVEN)
     assert COULOMB[method].kind == (GENERAL if method in ("auto", "monolithic") else SYMMETRIC)
+
+
+def test_looser_tolerances_ask_for_less_work_of_large_walls():
+    work = COULOMB["auto"].work
+    assert work.begin(400, 1e-6) == work.begin(400, 1e-9) == 0.2 * 400**2
+    assert work.begin(400, 1e-4) == pytest.approx(0.1 * work.begin(400, 1e-6))
+    assert work.begin(10, 1e-6) == work.begin(10, 1e-2) == work.first
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.4, 0.75])
+def test_a_loose_tolerance_is_kept_and_saves_factorisations(friction):
+    recipe = wall_recipe("20x20", coulomb(friction))
+    exact, loose = (limit_load(recipe.scene(2, tolerance=one)) for one in (1e-6, 1e-3))
+    assert exact.status == loose.status == "limit"
+    assert loose.load_factor == pytest.approx(exact.load_factor, rel=1e-3)
+    assert loose.positive.certificate.gap <= 1e-3
+    assert loose.factorizations < exact.factorizations
