@@ -639,7 +639,10 @@ def real_entries() -> Iterator[Known]:
         for name, recipe in real_recipes(0.6, live).items():
             about = tags("real" + " slow" * (name[:6] in ("facade", "rubble")))
             label, upper = f"{name} 0.6 to the {way}", uppers[name][number]
-            yield Known(label, recipe, (0.0, upper), source, about, 5.1e-6, 1.0)
+            in_time: dict[str, Any] = {}
+            if name == "facade with cohesion":
+                about, in_time = about | {"open"}, {"time": 120.0}
+            yield Known(label, recipe, (0.0, upper), source, about, 5.1e-6, 1.0, solve=in_time)
 
 
 BANK: dict[str, Known] = {

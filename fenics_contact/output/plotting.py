@@ -284,7 +284,7 @@ def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
     figure.get_layout_engine().execute(figure)
-    figure.set_layout_engine("none")
+    figure.set_layout_engine(None)  # "none" would draw once more, to nowhere
     box = figure.get_tightbbox().padded(MARGIN)
     for path in paths:
         if isinstance(path, Path) and path.suffix != ".png":
