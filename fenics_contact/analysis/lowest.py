@@ -151,8 +151,8 @@ def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None
     if rigid.load_factor >= limit:
         return None
     bound = case.problem.bound(rigid.pressure[whole.operators.points])
-    budget = LOWEST.searches * cost / LOWEST.search, cost
-    return _other(task, partial(by_fixed_point, bound=bound), end.mode, budget, limit)
+    search = partial(by_fixed_point, bound=bound, iterations=1)  # more may lead away from it
+    return _other(task, search, end.mode, (cost, cost), limit)
 
 
 #: Searches of a second opinion, by name, the first of which has to come to an end.
@@ -236,8 +236,9 @@ def by_fixed_point(
     task: Task,
     known: Callable[[Array], bool],
     bound: Array,
+    iterations: int = LOWEST.iterations,
 ) -> tuple[State, float]:
-    """State by the fixed point on block modes, from a first bound g on friction."""
+    """State by so many iterations of the fixed point on block modes, from a first bound g."""
     case = task.case
 
     def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
@@ -246,7 +247,7 @@ def by_fixed_point(
         return solve_interior_point(conditions, start, mu, Tolerances(tolerance))
 
     told = case.monitor, case.discretization.factorizations
-    options = FixedPointOptions(max_iterations=LOWEST.iterations)
+    options = FixedPointOptions(max_iterations=iterations)
     iteration = FixedPoint(modes.reduced, solve, LOWEST.tolerance, *told, options)
     start = modes.restricted(case.bonded_state(task.work))
     return iteration.run(start, modes.of_points(bound))[0].state, task.mu(OPTIONS.ends[0])

@@ -5,7 +5,7 @@
 N(g) the normal forces of straight faces at the limit load with given friction g (`rigid_blocks`), F
 their coefficients of friction, s their strengths. It takes no factorisation. Rigid blocks leave
 some normal forces open, so that the iteration may not end, and where it ends nothing is proved: it
-tells where the fixed point of elastic blocks (`coulomb`) may find a state.
+tells with which friction a state of elastic blocks is worth looking for (`lowest`).
 """
 
 from __future__ import annotations
