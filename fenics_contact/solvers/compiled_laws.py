@@ -45,7 +45,7 @@ class CompiledLaws:
         """A number as it is, an array as its address."""
         if not isinstance(value, np.ndarray):
             return value
-        return self._ffi.from_buffer("double[]", np.ascontiguousarray(value))
+        return self._ffi.from_buffer("double[]", np.ascontiguousarray(value, dtype=float))
 
 
 class _Loaded:
