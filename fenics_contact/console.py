@@ -207,6 +207,8 @@ def _peak_lines(end: Collapse) -> list[str]:
     if peak is None:
         return []
     if peak.status == "none":
+        if end.lowest is not None and end.lowest.status == "lower":
+            return ["peak: no state was found that carries more than this collapse"]
         return ["peak: none found, the load factor rises to that of the collapse"]
     if peak.status == "not_known":
         return [f"peak: not known, {peak.reason}"]
@@ -238,7 +240,10 @@ def _lowest_lines(end: Collapse) -> list[str]:
     if lowest is None:
         return []
     if lowest.status == "lower":
-        return [f"lower state: another collapse, verified, at {lowest.load_factor:.8g}"]
+        return [
+            f"lower state: another collapse, verified, at {lowest.load_factor:.8g}; a load that"
+            " rises may end there (the capacity curve tells)"
+        ]
     if lowest.status == "not_known":
         return [f"lower state: not known, {lowest.reason}"]
     if lowest.starts == 0:

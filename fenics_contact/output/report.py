@@ -246,7 +246,10 @@ def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
         return
     searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
     text = {
-        "lower": f"{_alike(lowest['load_factor'], factor)}: another collapse state, verified",
+        "lower": (
+            f"{_alike(lowest['load_factor'], factor)}: another collapse state, verified. A load"
+            " that rises may end there: the capacity curve tells."
+        ),
         "none": (
             f"no lower state found by {searches}"
             if lowest["starts"]
