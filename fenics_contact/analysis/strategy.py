@@ -62,7 +62,7 @@ class PathOptions:
     many: float = 0.8
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
     finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7, correctors=2)
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
 
 

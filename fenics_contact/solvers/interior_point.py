@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKKT, Residual
+from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -37,11 +37,6 @@ class InteriorPointOptions:
         least: Products that are aimed at, at least, in units of the tolerance.
         short: Length up to which a step is replaced by one to equal products.
         weights: Number of corrector weights that are tried.
-        correctors: Centrality correctors at most, each one solve. With Coulomb friction only for
-            the end of a central path: from elsewhere they may lead past folds to another state.
-        longer: By how much they aim to make the step longer.
-        central: Least and largest product that they leave alone, in units of the target.
-        gain: Part of `longer` by which the step has to become longer for another one.
     """
 
     max_steps: int = 80
@@ -53,10 +48,6 @@ class InteriorPointOptions:
     least: float = 1e-2
     short: float = 0.1
     weights: int = 9
-    correctors: int = 0
-    longer: float = 0.1
-    central: tuple[float, float] = (0.1, 10.0)
-    gain: float = 0.1
 
 
 @dataclass(frozen=True)
@@ -194,79 +185,32 @@ def next_iterate(
 
     The corrector takes the second-order part of the whole predictor from the products, of which
     only a part may be taken. It has the weight, from 1 to the square of that part, with which the
-    step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277). Centrality
-    correctors make it longer still. Where it is short all the same, the step is one to equal
-    products. None aims at products below `least`: residuals that are left would no longer fall.
+    step is longest (M. Colombo, J. Gondzio, Comput. Optim. Appl. 41 (2008) 277). Where it is short
+    all the same, the step is one to equal products. None aims at products below `least`: residuals
+    that are left would no longer fall.
     """
     linear = kkt.linearize(now)
-    products = kkt.products(now)
+    products, none = kkt.products(now), np.zeros_like(now.y)
     (step,) = linear.directions([(residual, -products)])
-    (part,) = _lengths(kkt, (step.positive / now.positive)[None], options)
+    towards = step.positive / now.positive
+    (part,) = _lengths(kkt, towards[None], options)
     second = kkt.products(step)
     here = kkt.total(products)
     ahead = (1.0 - part) * here + part**2 * kkt.total(second)
     unit = kkt.scales.force * kkt.scales.displacement
     target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
-    corrector = _corrector(linear, target - second)
+    rest = Residual(np.zeros_like(now.u), none, none, 0.0)
+    (corrector,) = linear.directions([(rest, target - second)])
     weights = np.linspace(1.0, min(part, 1.0) ** 2, options.weights)
-    step, length = _longest(kkt, now, step, corrector, weights, options)
-    step, length = _centred(linear, step, length, target, options)
+    ratios = towards + weights[:, None] * (corrector.positive / now.positive)
+    lengths = _lengths(kkt, ratios, options)
+    longest = int(np.argmax(lengths))
+    length = float(lengths[longest])
+    step = step.moved(float(weights[longest]), corrector)
     if length < options.short:
         (step,) = linear.directions([(residual, here / kkt.count - products)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
     return now.moved(min(1.0, options.step_fraction * length), step)
-
-
-def _centred(
-    linear: Linearization,
-    step: Iterate,
-    length: float,
-    target: float,
-    options: InteriorPointOptions,
-) -> tuple[Iterate, float]:
-    """A step made longer by centrality correctors, and its length.
-
-    A few products stop a step. At the end of one that is longer, those that are far smaller or
-    larger than the target are brought back, on the same factor (J. Gondzio, Comput. Optim. Appl. 6
-    (1996) 137).
-    """
-    kkt, now = linear.kkt, linear.now
-    least, largest = (target * bound for bound in options.central)
-    weights = np.linspace(1.0 / options.weights, 1.0, options.weights)
-    for _ in range(options.correctors):
-        if length >= 1.0:
-            break
-        ahead = kkt.products(now.moved(min(length + options.longer, 1.0), step))
-        change = np.maximum(np.clip(ahead, least, largest) - ahead, -largest)
-        corrector = _corrector(linear, change)
-        better, reached = _longest(kkt, now, step, corrector, weights, options)
-        if reached < length + options.gain * options.longer:
-            break
-        step, length = better, reached
-    return step, length
-
-
-def _corrector(linear: Linearization, change: Array) -> Iterate:
-    """Direction that changes the products alone, shape (3, points)."""
-    none = np.zeros_like(linear.now.y)
-    rest = Residual(np.zeros_like(linear.now.u), none, none, 0.0)
-    (corrector,) = linear.directions([(rest, change)])
-    return corrector
-
-
-def _longest(
-    kkt: PerturbedKKT,
-    now: Iterate,
-    step: Iterate,
-    corrector: Iterate,
-    weights: Array,
-    options: InteriorPointOptions,
-) -> tuple[Iterate, float]:
-    """The step with that weight of a corrector with which it is longest, and its length."""
-    towards, further = step.positive / now.positive, corrector.positive / now.positive
-    lengths = _lengths(kkt, towards + weights[:, None] * further, options)
-    longest = int(np.argmax(lengths))
-    return step.moved(float(weights[longest]), corrector), float(lengths[longest])
 
 
 def _lengths(kkt: PerturbedKKT, ratios: Array, options: InteriorPointOptions) -> Array:

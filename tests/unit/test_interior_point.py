@@ -81,22 +81,6 @@ def test_load_factor_rises_to_the_plateau_and_stays(block):
     assert solved(block).state.load_factor == pytest.approx(0.5, rel=1e-8)
 
 
-@pytest.mark.parametrize("given", [True, False])
-def test_centrality_correctors_save_factorisations_and_lead_to_the_same_state(bond, given):
-    steps, factors = [], []
-    for correctors in (0, 2):
-        options, found = InteriorPointOptions(correctors=correctors), []
-        for part in (0.1, 0.3, 0.5, 1.0):
-            kkt = conditions(bond, given=part * bond.first_pressure if given else None)
-            kkt = replace(kkt, work=2.0 * part * kkt.work)
-            start, tolerances = bond.bonded_state(kkt.work), Tolerances(load_factor=1e-9)
-            found.append(solve_interior_point(kkt, start, 1.0, tolerances, options))
-        steps.append(sum(one.steps for one in found))
-        factors.append([one.state.load_factor for one in found])
-    assert factors[1] == pytest.approx(factors[0], rel=1e-8)
-    assert steps[1] < steps[0]
-
-
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_start_from_far_away(bond, seed):
     bound, random = 0.5 * bond.first_pressure, np.random.default_rng(seed)
