@@ -95,7 +95,7 @@ def raise_load(
         against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
         if against.status == "limit" and climb.lower - margin <= against.load_factor <= end:
             found = against
-    if not climb.lower - margin <= found.load_factor <= end:
+    if found.load_factor < climb.lower - margin or found.load_factor > end:  # none is neither
         _log.warning(
             "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
             " without equilibrium on the path: another state",
