@@ -69,6 +69,7 @@ def _commands() -> Mapping[str, Callable[[argparse.Namespace, MPI.Comm], int]]:
 
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc, just imported, ends the program at it
     return COMMANDS
 
 
@@ -115,7 +116,7 @@ class _Output:
 @contextlib.contextmanager
 def _output_may_close() -> Iterator[None]:
     """Go on where nobody reads what is printed, as in `fenics-contact solve ... | head`."""
-    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the program
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     # MPI takes a second to end, in which Ctrl-C would be a traceback.
     atexit.register(signal.signal, signal.SIGINT, signal.SIG_DFL)
     for stream in (sys.stdout, sys.stderr):
