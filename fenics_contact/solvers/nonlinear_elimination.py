@@ -485,13 +485,16 @@ class NonlinearElimination:
         distances = to_path if on_the_way else along_path
         low, high, found = 1e-5, 1.0, reached if on_the_way else along_path(1.0)
         if on_the_way or self._too_many(found):
+            first = np.zeros_like(found)
             for _ in range(options.bisections):
                 middle = float(np.sqrt(low * high))
                 tried = distances(middle)
                 if self._too_many(tried):
                     high, found = middle, tried
                 else:
-                    low = middle
+                    low, first = middle, tried
+            # Distances end at about one. Farther on, points that bend first are no more the worst.
+            found = np.where(first > options.chosen, np.inf, found)
         return self._worst(found)
 
     def _too_many(self, distances: Array) -> bool:
