@@ -59,7 +59,7 @@ def with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool = False) -
     if end.status != "limit" or end.state is None or not case.problem.coulomb:
         return end
     above = Above(end.load_factor, end.size, end.state.work)
-    return replace(end, peak=_peak(case.unrecorded, end, above, cost, asked))
+    return replace(end, peak=_peak(case, end, above, cost, asked))
 
 
 def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool) -> Peak:
@@ -72,9 +72,9 @@ def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool)
         return peak_of(end.path, above)
     if not asked and (options.fast or options.peak is False):
         return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
-    limits = Limits.of(cost, asked)
+    limits, way, case = Limits.of(cost, asked), case.record.rise_on_modes, case.unrecorded
     try:
-        found = find_peak(case, above, options.tolerance, limits)
+        found = find_peak(case, above, options.tolerance, limits, way)
         if asked and found.status != "found":
             return _raised(case, above, found, limits)
         return found

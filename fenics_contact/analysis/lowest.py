@@ -39,6 +39,7 @@ from fenics_contact.analysis.strategy import (
 )
 from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.errors import SolverError
+from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.growing_friction import GROWTH, FrictionGrowth, with_growing_friction
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
@@ -98,7 +99,7 @@ Search = Callable[[BlockModes, PerturbedKKT, Task, Callable[[Array], bool]], tup
 def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float) -> Collapse:
     """A verified collapse with what cheap searches for a lower state have found.
 
-    There is none to look for where the bracket proves it.
+    Where the searches come to no end, the bracket may still prove that no state is lower.
 
     Args:
         case: The load case that led to the collapse.
@@ -107,9 +108,6 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
         cost: Of the collapse, in units of one factorisation of the structure.
     """
     case, limit = _general(case).unrecorded, end.load_factor - LOWEST.below * end.size
-    proved = case.blocks.proved_lower() if end.load_factor > 0.0 else None
-    if proved is not None and proved >= limit:
-        return replace(end, lowest=Lowest("none", end.load_factor, 0))
     effort, lower, ended = case.discretization.effort, dict[str, State](), list[str]()
     task = _task(case, end.work_ratio, tolerance, end)
     for name, look in SECOND.items():
@@ -124,6 +122,9 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
             lower[name] = state
             break
     if not lower and next(iter(SECOND)) not in ended:  # rigid blocks alone tell too little
+        proved = case.blocks.proved_lower() if end.load_factor > 0.0 else None
+        if proved is not None and proved >= limit:
+            return replace(end, lowest=Lowest("none", end.load_factor, 0))
         return replace(end, lowest=Lowest("not_known", reason=NO_STATE))
     return _confirmed(case, end, lower, len(ended), tolerance, cost)
 
@@ -350,13 +351,26 @@ def _other(
         if recognised(state.displacement):
             return None
         with effort.at_most(budget[1]):
-            path = falling(kkt)
-            point = path.follow(path.begin(state, mu), task.mu(OPTIONS.ends[0]))
+            path = falling(kkt, passed=partial(_end_at_known, recognised, below))
+            try:
+                point = path.follow(path.begin(state, mu), task.mu(OPTIONS.ends[0]))
+            except _KnownError:
+                return None
             if not point.state.load_factor < below:
                 return None
             # The products that are left may have lowered the load factor.
             found = to_end(task, point.state, point.mu, kkt)
         return modes.prolonged(found.state)
+
+
+class _KnownError(Exception):
+    """A path leads to a known state."""
+
+
+def _end_at_known(recognised: Callable[[Array], bool], below: float, point: PathPoint) -> None:
+    """Raise `_KnownError` at a point of a path that moves like a known state and is not low."""
+    if point.state.load_factor >= below and recognised(point.state.displacement):
+        raise _KnownError
 
 
 def _aligned(problem: ContactProblem, one: Array, other: Array) -> bool:

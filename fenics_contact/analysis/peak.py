@@ -34,6 +34,7 @@ from fenics_contact.analysis.certificate import TOLERANCES, state_residuals
 from fenics_contact.analysis.collapse_mode import rates
 from fenics_contact.analysis.history import LoadPath, Peak
 from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.analysis.record import Way
 from fenics_contact.analysis.strategy import (
     Task,
     WarmStart,
@@ -108,6 +109,8 @@ class PeakOptions:
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
+        near: A known path with larger products is taken up before it comes so near the collapse,
+            relative.
     """
 
     usual: tuple[float, float] = (0.5, 5.0)
@@ -125,6 +128,7 @@ class PeakOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
+    near: float = 0.05
 
 
 #: How exact states are on the climb, and when the interior point method gives one up.
@@ -214,7 +218,9 @@ def peak_of(path: LoadPath, above: Above) -> Peak:
     return Peak("found", path.lower, path.upper, last.work, last.displacement)
 
 
-def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) -> Peak:
+def find_peak(
+    case: LoadCase, above: Above, tolerance: float, limits: Limits, way: Way | None = None
+) -> Peak:
     """The peak of the loading path of a load case with Coulomb friction.
 
     Args:
@@ -222,12 +228,19 @@ def find_peak(case: LoadCase, above: Above, tolerance: float, limits: Limits) ->
         above: Its collapse.
         tolerance: On load factors, relative.
         limits: On the cost.
+        way: The path of block modes to the collapse, with larger products; None: not known.
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
+    if way is not None and not above(way.load_factors[-1]) >= -OPTIONS.another:
+        way = None  # it led elsewhere
+    if way is not None and above(max(way.load_factors)) <= ABOVE:
+        return Peak("none")
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
     if above(upper) <= ABOVE:
+        return Peak("none")
+    if way is not None and _stays_below(case, above, way, limits):
         return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
@@ -276,8 +289,27 @@ class _OnPath(ABC):
 # ---- on block modes
 
 
-def _seed(case: LoadCase, above: Above) -> State | None:
+def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
+    """Whether a path of block modes stays below the collapse with smaller products.
+
+    They raise the load factor near the plateau. Before it comes near the collapse, the path is
+    taken up with smaller ones.
+    """
+    begun = way.before(above.load_factor - OPTIONS.near * above.size)
+    if begun is None:
+        return False
+    try:
+        with case.discretization.effort.at_most(limits.seen):
+            return _seed(case, above, begun) is None
+    except SolverError as error:
+        _log.info("  peak: %s", error)
+        return False
+
+
+def _seed(case: LoadCase, above: Above, begun: State | None = None) -> State | None:
     """A state on the way that block modes have above the collapse; None: no state.
+
+    The path begins next to a state on one with larger products, if such a state is given.
 
     Raises:
         EffortError: If that takes too long.
@@ -288,7 +320,7 @@ def _seed(case: LoadCase, above: Above) -> State | None:
         for products in OPTIONS.products:
             path = _ModesPath(case, modes, stiffness, above, products)
             try:
-                return path.first_above()
+                return path.first_above(begun)
             except SolverError as error:
                 case.discretization.effort.require(1.0)
                 failed = error
@@ -330,16 +362,17 @@ class _ModesPath:
         self._path = rising(self._kkt, factored=self._note)
         self._passed: list[_Sample] = []
 
-    def first_above(self) -> State | None:
+    def first_above(self, begun: State | None) -> State | None:
         """A state before the first one above the collapse that stays there with products zero.
 
-        It is on the path, as one of the structure; None if nothing is above.
+        It is on the path, as one of the structure; None if nothing is above. The path is taken up
+        next to a state of the one with larger products, if there is one.
 
         Raises:
             SolverError: If the path is lost, or ends at another collapse state.
         """
         bias, last = 0.0, None
-        for before, last in self._rise():
+        for before, last in self._rise(self._taken_up(begun)):
             seen = self._above(last.iterate.load_factor)
             if seen <= ABOVE + bias:
                 continue
@@ -354,17 +387,24 @@ class _ModesPath:
             raise SolverError("the path of block modes ends at another collapse state")
         return None
 
-    def _rise(self) -> Iterator[tuple[PathPoint, PathPoint]]:
-        """Points at rising works up to the plateau, each with one before it.
-
-        A path that goes on as at one point may be above the collapse before the next: there it is
-        settled, too.
-        """
+    def _taken_up(self, begun: State | None) -> PathPoint:
+        """Where the path begins: next to a state of that with larger products, or to none."""
+        if begun is not None:
+            path = falling(replace(self._kkt, work=begun.work))
+            return path.follow(path.begin(begun, self._task.rising_mu), self._mu)
         unit, ends = self._case.bonded_work, self._above
         factor, least = OPTIONS.first
         work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
         start = self._modes.restricted(self._case.bonded_state(work))
-        point = self._path.follow(self._path.begin(start, self._mu), work)
+        return self._path.follow(self._path.begin(start, self._mu), work)
+
+    def _rise(self, point: PathPoint) -> Iterator[tuple[PathPoint, PathPoint]]:
+        """Points at rising works from one up to the plateau, each with one before it.
+
+        A path that goes on as at one point may be above the collapse before the next: there it is
+        settled, too.
+        """
+        ends, work = self._above, point.work
         yield point, point
         while work < self._task.work:
             work *= OPTIONS.apart

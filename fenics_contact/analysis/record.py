@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -26,6 +26,39 @@ class Listener:
         """A point of the path was passed; its load factor has the user's sign."""
 
 
+#: Work of a point that a way keeps as a state, in units of that of the one kept before, at least.
+APART = 1.2
+
+
+@dataclass
+class Way:
+    """A path that was followed, for others to take up.
+
+    Attributes:
+        load_factors: Of all points passed, in order.
+        states: Some of the points passed, with works that rise.
+        numbers: How many points were passed before each of these.
+    """
+
+    load_factors: list[float] = field(default_factory=list)
+    states: list[State] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+
+    def passed(self, point: PathPoint) -> None:
+        """Take note of a point."""
+        if not self.states or point.work >= APART * self.states[-1].work:
+            self.states.append(point.state)
+            self.numbers.append(len(self.load_factors))
+        self.load_factors.append(point.iterate.load_factor)
+
+    def before(self, load_factor: float) -> State | None:
+        """The last state kept before the way first exceeds a load factor; None if there is none."""
+        above = (i for i, factor in enumerate(self.load_factors) if factor > load_factor)
+        first = next(above, len(self.load_factors))
+        kept = [state for i, state in zip(self.numbers, self.states, strict=True) if i < first]
+        return kept[-1] if kept else None
+
+
 class Record:
     """Attempts and path of one load case, while it is solved.
 
@@ -34,6 +67,7 @@ class Record:
         trace: Points passed, in order.
         last: Makes a state of the point passed last; None before the first.
         best: The collapse that a search had found when it was stopped, verified or not.
+        ways: The last path of every phase.
     """
 
     def __init__(
@@ -54,6 +88,7 @@ class Record:
         self.trace: list[TracePoint] = []
         self.last: Callable[[], State] | None = None
         self.best: Collapse | None = None
+        self.ways: dict[str, Way] = {}
 
     def reversed(self) -> Record:
         """A record for the reversed live load: it shares the attempts, not the path."""
@@ -101,12 +136,20 @@ class Record:
             phase: What is followed.
             prolonged: Makes a state of the structure of one of the path's.
         """
+        way = self.ways[phase] = Way()
 
         def passed(point: PathPoint) -> None:
+            way.passed(point)
             found = partial(prolonged, point.state)
             self.passed(phase, point.iterate.load_factor, point.work, found)
 
         return passed
+
+    @property
+    def rise_on_modes(self) -> Way | None:
+        """The rise on block modes that led to the collapse; None if something else did."""
+        led = [trial.name for trial in self.attempts if trial.found][-1:] == ["along block modes"]
+        return self.ways.get("block modes, rising work") if led else None
 
     def passed(
         self, phase: str, load_factor: float, work: float, state: Callable[[], State]
