@@ -26,6 +26,7 @@ from fenics_contact.analysis.mesh_error import MeshError, StateChange
 from fenics_contact.analysis.nearby import (
     Softened,
     Start,
+    collapse_and_rate,
     collapse_next_to,
     from_afar,
     near,
@@ -47,10 +48,11 @@ class ErrorOptions:
     """Numbers of the estimate.
 
     Attributes:
-        ways: Halvings m of hinges, and what looks for their state, in this order: fewer, and from
-            the start, where none is near; from the start only if the scene asks for the estimate.
+        ways: Halvings m of hinges, and what looks for their state, in this order: what is done
+            unasked, and where the scene asks for the estimate. Then also fewer, and from the start,
+            where none is near.
         enough: From so many halvings on the rest of the change is extrapolated: it falls like
-            1 / (m + own).
+            1 / (m + own). The second, where the scene asks for the estimate.
         own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
             this up to the next m, relative, or than the tolerance.
@@ -66,12 +68,15 @@ class ErrorOptions:
         settled: They end where the load factor changes by less than this, relative.
     """
 
-    ways: tuple[tuple[float, Start], ...] = (
-        *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
-        *((30.0, near), (100.0, near), (100.0, from_afar), (100.0, near)),
-        *((1000.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
+    ways: tuple[tuple[tuple[float, Start], ...], ...] = (
+        ((30.0, near), (30.0, near)),
+        (
+            *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
+            *((30.0, near), (100.0, near), (100.0, from_afar), (100.0, near)),
+            *((1000.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
+        ),
     )
-    enough: float = 100.0
+    enough: tuple[float, float] = (30.0, 100.0)
     own: float = 2.0
     unchanged: float = 1e-6
     share: float = 0.6
@@ -161,6 +166,7 @@ class _Way:
         states: That of the mesh first.
         points: Hinges found up to each of them.
         halvings: m of each state.
+        rate: d(lambda)/dm of the last state.
         changes: Changes of state.
         ended: Whether shorter hinges change nothing any more.
     """
@@ -168,22 +174,20 @@ class _Way:
     states: tuple[Collapse, ...]
     points: tuple[Indices, ...]
     halvings: tuple[float, ...] = (0.0,)
+    rate: float = math.nan
     changes: tuple[StateChange, ...] = ()
     ended: bool = False
 
     @property
     def complete(self) -> bool:
         """Whether the limit of point hinges is known."""
-        return self.ended or self.halvings[-1] >= OPTIONS.enough
+        known = self.halvings[-1] >= OPTIONS.enough[0] and not math.isnan(self.rate)
+        return self.ended or known
 
     @property
     def rest(self) -> float:
         """Change of the load factor that is left, as c / (m + own) for m halvings."""
-        if self.ended:
-            return 0.0
-        change = self.states[-1].load_factor - self.states[-2].load_factor
-        before, last = self.halvings[-2:]
-        return change * (before + OPTIONS.own) / (last - before)
+        return 0.0 if self.ended else self.rate * (self.halvings[-1] + OPTIONS.own)
 
     @property
     def last(self) -> tuple[Collapse, Indices, float]:
@@ -196,14 +200,14 @@ class _Way:
             return halvings > self.halvings[-1]
         return len(self.points[-1]) > len(self.points[-2])
 
-    def grown(self, new: Collapse, found: Indices, halvings: float) -> _Way:
+    def grown(self, new: Collapse, rate: float, found: Indices, halvings: float) -> _Way:
         """With one more state."""
         last, changes = self.states[-1], self.changes
         if not _alike(last, new) or _turns_back(self.states, new):
             between = self.halvings[-1], halvings
             changes = (*changes, StateChange(between, last.load_factor, new.load_factor))
         points = (*self.points, np.union1d(self.points[-1], found))
-        return _Way((*self.states, new), points, (*self.halvings, halvings), changes)
+        return _Way((*self.states, new), points, (*self.halvings, halvings), rate, changes)
 
 
 def _solve_cost(end: Collapse) -> float:
@@ -237,26 +241,26 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
     """
     whole = case.discretization
     options = whole.scene.solve
-    enough = OPTIONS.enough if options.accuracy is None else OPTIONS.ways[-1][0]
-    asked = options.error or options.accuracy is not None
+    asked = bool(options.error) or options.accuracy is not None
+    ways, enough = OPTIONS.ways[asked], OPTIONS.enough[asked]
+    if options.accuracy is not None:
+        enough = ways[-1][0]
     tried: set[tuple[float, Start, int]] = set()
-    for halvings, start in OPTIONS.ways:
+    for halvings, start in ways:
         task = halvings, start, len(way.states)
         if way.ended or halvings > enough or task in tried or not way.leads_to(halvings):
-            continue
-        if start is from_afar and not asked:
             continue
         if whole.effort.left < 1.0:
             _log.info("  %g halvings: beyond the limit of the estimate", halvings)
             break
         tried.add(task)
         last, points, _ = way.last
-        new = collapse_next_to(case, last, Softened(points, halvings), start)
+        new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
         if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
             return replace(way, ended=True)
-        way = way.grown(new, hinges(whole.joints, new.joints), halvings)
+        way = way.grown(new, rate, hinges(whole.joints, new.joints), halvings)
         way = replace(way, ended=_independent(case, new))
     return way
 

@@ -32,6 +32,7 @@ from fenics_contact.errors import SolverError
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
 from fenics_contact.solvers.joint_stiffness import GENERAL
+from fenics_contact.solvers.kkt import COLD, Residual
 from fenics_contact.solvers.problem import Owner
 
 _log = logging.getLogger("fenics_contact")
@@ -49,11 +50,13 @@ class NearbyOptions:
         from_afar: The same from the bonded structure: paths to less work are shorter.
         tolerance: On the load factor, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
+        rate: Products with which a state changes with its hinges, in units of force times
+            displacement.
     """
 
     near: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
+            (1e-1,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
     work: WorkOptions = field(
@@ -63,6 +66,7 @@ class NearbyOptions:
     from_afar: float = 0.1
     tolerance: float = 1e-6
     same_mode: float = 0.9999
+    rate: float = 1e-10
 
 
 OPTIONS = NearbyOptions()
@@ -150,17 +154,63 @@ def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]
 
 def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, with the compliance of hinges."""
+    with softened(case, soft) as softer:
+        return _next_to(softer, last, soft, start)
+
+
+def collapse_and_rate(
+    case: LoadCase, last: Collapse, soft: Softened, start: Start
+) -> tuple[Collapse, float]:
+    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there; nan if not known."""
+    with softened(case, soft) as softer:
+        found = _next_to(softer, last, soft, start)
+        if found.status != "limit":
+            return found, np.nan
+        try:
+            return found, _rate(case, softer, found, soft)
+        except SolverError as error:
+            _log.info("  no rate: %s", error)
+            return found, np.nan
+
+
+def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+    """The verified collapse next to another one, in a case with more compliant hinges."""
     more = OPTIONS.more_work if start is near else OPTIONS.from_afar
     first = OPTIONS.work.first * (1.0 + more * soft.most)
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
-    with softened(case, soft) as softer:
-        found = find_collapse(
-            softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance
-        )
+    found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
-    degree, name = case.discretization.scene.degree, start.__name__
+    degree, name = softer.discretization.scene.degree, start.__name__
     _log.info(text, soft.most, degree, name, found.status, found.load_factor)
     return found
+
+
+def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> float:
+    """d(lambda)/dm of a collapse for m halvings of the elements at all its hinges.
+
+    One halving more indents the nodes of hinges by C f, f the joint forces on them. That opens and
+    shifts joints by B_N C f and B_T C f: a residual of the conditions, which Newton's equations at
+    the state take away. They are those of a state along the mode: at the onset a joint is about to
+    close, or to stick.
+
+    Raises:
+        SolverError: If the equations are singular.
+    """
+    state, mode, problem = found.state, found.mode, softer.problem
+    if state is None or mode is None:
+        return np.nan
+    hinge_nodes, _ = _nodes_of(case.discretization, soft)
+    forces = case.problem.joint_forces(state.pressure, state.shear)
+    give = hinge_nodes.indentation(forces, 1.0, problem.stiffness.first_row // 2)
+    work = found.work_ratio * softer.bonded_work
+    u = state.displacement + (work - state.work) * mode
+    along = problem.state(u, state.load_factor, state.pressure, state.shear)
+    kkt = softer.coulomb(work, softer.scales_at(work, abs(state.load_factor)))
+    linear = kkt.linearize(kkt.on_central_path(along, OPTIONS.rate, COLD))
+    moved = -(problem.normal @ give), -(problem.tangential @ give)
+    residual = Residual(np.zeros_like(u), *moved, 0.0)
+    (change,) = linear.directions([(residual, np.zeros((3, len(moved[0]))))])
+    return change.load_factor
 
 
 def same_mode(one: Array, other: Array) -> bool:
