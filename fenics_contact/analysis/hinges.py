@@ -49,8 +49,8 @@ class ErrorOptions:
 
     Attributes:
         ways: Halvings m of hinges, and what looks for their state, in this order: what is done
-            unasked, and where the scene asks for the estimate. Then also fewer, and from the start,
-            where none is near.
+            unasked, and where the scene asks for the estimate. Fewer, and from the start, where
+            none is near.
         enough: From so many halvings on the rest of the change is extrapolated: it falls like
             1 / (m + own). The second, where the scene asks for the estimate.
         own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
@@ -69,7 +69,7 @@ class ErrorOptions:
     """
 
     ways: tuple[tuple[tuple[float, Start], ...], ...] = (
-        ((30.0, near), (30.0, near)),
+        ((30.0, near), (4.0, near), (30.0, near)),
         (
             *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
             *((30.0, near), (100.0, near), (100.0, from_afar), (100.0, near)),

@@ -56,7 +56,7 @@ class NearbyOptions:
 
     near: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (1e-1,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
+            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
     work: WorkOptions = field(

@@ -128,7 +128,7 @@ class PeakOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
-    near: float = 0.05
+    near: float = 0.03
 
 
 #: How exact states are on the climb, and when the interior point method gives one up.
@@ -240,13 +240,13 @@ def find_peak(
     upper = math.inf if upper is None else upper
     if above(upper) <= ABOVE:
         return Peak("none")
-    if way is not None and _stays_below(case, above, way, limits):
-        return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
     begun = effort.spent
     try:
         with effort.at_most(limits.seen):
+            if way is not None and _stays_below(case, above, way):
+                return Peak("none")
             seed = _seed(case, above)
         if seed is None:
             return Peak("none")
@@ -289,7 +289,7 @@ class _OnPath(ABC):
 # ---- on block modes
 
 
-def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
+def _stays_below(case: LoadCase, above: Above, way: Way) -> bool:
     """Whether a path of block modes stays below the collapse with smaller products.
 
     They raise the load factor near the plateau. Before it comes near the collapse, the path is
@@ -299,9 +299,9 @@ def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool
     if begun is None:
         return False
     try:
-        with case.discretization.effort.at_most(limits.seen):
-            return _seed(case, above, begun) is None
+        return _seed(case, above, begun) is None
     except SolverError as error:
+        case.discretization.effort.require(1.0)
         _log.info("  peak: %s", error)
         return False
 

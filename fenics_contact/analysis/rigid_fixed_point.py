@@ -28,13 +28,14 @@ class RigidFixedPointOptions:
         relaxation: omega.
         programs: Linear programs at most.
         pivots: Iterations of HiGHS times equations at most, which bounds the time on large walls.
-        settled: The load factor has settled where its last values differ by less, relative.
+        settled: The load factor has settled where its last values differ by less, relative, or
+            those that they lead to if N(g) stays as it is.
         last: So many values.
     """
 
     relaxation: float = 0.5
     programs: int = 30
-    pivots: int = 200_000
+    pivots: int = 120_000
     settled: float = 1e-3
     last: int = 3
 
@@ -79,8 +80,11 @@ def rigid_fixed_point(programs: PointPrograms, pressure: Array) -> RigidState:
         if not np.isfinite(found.factor):
             raise SolverError("fixed point of rigid blocks: no limit load with given friction")
         factors.append(found.factor)
-        last = factors[-OPTIONS.last :]
-        if len(last) == OPTIONS.last and np.ptp(last) <= OPTIONS.settled * abs(last[-1]):
-            return RigidState(last[-1], found.pressure)
+        # With N(g) as it is, every step leaves 1 - omega of the change.
+        ahead = np.diff(factors) * (1.0 - OPTIONS.relaxation) / OPTIONS.relaxation
+        for values in (factors, factors[1:] + ahead):
+            last = values[-OPTIONS.last :]
+            if len(last) == OPTIONS.last and np.ptp(last) <= OPTIONS.settled * abs(last[-1]):
+                return RigidState(float(last[-1]), found.pressure)
         normal = normal + OPTIONS.relaxation * (programs.of_faces(found.pressure) - normal)
     raise SolverError(f"fixed point of rigid blocks: not settled by {len(factors)} programs")

@@ -227,7 +227,7 @@ def test_what_costs_too_much_is_not_known_and_says_what_to_do(name):
     structure = result.factorizations - result.mode_factorizations
     assert 0 < structure - (alone.factorizations - alone.mode_factorizations) <= UNASKED
     error, record = result.positive.mesh_error, result_record(result)["discretization"]
-    assert bool(error.unknown) == math.isnan(error.hinge_error)
+    assert bool(error.unknown) == math.isnan(error.estimate)
     assert record["unknown"] == (error.unknown or None)
     if error.unknown:
         assert "limit of 24 factorisations" in error.unknown
