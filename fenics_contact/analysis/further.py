@@ -72,7 +72,8 @@ def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool)
         return peak_of(end.path, above)
     if not asked and (options.fast or options.peak is False):
         return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
-    limits, way, case = Limits.of(cost, asked), case.record.rise_on_modes, case.unrecorded
+    limits = Limits.of(cost, asked, case.block_count)
+    way, case = case.record.rise_on_modes, case.unrecorded
     try:
         found = find_peak(case, above, options.tolerance, limits, way)
         if asked and found.status != "found":

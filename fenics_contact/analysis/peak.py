@@ -11,7 +11,9 @@ and a peak is where the slope changes its sign, or where the path turns back.
 1. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
    (1954) 71): where the collapse reaches it there is no peak.
 2. Else the path is followed on block modes with small products, settled at rising works, and where
-   the tangent at one of these crosses the collapse before the next: a peak may be narrow.
+   the tangent at one of these crosses the collapse before the next: a peak may be narrow. Where
+   the path that led to the collapse is known, with larger products, one Newton step to products
+   zero from its states tells how high it is; if none is above, it is not followed once more.
 3. A point above the collapse is finished with products zero. If it stays there, the path of the
    structure is followed from there until it has fallen or turned back. From the highest point the
    products go to zero, and slopes on both sides lead to the summit.
@@ -80,10 +82,11 @@ class Limits:
     found: float
 
     @classmethod
-    def of(cls, solve: float, asked: bool) -> Limits:
-        """Limits by the cost of the collapse, and whether the peak was asked for."""
+    def of(cls, solve: float, asked: bool, blocks: int = 1) -> Limits:
+        """Limits by the cost of the collapse, whether the peak was asked for, and the blocks."""
         seen, found = OPTIONS.asked if asked else OPTIONS.usual
-        return cls(seen * solve, found * solve)
+        part = 1.0 if asked else min(1.0, OPTIONS.few / blocks)
+        return cls(part * seen * solve, found * solve)
 
 
 @dataclass(frozen=True)
@@ -109,8 +112,8 @@ class PeakOptions:
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
-        near: A known path with larger products is taken up before it comes so near the collapse,
-            relative.
+        few: Blocks from which on the first limit is smaller, in proportion: steps on block modes
+            then take longer, and the path has more of them.
     """
 
     usual: tuple[float, float] = (0.5, 5.0)
@@ -128,7 +131,7 @@ class PeakOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
-    near: float = 0.03
+    few: int = 100
 
 
 #: How exact states are on the climb, and when the interior point method gives one up.
@@ -232,21 +235,17 @@ def find_peak(
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
-    if way is not None and not above(way.load_factors[-1]) >= -OPTIONS.another:
-        way = None  # it led elsewhere
-    if way is not None and above(max(way.load_factors)) <= ABOVE:
-        return Peak("none")
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
     if above(upper) <= ABOVE:
+        return Peak("none")
+    if way is not None and _stays_below(case, above, way, limits):
         return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
     begun = effort.spent
     try:
         with effort.at_most(limits.seen):
-            if way is not None and _stays_below(case, above, way):
-                return Peak("none")
             seed = _seed(case, above)
         if seed is None:
             return Peak("none")
@@ -289,27 +288,37 @@ class _OnPath(ABC):
 # ---- on block modes
 
 
-def _stays_below(case: LoadCase, above: Above, way: Way) -> bool:
-    """Whether a path of block modes stays below the collapse with smaller products.
-
-    They raise the load factor near the plateau. Before it comes near the collapse, the path is
-    taken up with smaller ones.
-    """
-    begun = way.before(above.load_factor - OPTIONS.near * above.size)
-    if begun is None:
-        return False
+def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
+    """Whether a path of block modes, known with larger products, stays below the collapse."""
+    if not above(way.last) >= -OPTIONS.another:
+        return False  # it led elsewhere
     try:
-        return _seed(case, above, begun) is None
+        with case.discretization.effort.at_most(limits.seen):
+            return bool(np.max(_heights(case, above, way)) <= ABOVE)
     except SolverError as error:
-        case.discretization.effort.require(1.0)
         _log.info("  peak: %s", error)
         return False
 
 
-def _seed(case: LoadCase, above: Above, begun: State | None = None) -> State | None:
-    """A state on the way that block modes have above the collapse; None: no state.
+def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
+    """How much higher than the collapse the states of a way are with products zero, to first order.
 
-    The path begins next to a state on one with larger products, if such a state is given.
+    Relative; with products they are lower where joints open, and higher next to the plateau.
+    """
+    modes, heights = case.discretization.block_modes.changed(case.problem), []
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        for state in way.states:
+            scales = case.scales_at(state.work, above.load_factor)
+            mu = Task(case, state.work, scales, tolerance=1e-6).rising_mu
+            kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
+            now = kkt.on_central_path(state, mu)
+            step = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])[0]
+            heights.append(above(state.load_factor + step.load_factor))
+    return heights
+
+
+def _seed(case: LoadCase, above: Above) -> State | None:
+    """A state on the way that block modes have above the collapse; None: no state.
 
     Raises:
         EffortError: If that takes too long.
@@ -320,7 +329,7 @@ def _seed(case: LoadCase, above: Above, begun: State | None = None) -> State | N
         for products in OPTIONS.products:
             path = _ModesPath(case, modes, stiffness, above, products)
             try:
-                return path.first_above(begun)
+                return path.first_above()
             except SolverError as error:
                 case.discretization.effort.require(1.0)
                 failed = error
@@ -362,17 +371,16 @@ class _ModesPath:
         self._path = rising(self._kkt, factored=self._note)
         self._passed: list[_Sample] = []
 
-    def first_above(self, begun: State | None) -> State | None:
+    def first_above(self) -> State | None:
         """A state before the first one above the collapse that stays there with products zero.
 
-        It is on the path, as one of the structure; None if nothing is above. The path is taken up
-        next to a state of the one with larger products, if there is one.
+        It is on the path, as one of the structure; None if nothing is above.
 
         Raises:
             SolverError: If the path is lost, or ends at another collapse state.
         """
         bias, last = 0.0, None
-        for before, last in self._rise(self._taken_up(begun)):
+        for before, last in self._rise():
             seen = self._above(last.iterate.load_factor)
             if seen <= ABOVE + bias:
                 continue
@@ -387,24 +395,17 @@ class _ModesPath:
             raise SolverError("the path of block modes ends at another collapse state")
         return None
 
-    def _taken_up(self, begun: State | None) -> PathPoint:
-        """Where the path begins: next to a state of that with larger products, or to none."""
-        if begun is not None:
-            path = falling(replace(self._kkt, work=begun.work))
-            return path.follow(path.begin(begun, self._task.rising_mu), self._mu)
-        unit, ends = self._case.bonded_work, self._above
-        factor, least = OPTIONS.first
-        work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
-        start = self._modes.restricted(self._case.bonded_state(work))
-        return self._path.follow(self._path.begin(start, self._mu), work)
-
-    def _rise(self, point: PathPoint) -> Iterator[tuple[PathPoint, PathPoint]]:
-        """Points at rising works from one up to the plateau, each with one before it.
+    def _rise(self) -> Iterator[tuple[PathPoint, PathPoint]]:
+        """Points at rising works up to the plateau, each with one before it.
 
         A path that goes on as at one point may be above the collapse before the next: there it is
         settled, too.
         """
-        ends, work = self._above, point.work
+        unit, ends = self._case.bonded_work, self._above
+        factor, least = OPTIONS.first
+        work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
+        start = self._modes.restricted(self._case.bonded_state(work))
+        point = self._path.follow(self._path.begin(start, self._mu), work)
         yield point, point
         while work < self._task.work:
             work *= OPTIONS.apart

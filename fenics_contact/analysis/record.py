@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from fenics_contact.analysis.history import TracePoint, Trial
 from fenics_contact.analysis.result import Collapse
 from fenics_contact.errors import SolverError, Stopped
@@ -26,8 +28,8 @@ class Listener:
         """A point of the path was passed; its load factor has the user's sign."""
 
 
-#: Work of a point that a way keeps as a state, in units of that of the one kept before, at least.
-APART = 1.2
+#: Ratio of the works of states that a way keeps, at least.
+APART = 1.6
 
 
 @dataclass
@@ -35,28 +37,18 @@ class Way:
     """A path that was followed, for others to take up.
 
     Attributes:
-        load_factors: Of all points passed, in order.
         states: Some of the points passed, with works that rise.
-        numbers: How many points were passed before each of these.
+        last: Load factor of the last point passed.
     """
 
-    load_factors: list[float] = field(default_factory=list)
     states: list[State] = field(default_factory=list)
-    numbers: list[int] = field(default_factory=list)
+    last: float = np.nan
 
     def passed(self, point: PathPoint) -> None:
         """Take note of a point."""
         if not self.states or point.work >= APART * self.states[-1].work:
             self.states.append(point.state)
-            self.numbers.append(len(self.load_factors))
-        self.load_factors.append(point.iterate.load_factor)
-
-    def before(self, load_factor: float) -> State | None:
-        """The last state kept before the way first exceeds a load factor; None if there is none."""
-        above = (i for i, factor in enumerate(self.load_factors) if factor > load_factor)
-        first = next(above, len(self.load_factors))
-        kept = [state for i, state in zip(self.numbers, self.states, strict=True) if i < first]
-        return kept[-1] if kept else None
+        self.last = point.iterate.load_factor
 
 
 class Record:

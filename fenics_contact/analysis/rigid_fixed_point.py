@@ -81,9 +81,9 @@ def rigid_fixed_point(programs: PointPrograms, pressure: Array) -> RigidState:
             raise SolverError("fixed point of rigid blocks: no limit load with given friction")
         factors.append(found.factor)
         # With N(g) as it is, every step leaves 1 - omega of the change.
-        ahead = np.diff(factors) * (1.0 - OPTIONS.relaxation) / OPTIONS.relaxation
-        for values in (factors, factors[1:] + ahead):
-            last = values[-OPTIONS.last :]
+        values = np.array(factors)
+        rest = np.diff(values) * (1.0 - OPTIONS.relaxation) / OPTIONS.relaxation
+        for last in (values[-OPTIONS.last :], (values[1:] + rest)[-OPTIONS.last :]):
             if len(last) == OPTIONS.last and np.ptp(last) <= OPTIONS.settled * abs(last[-1]):
                 return RigidState(float(last[-1]), found.pressure)
         normal = normal + OPTIONS.relaxation * (programs.of_faces(found.pressure) - normal)
