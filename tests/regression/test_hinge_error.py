@@ -9,10 +9,15 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Load, limit_load
+from fenics_contact.analysis.hinges import hinges
+from fenics_contact.analysis.nearby import Softened, collapse_and_rate, near
+from fenics_contact.analysis.strategy import COULOMB
+from fenics_contact.analysis.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
 from tests.property.scenes import Draw
+from tests.unit.core import load_case
 
 #: Limits for point hinges: extrapolated from meshes graded to the hinges.
 W4, W3 = 0.27952, 0.36195
@@ -37,6 +42,19 @@ def test_point_hinges_of_w4_from_every_mesh(elements):
     assert error.estimate == error.hinge_error
     assert not error.state_changes
     assert error.hinge_length == pytest.approx(0.2 / elements)
+
+
+@pytest.mark.mpi
+def test_rate_of_the_load_factor_with_shorter_hinges():
+    """That of a state is the slope between states with a little less and a little more."""
+    with load_case(wall_recipe("W4", coulomb(0.65)).scene(2)) as case:
+        end = find_collapse(case, COULOMB["auto"], 1e-8)
+        points = hinges(case.discretization.joints, end.joints)
+        states = [collapse_and_rate(case, end, Softened(points, m), near) for m in (29.0, 30.0, 31.0)]
+    (before, _), (_, rate), (after, _) = states
+    slope = 0.5 * (after.load_factor - before.load_factor)
+    assert slope > 2e-5
+    assert rate == pytest.approx(slope, rel=5e-3)
 
 
 @pytest.mark.slow

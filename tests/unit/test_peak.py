@@ -19,8 +19,9 @@ from fenics_contact.console import summary
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.sweeps.points import Structure, solve
-from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca
+from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.helpers import mesh_of
+from tests.property.scenes import Draw
 from tests.unit.core import load_case
 
 A, B, C, D = (0.454286, 0.399982), (0.611674, 0.675854), (0.441754, 0.887746), (0.0, 0.429899)
@@ -127,6 +128,27 @@ def test_none_on_a_path_that_rises_to_its_plateau():
     result = limit_load(BANK["W1 coulomb 0.65"].scene(elements=1, peak=True, error=False))
     assert result.positive.peak == Peak("none")
     assert "peak: none" in summary(result)
+
+
+def test_a_peak_that_larger_products_hide():
+    """The path to this collapse stays below it; with products zero it is above."""
+    draw = Draw.of_seed(21)
+    end = limit_load(draw.recipe().scene(draw.elements, fast=False, error=False)).positive
+    assert max(point.load_factor for point in end.trace) < end.load_factor
+    assert end.peak.status == "found"
+    assert end.peak.load_factor == pytest.approx(0.3112, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["W2", "W3"])
+def test_none_by_a_newton_step_from_the_path_to_the_collapse(name):
+    """No more factorisations than that path has points, and none of the structure."""
+    options = {"fast": False, "error": False, "lowest": False}
+    recipe = wall_recipe(name, coulomb(0.65))
+    result, alone = (limit_load(recipe.scene(2, peak=peak, **options)) for peak in (None, False))
+    assert result.positive.peak == Peak("none")
+    more = result.factorizations - alone.factorizations
+    assert 0 < more <= len(alone.positive.trace)
+    assert result.mode_factorizations - alone.mode_factorizations == more
 
 
 def test_not_looked_for():
