@@ -112,6 +112,7 @@ class PeakOptions:
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
+        left: Part of the height on the plateau that a step to products zero may leave.
         few: Blocks from which on the first limit is smaller, in proportion: steps on block modes
             then take longer, and the path has more of them.
     """
@@ -131,6 +132,7 @@ class PeakOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
+    left: float = 0.25
     few: int = 100
 
 
@@ -303,7 +305,8 @@ def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool
 def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
     """How much higher than the collapse the states of a way are with products zero, to first order.
 
-    Relative; with products they are lower where joints open, and higher next to the plateau.
+    Relative; with products they are lower where joints open, and higher on the plateau. There the
+    collapse is a state for itself, and a small part of the height may be of second order.
     """
     modes, heights = case.discretization.block_modes.changed(case.problem), []
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
@@ -313,7 +316,10 @@ def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
             kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
             now = kkt.on_central_path(state, mu)
             step = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])[0]
-            heights.append(above(state.load_factor + step.load_factor))
+            height = above(state.load_factor + step.load_factor)
+            on_plateau = state.work >= above.work
+            left = OPTIONS.left * above(state.load_factor) if on_plateau else 0.0
+            heights.append(0.0 if ABOVE < height <= left else height)
     return heights
 
 

@@ -50,7 +50,9 @@ def test_rate_of_the_load_factor_with_shorter_hinges():
     with load_case(wall_recipe("W4", coulomb(0.65)).scene(2)) as case:
         end = find_collapse(case, COULOMB["auto"], 1e-8)
         points = hinges(case.discretization.joints, end.joints)
-        states = [collapse_and_rate(case, end, Softened(points, m), near) for m in (29.0, 30.0, 31.0)]
+        states = [
+            collapse_and_rate(case, end, Softened(points, m), near) for m in (29.0, 30.0, 31.0)
+        ]
     (before, _), (_, rate), (after, _) = states
     slope = 0.5 * (after.load_factor - before.load_factor)
     assert slope > 2e-5
