@@ -158,6 +158,12 @@ def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     return _rows(table, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
 
 
+def same_topology(tags: Any, domain: mesh.Mesh) -> bool:
+    """Whether mesh tags are those of a mesh; AttributeError where they are no mesh tags."""
+    of_tags, topology = getattr(tags, "mesh", tags).topology, domain.topology
+    return getattr(of_tags, "_cpp_object", of_tags) is getattr(topology, "_cpp_object", topology)
+
+
 def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
     """An adjacency list with rows of one width as an array, also where there is no row."""
     return table if isinstance(table, np.ndarray) else table.array.reshape(-1, width)

@@ -15,6 +15,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.dolfinx_reader import TagNames
+from fenics_contact.dolfinx_reader import contents as dolfinx_contents
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.gmsh_reader import GmshContents, Tags, contents, read
 from fenics_contact.msh_text import text_contents
@@ -133,6 +135,38 @@ class BlockMesh(TaggedMesh):
         """Distribute the current gmsh model of rank 0, as builders return it; see `from_file`."""
         source = "the gmsh model"
         return cls._distribute(lambda: _with_blocks(extract(model, source), blocks), comm)
+
+    @classmethod
+    def from_dolfinx(
+        cls,
+        mesh: Any,
+        cell_tags: Any,
+        facet_tags: Any,
+        names: TagNames,
+        blocks: str = "connected",
+    ) -> BlockMesh:
+        """Make blocks of a dolfinx mesh, serial or distributed, on its communicator. Collective.
+
+        Rank 0 collects cells and tags, as it reads a file. The blocks get a mesh of their own,
+        `domain`: nodes are split and cells distributed, and `mesh` is left as it is.
+
+        Args:
+            mesh: Straight triangles or quadrilaterals with points in the plane (gdim 2).
+            cell_tags: Tag of every cell.
+            facet_tags: Tags of facets that have a role: joints, foundations, supports, loads.
+            names: Name of the group by the tag's number, or by (dimension, number) where cells and
+                facets have the same numbers; several numbers can have one name. Tags without a
+                name are called by their number.
+            blocks: "connected": blocks have nodes of their own. "surfaces": cells of one tag and no
+                others are a block (or several, if they are apart), and nodes that tags share are
+                split; a tagged facet between two blocks is on both sides.
+
+        Raises:
+            InputError: On all ranks, if mesh, tags or names do not fit together, or are no blocks.
+        """
+        source = "the dolfinx mesh"
+        found = dolfinx_contents(mesh, cell_tags, facet_tags, names, source)
+        return cls._distribute(lambda: _with_blocks(_mesh_of(found, source), blocks), mesh.comm)
 
     @classmethod
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:

@@ -24,7 +24,7 @@ TREES = {
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
     {"errors", "compat", "gmsh_reader", "planar_cells", "version", "exit_codes"},
-    {"msh_text"},
+    {"msh_text", "dolfinx_reader"},
     {"mesh"},
     {"meshing", "drawing", "builders", "refinement", "scene", "toml_tables"},
     {"discretization"},
