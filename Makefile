@@ -8,7 +8,7 @@ INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 MKDOCS := mkdocs==1.6.1 mkdocstrings-python==2.0.11
 # What the site is made of. With --quiet, mkdocs counts no warnings and --strict lets them pass.
-PAGES := README.md CHANGELOG.md CITATION.cff LICENSE docs demos meshes benchmarks
+PAGES := README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE docs demos meshes benchmarks
 
 # Debian 13 in a folder: where, what it leaves out, its mirror (empty: that of this machine), and
 # which tests run in it (all: make test-debian13 TESTS13=).

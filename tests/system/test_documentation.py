@@ -166,6 +166,12 @@ def test_files_and_targets_are_there(page):
     assert [name for name in scripts if "/" in name and not (ROOT / name).exists()] == []
 
 
+def test_one_version_number():
+    cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), flags=re.M)
+    assert cited is not None
+    assert cited[1] == fenics_contact.__version__
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_commands_in_the_text_are_known(page, capsys):
     for command in re.findall(r"`fenics-contact ([^`]+)`", prose(page)):
