@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,9 @@ CHOICES = {
     "states": ("first", "lowest"),
     "formats": ("png", "svg", "pdf"),
 }
+
+#: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
+LoadForm = Callable[..., Any]
 
 #: Characters that a title can have.
 LONGEST_TITLE = 1000
@@ -226,6 +231,9 @@ class Load:
         force: Forces at places, by any name.
         earth: Earth pressure by name of a one-dimensional group.
         movement: Of supports and foundations by their names; of the dead load only.
+        form: In Python only: a function (v, dx, ds) that returns a UFL form, linear in the test
+            function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
+            is called on all ranks, once for every mesh and degree, and adds to the other loads.
     """
 
     body: tuple[float, float] = (0.0, 0.0)
@@ -234,6 +242,7 @@ class Load:
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
     movement: Mapping[str, Movement] = field(default_factory=dict)
+    form: LoadForm | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -241,6 +250,25 @@ class Load:
         for name, value in {"body": self.body, **tractions}.items():
             _require_pair(name, value)
         _require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
+
+    def __getstate__(self) -> dict[str, Any]:
+        try:
+            pickle.dumps(self.form)
+        except Exception as error:  # pickle has no error of its own for everything
+            raise InputError(
+                f"form: the function '{self.form_name}' cannot be pickled ({error}); define it at"
+                " the top of a module, and make what it needs inside it"
+            ) from None
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Load:
+        names = [item.name for item in fields(self) if item.name != "form"]
+        return replace(self, **{name: copy.deepcopy(getattr(self, name), memo) for name in names})
+
+    @property
+    def form_name(self) -> str:
+        """Name of the function `form`, for people; empty if there is none."""
+        return getattr(self.form, "__qualname__", type(self.form).__name__) if self.form else ""
 
     @property
     def acceleration(self) -> tuple[float, float]:
@@ -508,6 +536,8 @@ def _as_tables(item: Any) -> Any:
     """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
     if isinstance(item, (np.generic, np.ndarray)):
         return item.tolist()
+    if callable(item):
+        return item
     if is_dataclass(item):
         item = {one.name: getattr(item, one.name) for one in fields(item)}
     if not isinstance(item, Mapping):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
@@ -118,6 +118,10 @@ def _value(key: str, value: Any, kind: Any) -> Any:
         return {n: _value(f"{key}.{n}", item, inner) for n, item in _as_table(key, value).items()}
     if kind is float:
         return _number(key, value)
+    if get_origin(kind) is Callable:
+        if not callable(value):
+            raise InputError(f"{key} = {_shown(value)} must be a function, given in Python")
+        return value
     if get_origin(kind) is tuple and get_args(kind)[0] is str:
         if not isinstance(value, (list, tuple)) or not all(isinstance(x, str) for x in value):
             raise InputError(f"{key} = {_shown(value)} must be a list of strings")
@@ -151,7 +155,7 @@ def _check_type(key: str, value: Any, kind: Any) -> None:
             _check_type(f"{key}.{name}", inner, get_args(kind)[1])
     elif get_origin(kind) is tuple:
         _value(key, list(value) if isinstance(value, Iterable) else value, kind)
-    elif kind in (float, *_EXACT):
+    elif kind in (float, *_EXACT) or get_origin(kind) is Callable:
         _value(key, value.item() if isinstance(value, np.generic) else value, kind)
     elif not isinstance(value, kind):
         raise InputError(f"{key} = {_shown(value)} must be a {kind.__name__}")

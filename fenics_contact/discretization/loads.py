@@ -1,7 +1,7 @@
 """Nodal forces of a load: body force, tractions on edges, forces at places, earth pressure.
 
-Body forces and tractions are assembled from UFL forms. Forces at places and earth pressure act on
-parts of facets: with the Lagrange functions N_k of a facet of length L,
+Body forces, tractions and forms of the user are assembled from UFL forms. Forces at places and
+earth pressure act on parts of facets: with the Lagrange functions N_k of a facet of length L,
 
     f_k = L int_a^b N_k(s) t(x(s)) ds,   0 <= a < b <= 1,
 
@@ -20,11 +20,12 @@ from dolfinx import fem
 from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.form_loads import given_load
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.discretization.pairing import facing_facets
-from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, Flags, Indices
-from fenics_contact.scene import EarthPressure, EdgeForce, Load, Scene
+from fenics_contact.errors import InputError, raised_together
+from fenics_contact.mesh import Array, BlockMesh, Flags, Indices
+from fenics_contact.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
 
 #: Facets look the same way if their normals differ by less than 60 degrees.
 ALIKE = 0.5
@@ -64,7 +65,8 @@ def nodal_forces(
     """Nodal forces, this rank's part, of the "dead" or the "live" load.
 
     Raises:
-        InputError: If a traction acts inside a block, or a force where there is no edge.
+        InputError: If a traction acts inside a block, a force where there is no edge, or a form is
+            no load.
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
@@ -75,6 +77,8 @@ def nodal_forces(
     for name, traction in load.traction.items():
         facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
         fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
+    if load.form is not None:
+        _add_given(forces, scene.mesh, boundary, load.form, f"loads.{kind}.form")
     compat.add_ghosts(forces.x)
     index_map = space.dofmap.index_map
     mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
@@ -84,6 +88,19 @@ def nodal_forces(
         here = (nodes >= first) & (nodes < last)
         np.add.at(mine, nodes[here] - first, force[here])
     return mine.ravel()
+
+
+def _add_given(
+    forces: fem.Function, mesh: BlockMesh, boundary: Boundary, give: LoadForm, key: str
+) -> None:
+    """Add the nodal forces of a form, those at ghosts too; refuse what is no number."""
+    form = given_load(mesh, forces.function_space, boundary, give, key)
+    if form is None:
+        return
+    with raised_together(mesh.comm):
+        fem.assemble_vector(forces.x.array, form)
+        if not np.all(np.isfinite(forces.x.array)):
+            raise InputError(f"{key} gives forces that are not finite; it may divide by zero")
 
 
 def forces_on_facets(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.scene import Load
 
 #: Units by key; keys without one have numbers without unit, or words.
 UNITS: Mapping[str, str] = {
@@ -53,7 +54,7 @@ def scene_record(discretization: Discretization) -> dict[str, Any]:
         "size": {"width": width, "height": height, "area": discretization.bodies_area()},
         **tables,
         "supports": dict(scene.supports),
-        "loads": {name: asdict(load) for name, (load, _) in loads.items()},
+        "loads": {name: _load(load) for name, (load, _) in loads.items()},
         "resultants": {
             n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
         },
@@ -61,6 +62,12 @@ def scene_record(discretization: Discretization) -> dict[str, Any]:
         "solve": asdict(scene.solve),
         "units": dict(UNITS),
     }
+
+
+def _load(load: Load) -> dict[str, Any]:
+    """A load; of a form its name."""
+    table = asdict(replace(load, form=None))
+    return table | {"form": load.form_name or None}
 
 
 def _contacts(joints: Joints) -> list[dict[str, Any]]:

@@ -144,7 +144,7 @@ def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arr
         arm = points[facets, : force.shape[1]] - bodies.centre[body][:, None]
         moment = arm[..., 0] * force[..., 1] - arm[..., 1] * force[..., 0]
         np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
-    if load.acceleration == (0.0, 0.0):
+    if load.acceleration == (0.0, 0.0) and load.form is None:
         rest[:] = 0.0
     edges = len(load.traction) + len(load.earth)
     apart = APART * float(np.ptp(points.reshape(-1, 2), axis=0).max())

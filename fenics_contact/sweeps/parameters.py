@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import re
@@ -122,6 +121,11 @@ def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
     ]
 
 
+def _copied(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables to assign to; what is in them is replaced, but never changed."""
+    return {k: _copied(v) if isinstance(v, Mapping) else v for k, v in tables.items()}
+
+
 class Family:
     """Scenes that differ in the values of some keys; the mesh is read once.
 
@@ -171,7 +175,7 @@ class Family:
         Raises:
             InputError: If a key is unknown, or a value wrong.
         """
-        tables = copy.deepcopy(self.tables)
+        tables = _copied(self.tables)
         for key, value in values.items():
             assign(tables, key, value)
         return Scene.from_tables(tables, self._kept_mesh)
