@@ -42,7 +42,9 @@ class EliminationOptions:
     """Numbers of a step. Distances are those of points from their laws, relative to p and q.
 
     Attributes:
-        points: Points chosen at most.
+        points: Points chosen at most, before a step.
+        late: Points at most that are chosen at once where they end the way to the path.
+        rounds: How often points are chosen late in one step.
         chosen: Distance from which on a point is chosen.
         allowed: Largest distance of a point that is not chosen.
         bisections: Of the change of s up to which no more points bend than are chosen.
@@ -56,6 +58,8 @@ class EliminationOptions:
     """
 
     points: int = 32
+    late: int = 16
+    rounds: int = 8
     chosen: float = 0.15
     allowed: float = 0.3
     bisections: int = 6
@@ -242,6 +246,21 @@ class CurvePoint:
 
 
 @dataclass(frozen=True)
+class CurveEnd:
+    """Where a curve of chosen points was left.
+
+    Attributes:
+        point: On the curve.
+        forward: Row whose product with the direction of the curve is positive there.
+        bends: Whether a point that is not chosen bends beyond.
+    """
+
+    point: CurvePoint
+    forward: Array
+    bends: bool
+
+
+@dataclass(frozen=True)
 class ChosenPoints:
     """Equations of the chosen points on a line, the same on all ranks.
 
@@ -344,13 +363,26 @@ class ChosenPoints:
             new = self.at(new.x + change)
         return None
 
+    def near(self, x: Array) -> CurvePoint | None:
+        """Point of the curve next to x, with its tau; None where Newton's method finds none."""
+        here, fixed = self.at(x), np.zeros(len(x))
+        fixed[-1] = 1.0
+        for _ in range(self.options.newton_steps):
+            if here.error <= self.options.solved:
+                return here
+            change = _solved(here, fixed, -here.rest, 0.0)
+            if change is None or not np.all(np.isfinite(change)):
+                return None
+            here = self.at(here.x + change)
+        return None
+
     def trace(
         self,
         here: CurvePoint,
         forward: Array,
         reach: tuple[float, float],
         distance: Callable[[CurvePoint], float],
-    ) -> CurvePoint:
+    ) -> CurveEnd:
         """Follow the curve by its length, until it ends or a point that is not chosen bends.
 
         Args:
@@ -361,11 +393,12 @@ class ChosenPoints:
         """
         options, length, near = self.options, 1.0, 0.0
         for _ in range(options.curve_steps):
-            along, found = self.direction(here, forward), None
+            along, found, leaving = self.direction(here, forward), None, 0.0
             while along is not None and length > options.shortest:
                 found = self.step(here, along, length, reach)
                 if found is None:
                     length *= 0.4
+                    leaving = 0.0
                     continue
                 leaving = distance(found[0])
                 if leaving <= options.allowed:
@@ -374,13 +407,13 @@ class ChosenPoints:
                 part = (options.allowed - near) / (leaving - near)
                 length *= _within(part, 0.1, 0.5)
             if along is None or found is None:
-                break
+                return CurveEnd(here, forward, leaving > options.allowed)
             (here, corrections), near = found, leaving
             forward = along / here.sizes**2
             length = min(3.0 * length if corrections <= 3 else length, options.longest)
             if not reach[0] < here.tau < reach[1]:
                 break
-        return here
+        return CurveEnd(here, forward, False)
 
     @cached_property
     def _compliance(self) -> Array:
@@ -424,6 +457,7 @@ class NonlinearElimination:
         self.model, self.problem = model, linear.kkt.problem
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
         self._others = np.ones(len(self.problem.friction), dtype=bool)
+        self._distances = np.zeros(len(self.problem.friction))  # those last asked for
         #: s per part of the shortest way c + s t to the path: at right angles to t.
         self.back = self._shortest_way()
 
@@ -440,24 +474,49 @@ class NonlinearElimination:
         options, back = self.options, self.back
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
             self._choose(self._first_to_bend(ahead))
-            model = self._gathered()
-            curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, back)), options)
-            start = JointStates(model.start)
-            begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
-            forward = np.eye(len(begin.x))[-1]
-            last = curve.trace(begin, forward, (-1.0, 1.0), self._distance)
+            model, last = self._to_path()
             reached = last.tau >= 1.0
             if reached and reach is not None:
                 curve = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
                 begin = curve.at(np.append(last.x[:-1], back))
+                forward = np.sign(ahead) * np.eye(len(begin.x))[-1]
                 reach = min(reach[0], back - options.room), max(reach[1], back + options.room)
-                last = curve.trace(begin, np.sign(ahead) * forward, reach, self._distance)
+                last = curve.trace(begin, forward, reach, self._distance).point
             return Step(*self._moved(model, last), last.s, reached)
+
+    def _to_path(self) -> tuple[TangentModel, CurvePoint]:
+        """The chosen points, and where their curve on the line to the path ends.
+
+        Points that end it by bending are chosen too, if that leads to the path: without them the
+        whole step were lost.
+        """
+        line = Line((0.0, 0.0), (1.0, self.back))
+        curve = ChosenPoints(self._gathered(), line, self.options)
+        start = JointStates(curve.model.start)
+        begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
+        few = curve.trace(begin, np.eye(len(begin.x))[-1], (-1.0, 1.0), self._distance)
+        end, model = few, curve.model
+        kept = self.model, self._chosen, self._others.copy()
+        for _ in range(self.options.rounds):
+            if not end.bends:
+                break
+            self._choose(self._worst(self._distances, self.options.late))
+            curve = ChosenPoints(self._gathered(), line, self.options)
+            near = curve.near(_with_more(curve.model, end.point))
+            if near is None:
+                break
+            forward = _longer(end.forward, len(near.x))
+            end = curve.trace(near, forward, (-1.0, 1.0), self._distance)
+            if end.point.tau >= 1.0:
+                return curve.model, end.point
+        self.model, self._chosen, self._others = kept
+        return model, few.point
 
     def _distance(self, at: CurvePoint) -> float:
         """Largest distance of the points that are not chosen from their laws, on all ranks."""
         distances = self.model.distances(at.part, at.s, at.forces)
-        return self.problem.max(np.where(self._others, distances, 0.0))
+        self._distances = np.where(self._others, distances, 0.0)
+        return self.problem.max(self._distances)
 
     def _shortest_way(self) -> float:
         """-t.c / t.t, by relative changes of p and q, with s counted once per point."""
@@ -495,31 +554,32 @@ class NonlinearElimination:
                     low, first = middle, tried
             # Distances end at about one. Farther on, points that bend first are no more the worst.
             found = np.where(first > options.chosen, np.inf, found)
-        return self._worst(found)
+        return self._worst(found, options.points)
 
     def _too_many(self, distances: Array) -> bool:
         """Whether more points bend than may be chosen."""
         bending = np.where(distances > self.options.chosen, 1.0, 0.0)
         return self.problem.sum(bending) > self.options.points
 
-    def _worst(self, distances: Array) -> Integers:
+    def _worst(self, distances: Array, most: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
-        comm, most = self.problem.comm, self.options.points
-        place = np.flatnonzero(distances > self.options.chosen)
+        comm, options = self.problem.comm, self.options
+        place = np.flatnonzero(distances > min(options.chosen, options.allowed))
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
         mine = [(-distances[k], comm.rank, k) for k in place]
         worst = sorted(chain(*comm.allgather(mine)))[:most]
         return np.array([found[1:] for found in worst], dtype=np.int64).reshape(-1, 2)
 
     def _choose(self, chosen: Integers) -> None:
-        """Choose points: openings and slips of this rank's points for unit forces at them."""
+        """Choose more points: openings and slips of this rank's points for unit forces at them."""
         width = self.options.columns // 2
         parts = [
             _answers_to(self.linear, chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
         answers = np.concatenate([self.model.answers, *parts], axis=1)
-        self.model, self._chosen = replace(self.model, answers=answers), chosen
+        self.model = replace(self.model, answers=answers)
+        self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
     def _gathered(self) -> TangentModel:
@@ -561,6 +621,23 @@ class NonlinearElimination:
         values[:, places] = exact[:, mine]
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
         return moved, JointStates(values)
+
+
+def _with_more(model: TangentModel, last: CurvePoint) -> Array:
+    """Values at a point of a curve of fewer points; new points, at the end, are on tangents."""
+    before = len(last.x) // 2
+    forces = _longer(last.forces, 2 * len(model.laws.friction))
+    states = JointStates(model.states(last.part, last.s, forces).values)
+    p, q = np.split(last.x[:-1], 2)
+    more = np.append(p, states.p[before:]), np.append(q, states.q[before:])
+    return np.concatenate([*more, last.x[-1:]])
+
+
+def _longer(values: Array, size: int) -> Array:
+    """Values of p and q, or r and shear, with zeros for more points; a last odd one stays last."""
+    both = values[: len(values) // 2 * 2].reshape(2, -1)
+    more = np.zeros((2, size // 2 - both.shape[1]))
+    return np.append(np.concatenate([both, more], axis=1), values[both.size :])
 
 
 def _solved(at: CurvePoint, forward: Array, rest: Array, product: float) -> Array | None:
