@@ -176,10 +176,11 @@ class Continuation:
                 best, since = progress, step
             if step - since >= options.patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            new, reached = self._next(point, goal, limit)
-            if not reached and before is not None and limit > options.least * usual:
+            again = before is not None and limit > options.least * usual
+            new, reached = self._next(point, goal, limit, not again)
+            if not reached and again and before is not None:
                 limit *= options.shorter
-                point, _ = self._next(before, goal, limit)
+                point, _ = self._next(before, goal, limit, False)
             else:
                 limit = min(limit / options.shorter, usual)
                 astray = 0 if reached else astray + 1
@@ -198,7 +199,7 @@ class Continuation:
         for _ in range(self.options.corrections):
             if self._distance(point) <= self.options.close:
                 break
-            point, _ = self._next(point, None, allowed)
+            point, _ = self._next(point, None, allowed, True)
         return point
 
     def _distance(self, point: PathPoint) -> float:
@@ -211,11 +212,13 @@ class Continuation:
         slip = np.where(kkt.frictional, residual.slip / of_q, 0.0)
         return kkt.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
 
-    def _next(self, point: PathPoint, goal: float | None, limit: float) -> tuple[PathPoint, bool]:
+    def _next(
+        self, point: PathPoint, goal: float | None, limit: float, late: bool
+    ) -> tuple[PathPoint, bool]:
         """The point a step on, not past the goal, and whether the step reached the path.
 
         Without a goal the step only goes to the path. No point that is not chosen ends farther
-        from its law than a limit.
+        from its law than a limit. `late` tells whether points may be chosen on the way.
         """
         options, path = self.options, self.path
         linear = replace(self.kkt, work=point.work).linearize(point.iterate)
@@ -224,6 +227,8 @@ class Continuation:
         rates = point.mu, path.log_mu_rate, options.smallest
         model = TangentModel.of(linear, correction, tangent, *rates)
         numbers = replace(options.elimination, allowed=limit)
+        if not late:
+            numbers = replace(numbers, rounds=0)
         elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
         reach, to_goal, largest = None, 0.0, options.largest_change
         back = -largest / (1.0 + largest) if path.work_rate else -largest

@@ -487,8 +487,8 @@ class NonlinearElimination:
     def _to_path(self) -> tuple[TangentModel, CurvePoint]:
         """The chosen points, and where their curve on the line to the path ends.
 
-        Points that end it by bending are chosen too, if that leads to the path: without them the
-        whole step were lost.
+        Points that end it by bending are chosen too, if that leads to the path. A shorter step
+        before is better where there was one: a way from afar may lead to another path.
         """
         line = Line((0.0, 0.0), (1.0, self.back))
         curve = ChosenPoints(self._gathered(), line, self.options)
