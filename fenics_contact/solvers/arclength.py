@@ -176,11 +176,11 @@ class Continuation:
                 best, since = progress, step
             if step - since >= options.patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            again = before is not None and limit > options.least * usual
-            new, reached = self._next(point, goal, limit, not again)
-            if not reached and again and before is not None:
+            earlier = before if limit > options.least * usual else None
+            new, reached = self._next(point, goal, limit, earlier is None)
+            if not reached and earlier is not None:
                 limit *= options.shorter
-                point, _ = self._next(before, goal, limit, False)
+                point, _ = self._next(earlier, goal, limit, False)
             else:
                 limit = min(limit / options.shorter, usual)
                 astray = 0 if reached else astray + 1
