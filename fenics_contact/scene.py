@@ -36,12 +36,20 @@ CHOICES = {
 #: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
 LoadForm = Callable[..., Any]
 
+#: Stress, a symmetric 2 x 2 tensor of UFL, Pa, of a strain and a `Material`; linear in the strain.
+StressLaw = Callable[..., Any]
+
 #: Characters that a title can have.
 LONGEST_TITLE = 1000
 #: Degrees by which supports can turn: displacements are small.
 MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
+
+
+def function_name(function: Callable[..., Any] | None) -> str:
+    """Name of a function of the user, for people; empty for None."""
+    return getattr(function, "__qualname__", type(function).__name__) if function else ""
 
 
 def _require(condition: bool, message: str) -> None:
@@ -268,7 +276,7 @@ class Load:
     @property
     def form_name(self) -> str:
         """Name of the function `form`, for people; empty if there is none."""
-        return getattr(self.form, "__qualname__", type(self.form).__name__) if self.form else ""
+        return function_name(self.form)
 
     @property
     def acceleration(self) -> tuple[float, float]:
@@ -372,6 +380,7 @@ class _Shared:
     joints: Mapping[str, JointLaw] = field(default_factory=dict)
     foundations: Mapping[str, JointLaw] = field(default_factory=dict)
     supports: Mapping[str, str] = field(default_factory=dict)
+    stress: StressLaw | None = None
     title: str = ""
     solve: SolveOptions = field(default_factory=SolveOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
@@ -391,6 +400,8 @@ class Scene(_Shared):
         supports: "fixed" or "roller" by name of a one-dimensional group.
         plane: "strain" or "stress".
         degree: Degree of the displacements, 1 or 2.
+        stress: In Python only: a function (strain, material) that returns the stress in the plane
+            as a UFL tensor, linear in the strain, in place of `young`, `poisson` and `plane`.
         title: For pictures.
         solve: How to look for the limit load.
         output: What to write.

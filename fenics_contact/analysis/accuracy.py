@@ -22,6 +22,7 @@ from fenics_contact import compat
 from fenics_contact.analysis.mesh_error import MeshError, Pass
 from fenics_contact.analysis.result import Result
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.stress_law import mean_shear_modulus
 from fenics_contact.mesh import Array, Flags
 from fenics_contact.refinement import refine
 from fenics_contact.scene import Scene
@@ -151,7 +152,7 @@ def _surplus(whole: Discretization, displacement: Array) -> Array:
 
     In this rank's cells; up to a factor.
     """
-    space, shear_modulus = whole.elasticity.space, whole.elasticity.lame[1]
+    space, law = whole.elasticity.space, whole.elasticity.law
     field = fem.Function(space)
     field.x.array[: len(displacement)] = whole.cartesian(displacement).ravel()
     field.x.scatter_forward()
@@ -160,5 +161,8 @@ def _surplus(whole: Discretization, displacement: Array) -> Array:
     values = field.x.array.reshape(-1, 2)[nodes]
     middle = values[:, len(sides) : 2 * len(sides)]  # nodes follow those at the corners
     apart = middle - values[:, sides].mean(axis=2)
-    stiffness = shear_modulus.x.array[compat.cell_dofs(shear_modulus.function_space)[:, 0]]
+    if isinstance(law, tuple):
+        stiffness = law[1].x.array[compat.cell_dofs(law[1].function_space)[:, 0]]
+    else:
+        stiffness = mean_shear_modulus(whole.elasticity.law_matrices())
     return np.asarray(np.sqrt(stiffness * np.sum(apart**2, axis=(1, 2))))

@@ -15,9 +15,11 @@ from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.loads import nodal_forces
+from fenics_contact.discretization.stress_law import law_matrix
 from fenics_contact.discretization.supports import Supports
+from fenics_contact.errors import InputError, raised_together
 from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Material, Scene
+from fenics_contact.scene import Material, Scene, StressLaw
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Elasticity:
         stiffness: K, N/m per metre of thickness.
         dead: f_D, N per metre of thickness, this rank's part.
         live: f_L, likewise.
-        lame: Lame's lambda (of the plane state) and mu by cell, Pa.
+        law: Stress by strain.
         node_body: Body of every node of this rank.
         arm: From the centre of its body to every node of this rank, m, shape (nodes, 2).
         centre: Mean position of the nodes of every body, m, shape (bodies, 2), on all ranks.
@@ -43,12 +45,29 @@ class Elasticity:
     stiffness: PETSc.Mat
     dead: Array
     live: Array
-    lame: tuple[fem.Function, fem.Function]
+    law: forms.Law
     node_body: Labels
     arm: Array
     centre: Array
     dead_resultant: Array
     live_resultant: Array
+
+    @property
+    def lame(self) -> tuple[fem.Function, fem.Function]:
+        """Lame's lambda (of the plane state) and mu by cell, Pa.
+
+        Raises:
+            InputError: If the scene has a law of its own.
+        """
+        if not isinstance(self.law, tuple):
+            raise InputError("stress: a law of its own has no Lame's numbers; leave it out here")
+        first, second = self.law
+        return first, second
+
+    def law_matrices(self) -> Array:
+        """D of a given law in this rank's cells, Pa, shape (cells, 3, 3)."""
+        law: Any = self.law
+        return np.asarray(law.x.array.reshape(-1, 3, 3)[compat.cell_dofs(law.function_space)[:, 0]])
 
 
 def displacement_space(scene: Scene) -> Any:
@@ -70,19 +89,36 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
+    law = _given_law(scene, scene.stress) if scene.stress else _lame(scene)
+    stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, law))
+    stiffness.assemble()
+    stiffness = supports.constrain_matrix(stiffness)
+    none = np.zeros(2 * len(body))
+    made = Elasticity(space, stiffness, none, none, law, body, arm, centre, none, none)
+    return with_loads(made, scene, boundary, supports)
+
+
+def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
+    """Lame's numbers of the materials."""
     nus = 2.0 if scene.plane == "strain" else 1.0
-    lame = (
+    return (
         _material_field(
             scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
         ),
         _material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
     )
-    stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, lame))
-    stiffness.assemble()
-    stiffness = supports.constrain_matrix(stiffness)
-    none = np.zeros(2 * len(body))
-    made = Elasticity(space, stiffness, none, none, lame, body, arm, centre, none, none)
-    return with_loads(made, scene, boundary, supports)
+
+
+def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
+    """D of the materials by a law of the user."""
+    mesh = scene.mesh
+    names = [scene.material_name(groups) for groups in mesh.cell_sets]
+    with raised_together(scene.comm):
+        rows = [law_matrix(law, scene.materials[name], name).ravel() for name in names]
+    space = compat.function_space(mesh.domain, "DG", 0, (9,))
+    field = fem.Function(space, name="law")
+    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = np.array(rows)[mesh.cell_groups]
+    return field
 
 
 def with_loads(
@@ -113,7 +149,7 @@ def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Ar
     u, force = fem.Function(space), fem.Function(space)
     u.x.array[:count] = supports.to_cartesian(displacement, first)
     u.x.scatter_forward()
-    fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.lame))
+    fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.law))
     compat.add_ghosts(force.x)
     return supports.constrain_vector(force.x.array[:count], first)
 

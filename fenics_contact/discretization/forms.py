@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
@@ -30,6 +30,9 @@ from fenics_contact.solvers.compiled_laws import CompiledLaws
 #: What finds compiled laws in a folder, or compiles them there.
 LoadLaws = Callable[[Path], CompiledLaws]
 
+#: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
+Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
+
 #: Corners of a cell in gmsh's order, by the cell's name.
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 
@@ -44,18 +47,26 @@ def stress(u: Any, lame_lambda: Any, lame_mu: Any) -> Any:
     return 2.0 * lame_mu * strain(u) + lame_lambda * ufl.tr(strain(u)) * ufl.Identity(2)
 
 
-def stiffness(space: Any, lame: tuple[fem.Function, fem.Function]) -> fem.Form:
-    """Form of K, from Lame's lambda (of the plane state) and mu by cell, Pa."""
+def stress_of(u: Any, law: Law) -> Any:
+    """sigma(u) of a law, Pa."""
+    if isinstance(law, tuple):
+        return stress(u, *law)
+    e = strain(u)
+    parts = e[0, 0], e[1, 1], 2.0 * e[0, 1]
+    xx, yy, xy = (sum(law[3 * i + j] * parts[j] for j in range(3)) for i in range(3))
+    return ufl.as_matrix([[xx, xy], [xy, yy]])
+
+
+def stiffness(space: Any, law: Law) -> fem.Form:
+    """Form of K."""
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    return fem.form(ufl.inner(stress(u, *lame), strain(v)) * ufl.dx)
+    return fem.form(ufl.inner(stress_of(u, law), strain(v)) * ufl.dx)
 
 
-def internal_forces(
-    displacement: fem.Function, lame: tuple[fem.Function, fem.Function]
-) -> fem.Form:
+def internal_forces(displacement: fem.Function, law: Law) -> fem.Form:
     """Form of the nodal forces K u of a displacement field."""
     v = ufl.TestFunction(displacement.function_space)
-    return fem.form(ufl.inner(stress(displacement, *lame), strain(v)) * ufl.dx)
+    return fem.form(ufl.inner(stress_of(displacement, law), strain(v)) * ufl.dx)
 
 
 def body_load(space: Any, density: fem.Function, body: tuple[float, float]) -> fem.Form:
@@ -73,21 +84,26 @@ def edge_load(space: Any, facets: Labels, traction: tuple[float, float]) -> fem.
 
 
 def stress_expression(
-    displacement: fem.Function, lame: tuple[fem.Function, fem.Function], plane: str
+    displacement: fem.Function, law: Law, plane: str
 ) -> tuple[fem.Expression, Any]:
     """sigma_xx, sigma_yy, sigma_xy and von Mises stress at the cells' centres, Pa; their space.
 
     Von Mises is with the stress out of the plane, nu (sigma_x + sigma_y) in plane strain and zero
-    in plane stress.
+    in plane stress. A law of the user does not know it: there is no von Mises stress then.
     """
-    sigma = stress(displacement, *lame)
+    sigma = stress_of(displacement, law)
+    domain = displacement.function_space.mesh
+    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+    if not isinstance(law, tuple):
+        space = compat.function_space(domain, "DG", 0, (3,))
+        in_plane = ufl.as_vector([xx, yy, xy])
+        return fem.Expression(in_plane, compat.interpolation_points(space)), space
     out_of_plane = ufl.as_ufl(0.0)
     if plane == "strain":
-        out_of_plane = lame[0] / (2.0 * (lame[0] + lame[1])) * ufl.tr(sigma)
-    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+        out_of_plane = law[0] / (2.0 * (law[0] + law[1])) * ufl.tr(sigma)
     deviator = ufl.dev(ufl.as_matrix([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, out_of_plane]]))
     components = ufl.as_vector([xx, yy, xy, ufl.sqrt(1.5 * ufl.inner(deviator, deviator))])
-    space = compat.function_space(displacement.function_space.mesh, "DG", 0, (4,))
+    space = compat.function_space(domain, "DG", 0, (4,))
     return fem.Expression(components, compat.interpolation_points(space)), space
 
 
@@ -101,6 +117,7 @@ def compile_forms(scene: Scene) -> None:
         scene.degree,
         scene.plane,
         bool(scene.dead.movement),
+        scene.stress is not None,
     )
     for turn in (True, False):  # ranks that share a cache must not write it at the same time
         if turn == (scene.comm.rank == 0):
@@ -135,7 +152,7 @@ def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
 
 
 @cache
-def _compile(cell: str, degree: int, plane: str, moved: bool) -> None:
+def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool) -> None:
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
     cells, ranks = np.arange(len(corners))[None, :], np.zeros(1, dtype=np.int32)
@@ -145,9 +162,12 @@ def _compile(cell: str, degree: int, plane: str, moved: bool) -> None:
         space = compat.function_space(domain, "Lagrange", degree, (2,))
         by_cell = compat.function_space(domain, "DG", 0)
         density, first, second = (fem.Function(by_cell) for _ in range(3))
-        stiffness(space, (first, second))
+        law: Law = first, second
+        if given:
+            law = fem.Function(compat.function_space(domain, "DG", 0, (9,)))
+        stiffness(space, law)
         if moved:
-            internal_forces(fem.Function(space), (first, second))
+            internal_forces(fem.Function(space), law)
         body_load(space, density, (0.0, 0.0))
         edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
-        stress_expression(fem.Function(space), (first, second), plane)
+        stress_expression(fem.Function(space), law, plane)

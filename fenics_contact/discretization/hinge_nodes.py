@@ -27,6 +27,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
+from fenics_contact.discretization import stress_law
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.mesh import Array, Indices
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
@@ -64,7 +65,10 @@ class HingeNodes:
         """Those given, in any order and more than once."""
         nodes = np.unique(nodes)
         angle, bisector = _wedges(whole, nodes)
-        compliance = wedge_compliance(_modulus(whole, nodes), angle, bisector)
+        if isinstance(whole.elasticity.law, tuple):
+            compliance = wedge_compliance(_modulus(whole, nodes), angle, bisector)
+        else:
+            compliance = stress_law.wedge_compliance(_matrices(whole, nodes), angle, bisector)
         frame = whole.supports.free_directions(nodes)
         return cls(nodes, np.einsum("nji,njk,nkl->nil", frame, compliance, frame))
 
@@ -163,6 +167,18 @@ def _modulus(whole: Discretization, nodes: Indices) -> Array:
     start, end = index_map.local_range
     mine = nodes[(nodes >= start) & (nodes < end)] - start
     return np.concatenate(comm.allgather(least[mine]))
+
+
+def _matrices(whole: Discretization, nodes: Indices) -> Array:
+    """D of a given law at nodes, Pa: that of the softest cell there, shape (nodes, 3, 3)."""
+    elasticity = whole.elasticity
+    matrices, dofs = elasticity.law_matrices(), compat.cell_dofs(elasticity.space)
+    order = np.argsort(-stress_law.mean_shear_modulus(matrices), kind="stable")
+    softest = np.zeros(int(dofs.max(initial=-1)) + 1, dtype=np.int64)
+    softest[dofs[order].ravel()] = np.repeat(order, dofs.shape[1])  # the last one stays
+    start, end = elasticity.space.dofmap.index_map.local_range
+    mine = nodes[(nodes >= start) & (nodes < end)] - start
+    return np.concatenate(whole.scene.comm.allgather(matrices[softest[mine]]))
 
 
 def _matrix(

@@ -75,14 +75,14 @@ def cell_stresses(discretization: Discretization, displacement: Array) -> Array:
     """sigma_xx, sigma_yy, sigma_xy and von Mises stress in this rank's cells, Pa, shape (cells, 4).
 
     At the centres of the cells. In plane strain, von Mises has the stress out of the plane,
-    nu (sigma_x + sigma_y).
+    nu (sigma_x + sigma_y). With a stress law of the scene it is left out, shape (cells, 3).
     """
-    scene, lame = discretization.scene, discretization.elasticity.lame
+    scene, law = discretization.scene, discretization.elasticity.law
     function = displacement_function(discretization, displacement, "displacement")
-    expression, space = stress_expression(function, lame, scene.plane)
+    expression, space = stress_expression(function, law, scene.plane)
     together = fem.Function(space)
     together.interpolate(expression)
-    return together.x.array.reshape(-1, 4)[compat.cell_dofs(space)[:, 0]]
+    return together.x.array.reshape(-1, space.dofmap.bs)[compat.cell_dofs(space)[:, 0]]
 
 
 def principal_stresses(stress: Array) -> tuple[Array, Array]:
@@ -158,8 +158,9 @@ def _cell_functions(discretization: Discretization, elastic: Array) -> list[fem.
     mesh = discretization.scene.mesh
     stress = cell_stresses(discretization, elastic)
     values, first = principal_stresses(stress[:, :3])
-    names = "stress_xx", "stress_yy", "stress_xy", "von_mises", "principal_1", "principal_2"
-    columns = dict(zip(names, [*stress.T, *values.T], strict=True))
+    names = "stress_xx", "stress_yy", "stress_xy", "von_mises"
+    columns = dict(zip(names[: stress.shape[1]], stress.T, strict=True))
+    columns |= {"principal_1": values[:, 0], "principal_2": values[:, 1]}
     # dolfinx 0.5 writes no vectors by cell.
     columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
     columns |= {"body": mesh.body, "material": material_numbers(discretization)[mesh.cell_groups]}

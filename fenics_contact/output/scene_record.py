@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.scene import Load
+from fenics_contact.scene import Load, function_name
 
 #: Units by key; keys without one have numbers without unit, or words.
 UNITS: Mapping[str, str] = {
@@ -52,6 +52,7 @@ def scene_record(discretization: Discretization) -> dict[str, Any]:
         "plane": scene.plane,
         "degree": scene.degree,
         "size": {"width": width, "height": height, "area": discretization.bodies_area()},
+        "stress": function_name(scene.stress) or None,
         **tables,
         "supports": dict(scene.supports),
         "loads": {name: _load(load) for name, (load, _) in loads.items()},

@@ -1,0 +1,221 @@
+"""Stress laws given in Python: isotropy as the materials have it, orthotropy, what is refused.
+
+Run on ranks, too, by `make test-mpi`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+from fenics_contact import InputError, Load, Material, Scene, SolveOptions, limit_load, sweep
+from fenics_contact.discretization import hinge_nodes
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.stress_law import (
+    law_matrix,
+    mean_shear_modulus,
+    wedge_compliance,
+)
+from fenics_contact.meshing import polygons, running_bond
+from fenics_contact.output.fields import cell_stresses
+from tests.bank import PUSH, WEIGHT, coulomb, wall_recipe
+from tests.helpers import STONE, mesh_of, on_ground
+
+pytestmark = pytest.mark.mpi
+
+
+def isotropic(strain: Any, material: Material) -> Any:
+    """Plane strain."""
+    e, nu = material.young, material.poisson
+    first = e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    return e / (1.0 + nu) * strain + first * ufl.tr(strain) * ufl.Identity(2)
+
+
+#: Compliance of brickwork in plane stress: soft across its bed joints, softer in shear, 1/Pa.
+E_X, E_Y, NU, G = 8e9, 2e9, 0.1, 0.7e9
+COMPLIANCE = np.array([[1 / E_X, -NU / E_X, 0.0], [-NU / E_X, 1 / E_Y, 0.0], [0.0, 0.0, 1 / G]])
+
+
+def orthotropic(strain: Any, material: Material) -> Any:
+    (a, b, _), (_, c, _), (_, _, d) = np.linalg.inv(COMPLIANCE).tolist()
+    xx, yy = a * strain[0, 0] + b * strain[1, 1], b * strain[0, 0] + c * strain[1, 1]
+    xy = 2.0 * d * strain[0, 1]
+    return ufl.as_matrix([[xx, xy], [xy, yy]])
+
+
+def wall(**options: Any) -> Scene:
+    return on_ground(running_bond(3, 3), coulomb(0.65), **options)
+
+
+def test_isotropic_law_is_that_of_the_materials():
+    solve = SolveOptions(tolerance=1e-9, error=True, peak=False, lowest=False)
+    usual, given = (limit_load(wall(solve=solve, stress=law)) for law in (None, isotropic))
+    assert usual.status == given.status == "limit"
+    assert given.load_factor == pytest.approx(usual.load_factor, rel=1e-9)
+    errors = [result.positive.mesh_error for result in (usual, given)]
+    assert errors[1].load_factor_point_hinges == pytest.approx(
+        errors[0].load_factor_point_hinges, rel=1e-7
+    )
+    assert errors[1].estimate == pytest.approx(errors[0].estimate, rel=1e-4, abs=1e-8)
+
+
+#: A wall pushed by its weight, and one pushed from the left, which slides.
+WALL = wall_recipe("W4", coulomb(0.65))
+SLIDING = replace(WALL, parts={"live": Load(traction={"left": (1e3, 0.0)})})
+
+
+@pytest.mark.parametrize(
+    ("recipe", "elements", "accuracy", "sizes"),
+    [
+        pytest.param(WALL, 2, 1e-3, [1410, 1410], id="point hinges"),
+        pytest.param(SLIDING, 1, 5e-3, [580, 1410, 3048], id="meshes", marks=pytest.mark.slow),
+    ],
+)
+def test_isotropic_law_has_the_passes_of_the_materials(recipe, elements, accuracy, sizes):
+    """To an accuracy: by hinges that are points, by degree 2 and by refinement."""
+    scene = recipe.scene(elements, accuracy=accuracy)
+    usual, given = (limit_load(replace(scene, stress=law)) for law in (None, isotropic))
+    assert [row.displacements for row in given.passes] == sizes
+    for one, other in zip(given.passes, usual.passes, strict=True):
+        assert one.load_factor == pytest.approx(other.load_factor, rel=1e-8)
+        assert one.estimate == pytest.approx(other.estimate, rel=1e-4)
+
+
+def test_wedges_of_an_isotropic_law_are_those_of_michell():
+    matrix = law_matrix(isotropic, STONE, "stone")
+    angle = np.array([0.3, 0.5 * np.pi, np.pi, 1.5 * np.pi, 1.9 * np.pi])
+    at = np.array([0.0, 1.0, 2.0, 4.0, -2.0])
+    bisector = np.column_stack([np.cos(at), np.sin(at)])
+    modulus = np.full(len(angle), STONE.young / (1.0 - STONE.poisson**2))
+    found = wedge_compliance(np.tile(matrix, (len(angle), 1, 1)), angle, bisector)
+    expected = hinge_nodes.wedge_compliance(modulus, angle, bisector)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+    shear = STONE.young / (2.0 * (1.0 + STONE.poisson))
+    assert mean_shear_modulus(matrix) == pytest.approx(shear, rel=1e-12)
+
+
+@pytest.mark.parametrize("normal", [0, 1])
+def test_half_plane_of_an_orthotropic_law_gives_way_as_in_closed_form(normal):
+    """Displacement -P/pi sqrt(s_nn) sqrt(2 sqrt(s_nn s_tt) + 2 s_nt + s_66) log r under a force P.
+
+    S.G. Lekhnitskii, Anisotropic Plates (1968); s is the compliance, n normal to the edge.
+    """
+    matrix = np.linalg.inv(COMPLIANCE)[None]
+    bisector = np.eye(2)[[normal]]
+    found = wedge_compliance(matrix, np.array([np.pi]), bisector)[0, normal, normal]
+    across, along = COMPLIANCE[normal, normal], COMPLIANCE[1 - normal, 1 - normal]
+    root = np.sqrt(2.0 * np.sqrt(across * along) + 2.0 * COMPLIANCE[0, 1] + COMPLIANCE[2, 2])
+    assert found == pytest.approx(np.log(2.0) / np.pi * np.sqrt(across) * root, rel=1e-10)
+
+
+def block(**options: Any) -> Scene:
+    """A block, 1 m x 3 m, on the ground."""
+    outline = [(0.0, 0.0), (1.0, 0.0), (1.0, 3.0), (0.0, 3.0)]
+    base = {"base": [((0.0, 0.0), (1.0, 0.0))]}
+    cells = {"quadrilaterals": options.pop("quadrilaterals", False)}
+    return on_ground(polygons([outline], 0.5, groups=base, **cells), coulomb(5.0), **options)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("quadrilaterals", [False, True], ids=["triangles", "quadrilaterals"])
+def test_uniform_stress_strains_by_the_compliance(quadrilaterals, degree):
+    """K u = f with u = (S sigma) x and the tractions sigma n: the patch test."""
+    sigma = np.array([2e6, -5e6, 1e6])
+    xx, yy, xy = COMPLIANCE @ sigma
+
+    def tractions(v: Any, dx: Any, ds: Any) -> Any:
+        normal = ufl.FacetNormal(ds.ufl_domain())
+        stress = ufl.as_matrix([[sigma[0], sigma[2]], [sigma[2], sigma[1]]])
+        return ufl.inner(ufl.dot(stress, normal), v) * ds
+
+    live = Load(form=tractions)
+    options = {"quadrilaterals": quadrilaterals, "degree": degree, "stress": orthotropic}
+    with Discretization(block(live=live, **options)) as made:
+        count = len(made.elasticity.arm)
+        x, y = made.elasticity.space.tabulate_dof_coordinates()[:count, :2].T
+        u = np.column_stack([xx * x + 0.5 * xy * y, 0.5 * xy * x + yy * y]).ravel()
+        force = made.problem.stiffness @ u
+        np.testing.assert_allclose(force, made.elasticity.live, atol=1e-9 * np.abs(sigma).max())
+        found = cell_stresses(made, u)
+        np.testing.assert_allclose(found, np.tile(sigma, (len(found), 1)), rtol=1e-9)
+
+
+def test_materials_have_laws_of_their_own():
+    model = polygons(
+        [[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)],
+         [(0.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]],
+        0.5, names=["soft", "hard"], groups={"base": [((0.0, 0.0), (1.0, 0.0))]},
+    )  # fmt: skip
+    soft = replace(STONE, young=0.01 * STONE.young)
+    law = coulomb(0.6)
+    scenes = [
+        Scene(mesh_of(model), {"soft": soft, "hard": STONE}, PUSH, WEIGHT, joints={"default": law},
+              foundations={"base": law}, stress=given)
+        for given in (None, isotropic)
+    ]  # fmt: skip
+    with Discretization(scenes[0]) as usual, Discretization(scenes[1]) as given:
+        u = np.random.default_rng(1).standard_normal(usual.problem.dead.size)
+        expected, found = (made.problem.stiffness @ u for made in (usual, given))
+        np.testing.assert_allclose(found, expected, atol=1e-12 * STONE.young)
+
+
+@pytest.mark.parametrize("accuracy", [None, 1e-3])
+def test_orthotropic_block_tips_as_by_statics(accuracy, tmp_path):
+    """F h / 2 = W b / 2: the load factor of the weight is b / h, whatever the law."""
+    solve = SolveOptions(accuracy=accuracy)
+    result = limit_load(block(stress=orthotropic, solve=solve))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(1.0 / 3.0, rel=1e-6)
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    result.write(folder)
+    text = "".join(path.read_text(errors="replace") for path in folder.rglob("*.pvtu"))
+    assert "principal_1" in text
+    assert "von_mises" not in text
+
+
+def test_orthotropic_wall_on_all_ranks_and_in_sweeps():
+    solve = SolveOptions(tolerance=1e-9, fast=True)
+    key = "joints.default.friction, foundations.base.friction"
+    point = sweep(wall(stress=orthotropic, solve=solve), {key: [0.65]})[0]
+    result = limit_load(wall(stress=orthotropic, solve=solve))
+    assert result.status == point.status == "limit"
+    assert point.load_factor == pytest.approx(result.load_factor, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "named"),
+    [
+        (lambda strain, material: strain[0, 0] * strain, "is not linear in the strain"),
+        (lambda strain, material: 1e9 * strain + 1e6 * ufl.Identity(2), "is not linear in the"),
+        (lambda strain, material: 1e9 * ufl.tr(strain) * ufl.Identity(2), "is not stiff in every"),
+        (lambda strain, material: -1e9 * strain, "is not stiff in every direction"),
+        (lambda strain, material: 1e9 * ufl.as_matrix(
+            [[strain[0, 0] + 0.3 * strain[1, 1], strain[0, 1]], [strain[0, 1], strain[1, 1]]]),
+         "has no energy: its matrix is not symmetric"),
+        (lambda strain, material: 1e9 * ufl.as_matrix(
+            [[strain[0, 0], strain[0, 1]], [0.0, strain[1, 1]]]), "fails: .*it is not symmetric"),
+        (lambda strain, material: ufl.tr(strain), "fails: it must give a symmetric 2 x 2 UFL"),
+        (lambda strain, material: material.shear * strain, "fails: .*no attribute 'shear'"),
+        (lambda strain: strain, "fails: .*argument"),
+        (lambda strain, material: float("nan") * strain, "is not linear"),
+    ],
+)  # fmt: skip
+def test_what_is_no_law_is_refused(law, named):
+    with pytest.raises(InputError, match=f"stress: the law of material 'default' {named}"):
+        Discretization(block(stress=law))
+
+
+def test_what_is_no_function_is_refused():
+    with pytest.raises(InputError, match=r"stress = 5\.0 must be a function, given in Python"):
+        block(stress=5.0)
+
+
+def test_lame_numbers_of_a_law_are_refused_by_name():
+    with Discretization(block(stress=orthotropic)) as made:
+        with pytest.raises(InputError, match="stress: a law of its own has no Lame's numbers"):
+            _ = made.elasticity.lame
