@@ -29,6 +29,9 @@ class InteriorPointOptions:
         window: Steps over which the error has to halve; else the method has stalled.
         acceptable: Error up to which a stalled state is accepted where less was asked for: at the
             limit load digits are lost. What it is worth the certificate tells.
+        settled: Change of the load factor in the step to such a state at most, in units of that
+            of `Tolerances`. The certificate takes the state's forces for given: it does not tell
+            that they still change.
         resting: Steps at most from the first iterate that is exact enough, while its load factor
             still changes.
         small_factor: Load factors are judged relative to themselves, or to this part of the
@@ -42,6 +45,7 @@ class InteriorPointOptions:
     max_steps: int = 80
     window: int = 20
     acceptable: float = 1e-9
+    settled: float = 20.0
     resting: int = 3
     small_factor: float = 1e-3
     step_fraction: float = 0.995
@@ -122,6 +126,8 @@ def solve_interior_point(
         raise SolverError(
             f"interior point: residual {reached:.1e} after {step} steps, asked {asked}"
         )
+    if reached > tolerances.residual and not progress.settled:
+        raise SolverError(f"interior point: load factor not settled after {step} steps")
     return Solution(kkt.state(best), sizes, step)
 
 
@@ -136,6 +142,8 @@ class _Progress:
         options: InteriorPointOptions,
     ) -> None:
         self.best: tuple[float, Iterate, dict[str, float]] = np.inf, start, {}
+        #: Whether the load factor hardly changed in the step to the best iterate.
+        self.settled = False
         self._tolerances, self._options = tolerances, options
         self._typical = options.small_factor * kkt.scales.load_factor
         self._errors: list[float] = []
@@ -149,6 +157,7 @@ class _Progress:
         exact = error <= self._tolerances.residual
         if error < self.best[0] or exact:
             self.best = error, now, sizes
+            self.settled = self._change(now.load_factor) <= self._options.settled
         # Equilibrium loses digits while springs are stiff: it does not tell progress.
         joints = max(size for name, size in sizes.items() if name != "equilibrium")
         self._errors.append(float(np.nan_to_num(min([joints, *self._errors[-1:]]), nan=np.inf)))
@@ -162,6 +171,13 @@ class _Progress:
         errors, window = self._errors, self._options.window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
         return stalled or not np.isfinite(error)
+
+    def _change(self, factor: float) -> float:
+        """Change of the load factor since the iterate before, in units of the one allowed."""
+        if self._tolerances.load_factor == np.inf:
+            return 0.0
+        allowed = self._tolerances.load_factor * (abs(factor) + self._typical)
+        return abs(factor - self._last[0]) / allowed if allowed else np.inf
 
     def _at_rest(self, factor: float, products: float) -> bool:
         """Whether the rest of the load factor's change is small.

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import Load, SolverError
+from fenics_contact import Load, SolverError, limit_load
 from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
@@ -15,6 +15,7 @@ from fenics_contact.solvers.interior_point import (
     solve_interior_point,
 )
 from tests.bank import GRAVITY, block_recipe
+from tests.property.scenes import Draw
 from tests.unit.core import BOND, FAR, Array, conditions, dense, misses, prepared, solved
 
 bond, block = prepared(BOND), prepared(block_recipe(0.4, 0.4, 0.5), 2)
@@ -103,3 +104,12 @@ def test_too_few_steps_and_no_numbers_are_errors(bond):
     nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
     with pytest.raises(SolverError, match="interior point: residual"):
         solve_interior_point(kkt, nothing, 1.0, tolerances)
+
+
+def test_a_stalled_state_whose_load_factor_still_changes_is_not_taken():
+    """Its residuals are small and its certificate passes, but its load factor is wrong by 4e-4."""
+    draw = Draw.of_seed(283)
+    result = limit_load(draw.recipe().scene(draw.elements))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(1.0837441, rel=1e-6)
+    assert result.positive.certificate.residuals["equilibrium"] <= 1e-9
