@@ -46,10 +46,7 @@ def contents(
         _check_tags(domain, cell_tags, "cell_tags", 2)
         _check_tags(domain, facet_tags, "facet_tags", 1)
     tagged = {2: _cells(domain, cell_tags), 1: _facets(domain, facet_tags)}
-    owned = domain.topology.index_map(2).size_local
-    untagged = comm.allreduce(owned - len(np.unique(cell_tags.indices[cell_tags.indices < owned])))
-    if untagged:
-        raise InputError(f"cell_tags: {untagged} cells have no tag; give every cell one")
+    _check_all_tagged(domain, cell_tags)
     mine = {dim: set(values.tolist()) for dim, (_, values) in tagged.items()}
     everywhere = comm.allgather(mine)
     numbers = {dim: sorted(set().union(*(part[dim] for part in everywhere))) for dim in mine}
@@ -98,6 +95,15 @@ def _check_tags(domain: Any, tags: Any, name: str, dim: int) -> None:
         raise InputError(f"{name} are those of another mesh; make them with meshtags of this one")
     if not np.issubdtype(tags.values.dtype, np.integer):
         raise InputError(f"{name} has tags of type {tags.values.dtype}; give whole numbers (int32)")
+
+
+def _check_all_tagged(domain: Any, tags: Any) -> None:
+    """Refuse cells without a tag. Collective."""
+    owned = domain.topology.index_map(2).size_local
+    mine = np.unique(tags.indices[tags.indices < owned])
+    untagged = domain.comm.allreduce(owned - len(mine))
+    if untagged:
+        raise InputError(f"cell_tags: {untagged} cells have no tag; give every cell one")
 
 
 def _global(domain: Any, nodes: Any) -> Indices:
