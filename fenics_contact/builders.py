@@ -101,8 +101,12 @@ def facade(
     sizes = (*opening, pier, *block)
     _require(storeys >= 1 and bays >= 1, "facade: give at least one storey and one bay")
     _require(min(sizes) > 0.0 <= sill, "facade: sizes must be positive, sill 0 or more")
-    parts, step, bearing = _Parts(), opening[0] + pier, min(0.5 * block[0], pier / 3.0)
-    length, starts, low = bays * step + pier, step * np.arange(bays + 1), 0.0
+    parts = _Parts()
+    step = opening[0] + pier
+    bearing = min(0.5 * block[0], pier / 3.0)
+    length = bays * step + pier
+    starts = step * np.arange(bays + 1)
+    low = 0.0
     for _ in range(storeys):
         levels = _levels(low, sill, block[1])
         for k, y in enumerate(itertools.pairwise(levels)):
@@ -175,7 +179,9 @@ def bridge(
     parts = parts or BridgeParts()
     _check_bridge((span, rise, ring), (voussoirs, spans), parts)
     curves = _ring_curves(span, rise, ring * np.arange(parts.rings + 1), voussoirs)
-    reach, level = -float(curves[-1][0, 0]), float(curves[-1][0, 1])  # of the outer springing
+    # of the outer springing
+    reach = -float(curves[-1][0, 0])
+    level = float(curves[-1][0, 1])
     wide, high = parts.pier
     least = 2.0 * reach if spans > 1 else reach
     _require(wide >= least, f"bridge: piers must be {least:.4g} m wide, for the springings")

@@ -122,7 +122,8 @@ def _output_may_close() -> Iterator[None]:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names may have letters that it lacks
             stream.reconfigure(errors="backslashreplace")
-    out, err = _Output(sys.stdout), _Output(sys.stderr)
+    out = _Output(sys.stdout)
+    err = _Output(sys.stderr)
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):  # type: ignore[type-var]
         try:
             yield

@@ -124,7 +124,8 @@ def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> A
 
     It finds the nodes that ranks share only where it has such ghosts, which it then removes.
     """
-    count, size = cells.num_nodes, comm.size
+    count = cells.num_nodes
+    size = comm.size
     ends = np.cumsum(comm.allgather(count))
     graph = cpp.mesh.build_dual_graph(comm, cells, dim)
     cell = np.repeat(np.arange(count), np.diff(graph.offsets))
@@ -160,7 +161,8 @@ def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
 
 def same_topology(tags: Any, domain: mesh.Mesh) -> bool:
     """Whether mesh tags are those of a mesh; AttributeError where they are no mesh tags."""
-    of_tags, topology = getattr(tags, "mesh", tags).topology, domain.topology
+    of_tags = getattr(tags, "mesh", tags).topology
+    topology = domain.topology
     return getattr(of_tags, "_cpp_object", of_tags) is getattr(topology, "_cpp_object", topology)
 
 
@@ -173,7 +175,9 @@ def _rows(table: Any, width: int) -> npt.NDArray[np.int32]:
 def quiet_compiler() -> Iterator[None]:
     """Keep the compiler's lines off the console; dolfinx 0.5 logs them at the root."""
     root = logging.getLogger()
-    disabled, level, handlers = root.manager.disable, root.level, root.handlers[:]
+    disabled = root.manager.disable
+    level = root.level
+    handlers = root.handlers[:]
     logging.disable(max(disabled, logging.INFO))
     try:
         yield
@@ -272,7 +276,8 @@ def _add_field_data(path: Path, numbers: Mapping[str, float]) -> None:
     field = "".join(form.format(name, value) for name, value in numbers.items())
     with path.open("r+b") as file:
         file.seek(-min(path.stat().st_size, 80), 2)
-        start, end = file.tell(), file.read()
+        start = file.tell()
+        end = file.read()
         if not end.rstrip().endswith(b"</VTKFile>"):
             raise OSError(f"'{path.name}' is not complete, is there room?")
         file.seek(start + end.index(b"</UnstructuredGrid>"))

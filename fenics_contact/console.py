@@ -121,12 +121,14 @@ class SweepProgress:
     """A line for every point of a sweep, with the time that is left."""
 
     def __init__(self) -> None:
-        self._start, self._before = time.perf_counter(), 0
+        self._start = time.perf_counter()
+        self._before = 0
 
     def __call__(self, done: int, total: int, point: Any) -> None:
         """Show a `sweeps.points.Point`; None tells how many are there before any is solved."""
         if point is None:
-            self._start, self._before = time.perf_counter(), done
+            self._start = time.perf_counter()
+            self._before = done
             text = f"{done} of {counted(total, 'point')} are there already" if done else ""
         else:
             values = ", ".join(f"{key} = {_short(value)}" for key, value in point.values.items())
@@ -225,7 +227,8 @@ def _crushing_lines(end: Collapse) -> list[str]:
         return []
     if not end.crushed:
         return ["crushing: no joint is at its compressive strength"]
-    first, count = end.crushed[0], len(end.crushed)
+    first = end.crushed[0]
+    count = len(end.crushed)
     x, y = np.array(first.position) + 0.0
     rest = f", {count - 1} more over less" if count > 1 else ""
     return [
@@ -308,8 +311,10 @@ def _other_errors(error: MeshError) -> str:
 
 def description(discretization: Discretization) -> str:
     """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
-    scene, bodies = discretization.scene, discretization.bodies
-    boundary, mesh = discretization.boundary, scene.mesh
+    scene = discretization.scene
+    bodies = discretization.bodies
+    boundary = discretization.boundary
+    mesh = scene.mesh
     cells = mesh.domain.topology.index_map(2).size_global
     nodes = discretization.elasticity.space.dofmap.index_map.size_global
     floating = int(bodies.floating.sum())

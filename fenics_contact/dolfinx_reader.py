@@ -69,7 +69,8 @@ def _check_mesh(domain: Any, source: str) -> None:
     """Refuse what is not a mesh of straight planar cells; alike on all ranks."""
     if not isinstance(domain, Mesh):
         raise InputError(f"mesh = {type(domain).__name__} must be a dolfinx.mesh.Mesh")
-    cell, dim = domain.topology.cell_type.name, domain.geometry.dim
+    cell = domain.topology.cell_type.name
+    dim = domain.geometry.dim
     if cell not in _KINDS:
         known = " or ".join(_KINDS)
         raise InputError(f"{source} has cells of kind {cell}; make it of cells of kind {known}")
@@ -84,7 +85,8 @@ def _check_mesh(domain: Any, source: str) -> None:
 def _check_tags(domain: Any, tags: Any, name: str, dim: int) -> None:
     """Refuse tags of other entities than those of this dimension of this mesh."""
     try:
-        found, of_mesh = tags.dim, compat.same_topology(tags, domain)
+        found = tags.dim
+        of_mesh = compat.same_topology(tags, domain)
     except AttributeError:
         problem = "must be dolfinx mesh tags, made by dolfinx.mesh.meshtags"
         raise InputError(f"{name} = {type(tags).__name__} {problem}") from None
@@ -121,7 +123,8 @@ def _cells(domain: Any, tags: Any) -> tuple[Indices, Indices]:
 
 def _facets(domain: Any, tags: Any) -> tuple[Indices, Indices]:
     """Nodes at the ends of this rank's tagged facets, and their numbers. Collective."""
-    topology, nodes = domain.topology, compat.geometry_dofs(domain)
+    topology = domain.topology
+    nodes = compat.geometry_dofs(domain)
     for dims in ((1, 0), (2, 0)):
         topology.create_connectivity(*dims)
     vertices = topology.connectivity(2, 0).array.reshape(nodes.shape)

@@ -96,7 +96,8 @@ class Drawing:
         blocks, near = divided_outlines(list(self.blocks), {})
         reach = 4.0 * LIMITS.gap * default_size(blocks)
         corners = np.unique(np.concatenate(blocks), axis=0)
-        found, middles = [], []
+        found = []
+        middles = []
         for block in blocks:
             close = corners[_in_box(corners, block, reach)]
             way = _way_to(close, block)
@@ -104,7 +105,8 @@ class Drawing:
             some = (distance > near) & (distance < reach)
             found.append(np.column_stack([close, distance])[some])
             middles.append((close + 0.5 * way)[some])
-        rows, middle = np.concatenate(found), np.concatenate(middles)
+        rows = np.concatenate(found)
+        middle = np.concatenate(middles)
         empty = np.ones(len(rows), dtype=bool)  # between corner and block there is no block
         for block in blocks:
             within = np.flatnonzero(_in_box(middle, block, near))
@@ -116,7 +118,8 @@ class Drawing:
 
 def _in_box(points: Array, outline: Array, margin: float) -> Flags:
     """Which points lie in the box around an outline, with a margin."""
-    low, high = outline.min(axis=0) - margin, outline.max(axis=0) + margin
+    low = outline.min(axis=0) - margin
+    high = outline.max(axis=0) + margin
     return np.all((points >= low) & (points <= high), axis=1)
 
 
@@ -268,9 +271,12 @@ def _corners(entity: Any) -> tuple[Array, bool]:
     table = np.array(rows, dtype=float).reshape(-1, 3)
     if entity.dxf.get("extrusion", (0, 0, 1))[2] < 0.0:  # drawn on the back of the plane
         table *= (-1.0, 1.0, -1.0)
-    ends, size = table[:, :2], float(np.ptp(table[:, :2], axis=0).max()) if len(table) else 0.0
+    ends = table[:, :2]
+    size = float(np.ptp(table[:, :2], axis=0).max()) if len(table) else 0.0
     if len(table) > 2 and np.linalg.norm(ends[0] - ends[-1]) <= 1e-6 * size:
-        table, closed = table[:-1], True  # ends where it began
+        # ends where it began
+        table = table[:-1]
+        closed = True
     following = np.roll(table[:, :2], -1, axis=0)
     sides = list(zip(table[:, :2], following, table[:, 2], strict=True))
     pieces = [_arc(start, end, bulge) for start, end, bulge in sides]

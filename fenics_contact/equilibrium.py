@@ -79,7 +79,8 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         raise InputError(f"load_factor = {load_factor} must be finite")
     if steps < 1:
         raise InputError(f"steps = {steps} must be 1 or more")
-    strategy, sign = strategy_of(scene), math.copysign(1.0, load_factor)
+    strategy = strategy_of(scene)
+    sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
         blocks = RigidBlocks.of(made, sign)
         proved = without_equilibrium(blocks, abs(load_factor), sign)

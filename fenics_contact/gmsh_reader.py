@@ -89,7 +89,8 @@ def read(path: Path, limits: ReadLimits | None = None) -> GmshContents:
     Raises:
         ValueError: If gmsh cannot read the file, with its reason.
     """
-    limits, size = limits or ReadLimits(), path.stat().st_size
+    limits = limits or ReadLimits()
+    size = path.stat().st_size
     seconds = limits.seconds + limits.seconds_per_megabyte * size / 1e6
     memory = limits.memory + limits.memory_per_byte * size
     numbers = [str(int(number)) for number in (seconds, memory)]
@@ -127,7 +128,8 @@ def _main(path: str, seconds: str, memory: str) -> None:
             limit = min(limit, hard)
         resource.setrlimit(kind, (limit, hard))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    failure, columns = "", {}
+    failure = ""
+    columns = {}
     with os.fdopen(os.dup(1), "wb") as answer:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, 1)  # what gmsh and its libraries have to say

@@ -84,7 +84,8 @@ class LimitLoad(Result):
         `write` does so. Not done by `limit_load`: the programs may take longer than the limit load
         of a large wall, and the forces of a verified state imply what they say.
         """
-        start, comm = time.perf_counter(), self.scene.comm
+        start = time.perf_counter()
+        comm = self.scene.comm
         for name, end in self.ends.items():
             bounds = comm.bcast(end.bounds if comm.rank == 0 else None)
             known = replace(end, program=partial(_known, bounds))
@@ -112,13 +113,16 @@ class LimitLoad(Result):
             points: Number of points; by default those of the scene's output options.
             stop: As of `limit_load`; points found by then are kept.
         """
-        start, scene = time.perf_counter(), self.scene
+        start = time.perf_counter()
+        scene = self.scene
         direction, end = next(iter(self.ends.items()), ("", None))
         points = points or scene.output.capacity or CURVE
         if end is None or end.status != "limit":
             return ()
-        sign, kind = SIGNS[direction], strategy_of(scene).kind
-        monitor, end = monitor or _Silent(), end if sign > 0.0 else end.reversed()
+        sign = SIGNS[direction]
+        kind = strategy_of(scene).kind
+        monitor = monitor or _Silent()
+        end = end if sign > 0.0 else end.reversed()
         curve: list[CapacityPoint] = []
         with Discretization(scene) as made:
             made.end_when(within(scene.solve.time, stop, self.seconds["total"]))
@@ -165,7 +169,8 @@ class LimitLoad(Result):
         """Collapse mode and joint forces, for a notebook. Collective."""
         if not self._can_be_drawn:
             return None
-        file, view = io.BytesIO(), self._view()
+        file = io.BytesIO()
+        view = self._view()
         if self.scene.comm.rank == 0:
             save_collapse(view, repr(self)[1:-1], [file])
         return file.getvalue()
@@ -246,7 +251,9 @@ class _Direction(Listener):
     """Tells a monitor of the path in one direction, on rank 0 with the end of the bracket."""
 
     def __init__(self, monitor: Monitor, name: str, cases: Mapping[str, LoadCase]) -> None:
-        self._monitor, self._name, self._cases = monitor, name, cases
+        self._monitor = monitor
+        self._name = name
+        self._cases = cases
 
     def phase(self, name: str) -> None:
         """Something else begins."""
@@ -314,7 +321,8 @@ def limit_load_of(
 
     `asked` says why the run is to end, as `stopping.within` does.
     """
-    scene, monitor = discretization.scene, monitor or _Silent()
+    scene = discretization.scene
+    monitor = monitor or _Silent()
     discretization.end_when(asked or within(scene.solve.time))
     seconds = {"compile": discretization.compile_seconds, "assemble": discretization.seconds}
     try:
@@ -341,7 +349,8 @@ def _solved(
     Raises:
         Stopped: If the run is to end before any collapse is looked for.
     """
-    scene, asked = discretization.scene, _asked(discretization.scene)
+    scene = discretization.scene
+    asked = _asked(discretization.scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization)
     stands_frictionless = blocks.frictionless.stands()

@@ -173,7 +173,10 @@ class BlockMesh(TaggedMesh):
         """Read a mesh on rank 0, split it into bodies and send their cells to all ranks."""
         comm = compat.default_comm() if comm is None else comm
         rest: Any = None
-        mesh, body, rank, joined = None, np.empty(0, dtype=np.int32), None, 0
+        mesh = None
+        body = np.empty(0, dtype=np.int32)
+        rank = None
+        joined = 0
         with raised_together(comm):
             if comm.rank == 0:
                 mesh = read()
@@ -335,7 +338,8 @@ def with_split_surfaces(mesh: GmshMesh) -> GmshMesh:
 
     A tagged facet between two surfaces becomes two facets, one of each, in the same groups.
     """
-    count, width = len(mesh.points), mesh.cells.shape[1]
+    count = len(mesh.points)
+    width = mesh.cells.shape[1]
     surface = mesh.cell_surfaces.astype(np.int64)
     copies, cells = np.unique(surface[:, None] * count + mesh.cells, return_inverse=True)
     any_copy = np.zeros(count, dtype=np.int64)

@@ -95,7 +95,8 @@ def wall(
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
     rectangles = _rectangles(courses, ends, block)
-    step, on_grid = 0.5 * length / elements, np.concatenate(ends) * 2.0 * elements
+    step = 0.5 * length / elements
+    on_grid = np.concatenate(ends) * 2.0 * elements
     if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
         steps = (step, height / max(1, round(height / step)))
         divide = _quadrilaterals if quadrilaterals else _triangles
@@ -105,7 +106,8 @@ def wall(
         free = polygons(outlines, step, quadrilaterals=quadrilaterals)
         mesh = extract(free, "the wall")
         free.remove()
-        points, cells = mesh.points, mesh.cells
+        points = mesh.points
+        cells = mesh.cells
     return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
 
 
@@ -149,9 +151,11 @@ def _grid_wall(
 ) -> tuple[Array, Indices]:
     """Points and cells of rectangles (x0, y0, x1, y1) on one grid."""
     points: list[Array] = []
-    cells, count = [], 0
+    cells = []
+    count = 0
     for x0, y0, x1, y1 in rectangles:
-        nx, ny = round((x1 - x0) / steps[0]), round((y1 - y0) / steps[1])
+        nx = round((x1 - x0) / steps[0])
+        ny = round((y1 - y0) / steps[1])
         x, y = np.meshgrid(np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1))
         points.append(np.column_stack([x.ravel(), y.ravel()]))
         cells.append(divide(count + np.arange(x.size).reshape(x.shape)))
@@ -186,7 +190,8 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     joint = np.zeros(len(facets), dtype=bool)
     joint[cKDTree(middle).query_pairs(near, output_type="ndarray").ravel()] = True
     level = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) <= near
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     (left, base), (right, top) = (middle <= low + near).T, (middle >= high - near).T
     masks = {"bed": joint & level, "head": joint & ~level}
     masks |= {"base": ~joint & level & base, "top": ~joint & level & top}
@@ -264,7 +269,8 @@ def _draw(
     surfaces: dict[str, list[int]] = {name: [] for name in names}
     on_group: dict[str, list[int]] = {name: [] for name in groups}
     for block, block_name, size in zip(blocks, names, sizes, strict=True):
-        points, ends = [geo.addPoint(x, y, 0.0) for x, y in block], np.roll(block, -1, axis=0)
+        points = [geo.addPoint(x, y, 0.0) for x, y in block]
+        ends = np.roll(block, -1, axis=0)
         lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
         for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):
             # Both blocks of a joint must come to the same number, whatever their rounding.
@@ -288,7 +294,8 @@ def default_size(blocks: Polygons) -> float:
 def lowest_level(blocks: Polygons) -> Segments:
     """The group "base" as a segment along the lowest level of blocks."""
     corners = np.concatenate(blocks)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
     return {"base": [(low, (high[0], low[1]))]}
 
 
@@ -307,18 +314,22 @@ def outline_problem(corners: Array) -> str:
 def _crossing(corners: Array) -> Array | None:
     """Where two sides of an outline meet that are not neighbours, or a side turns back."""
     near = COINCIDENT * float(np.ptp(corners, axis=0).max())
-    start, along = corners, np.roll(corners, -1, axis=0) - corners
+    start = corners
+    along = np.roll(corners, -1, axis=0) - corners
     length = np.linalg.norm(along, axis=1)
-    start, along = start[length > near], along[length > near]
+    start = start[length > near]
+    along = along[length > near]
     count = len(start)
     one, two = np.triu_indices(count, 1)
     following = (two == one + 1) | ((one == 0) & (two == count - 1))
     first, second = np.where((one == 0) & (two == count - 1), (two, one), (one, two))
-    turn, cosine = _cross(along[first], along[second]), np.sum(along[first] * along[second], axis=1)
+    turn = _cross(along[first], along[second])
+    cosine = np.sum(along[first] * along[second], axis=1)
     back = following & (np.abs(turn) <= COINCIDENT * np.abs(cosine)) & (cosine < 0.0)
     if np.any(back):
         return start[second[back][0]]
-    one, two = one[~following], two[~following]
+    one = one[~following]
+    two = two[~following]
     between = start[two] - start[one]
     with np.errstate(divide="ignore", invalid="ignore"):  # parallel sides have no crossing
         turn = _cross(along[one], along[two])
@@ -390,7 +401,8 @@ def _snapped(points: Array, near: float) -> Array:
 
 def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
     """An outline with the corners of all blocks that lie on its sides inserted."""
-    low, high = outline.min(axis=0) - near, outline.max(axis=0) + near
+    low = outline.min(axis=0) - near
+    high = outline.max(axis=0) + near
     corners = corners[np.all((corners >= low) & (corners <= high), axis=1)]
     pieces = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
@@ -398,7 +410,8 @@ def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
         on_side = corners[_on_segment(corners, (start, end), near)]
         along = (on_side - start) @ (end - start) / length
         order = np.argsort(along)
-        on_side, along = on_side[order], along[order]
+        on_side = on_side[order]
+        along = along[order]
         inside = (along > near) & (along < length - near)
         inside &= np.diff(along, prepend=-np.inf) > near
         pieces += [start[None], on_side[inside]]
@@ -436,7 +449,8 @@ def arch(
     half = 0.5 * np.radians(embrace)
     angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
     ray = np.column_stack([np.cos(angles), np.sin(angles)])
-    inner, outer = (radius - 0.5 * thickness) * ray, (radius + 0.5 * thickness) * ray
+    inner = (radius - 0.5 * thickness) * ray
+    outer = (radius + 0.5 * thickness) * ray
     groups = {
         "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
         "intrados": list(itertools.pairwise(inner)),
@@ -469,8 +483,11 @@ def wedge(
     half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
     if height <= 0.0 or not 0.0 < half < length:
         raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
-    left, right, tip = (-half, height), (half, height), (0.0, 0.0)
-    start, end = (-length, 0.0), (length, 0.0)
+    left = (-half, height)
+    right = (half, height)
+    tip = (0.0, 0.0)
+    start = (-length, 0.0)
+    end = (length, 0.0)
     blocks = [[start, tip, left, (-length, height)], [tip, end, (length, height), right]]
     blocks.append([tip, right, left])
     flanks = [(tip, left), (tip, right)]

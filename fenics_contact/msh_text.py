@@ -138,7 +138,8 @@ def _entities(section: str) -> Iterator[tuple[tuple[int, int], list[int]]]:
 
 def _nodes(section: str, entities: set[tuple[int, int]]) -> tuple[Tags, Array]:
     """Numbers of the nodes, in the order of their entities, and their coordinates."""
-    numbers, found = _Numbers(section), {}
+    numbers = _Numbers(section)
+    found = {}
     blocks, total, _, _ = numbers.whole(4)
     for _ in range(blocks):
         dim, entity, parametric, count = numbers.whole(4)
@@ -156,7 +157,8 @@ def _elements(
     section: str, entities: set[tuple[int, int]], known: Tags
 ) -> dict[tuple[int, int, int], Tags]:
     """Nodes, in a row, of the elements by dimension and number of their entity, and by kind."""
-    numbers, found = _Numbers(section), {}
+    numbers = _Numbers(section)
+    found = {}
     blocks, total, _, _ = numbers.whole(4)
     elements = 0
     for _ in range(blocks):

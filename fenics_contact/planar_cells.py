@@ -114,16 +114,20 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
     """
     corners = points[cells]
     size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low = corners.min(axis=1)
+    high = corners.max(axis=1)
     outer, height = _outline(points, cells)
-    rim, inside = np.flatnonzero(outer), np.flatnonzero(~outer)
+    rim = np.flatnonzero(outer)
+    inside = np.flatnonzero(~outer)
     _, one_of_each = np.unique(body[rim], return_index=True)
     for some, others in ((rim, rim), (rim[one_of_each], inside)):
         for one, two in near_pairs(corners.mean(axis=1), size, some, others):
             allowed = PENETRATION * np.minimum(size[one], size[two]) + height[one] + height[two]
             common = np.minimum(high[one], high[two]) - np.maximum(low[one], low[two])
             keep = (body[one] != body[two]) & np.all(common > allowed[:, None], axis=1)
-            one, two, allowed = one[keep], two[keep], allowed[keep]
+            one = one[keep]
+            two = two[keep]
+            allowed = allowed[keep]
             bad = np.flatnonzero(_penetration(corners[one], corners[two]) > allowed)
             if len(bad):
                 x, y = corners[[one[bad[0]], two[bad[0]]]].mean(axis=(0, 1))
@@ -164,7 +168,8 @@ def arc_heights(points: Array, nodes: Indices, normal: Array) -> Array:
     order = np.argsort(ends, kind="stable")
     _, first, count = np.unique(ends[order], return_index=True, return_counts=True)
     first = first[count == 2]
-    one, two = order[first] // 2, order[first + 1] // 2
+    one = order[first] // 2
+    two = order[first + 1] // 2
     cross = normal[one, 0] * normal[two, 1] - normal[one, 1] * normal[two, 0]
     turn = np.arctan2(np.abs(cross), np.sum(normal[one] * normal[two], axis=1))
     apart = points[one].mean(axis=1) - points[two].mean(axis=1)
@@ -201,7 +206,8 @@ def near_pairs(
         for part, (k, partners, tree) in product(portions, trees):
             reach = size.max() * (2.0**j + 2.0**k)
             table = cKDTree(centre[part]).sparse_distance_matrix(tree, reach, output_type="ndarray")
-            one, two = part[table["i"]], partners[table["j"]]
+            one = part[table["i"]]
+            two = partners[table["j"]]
             meet = table["v"] < size[one] + size[two]
             yield one[meet], two[meet]
 

@@ -110,7 +110,8 @@ class _Sides:
 
 def _closed(table: _Sides, cells: Flags) -> Flags:
     """Sides to cut: all of the marked cells, and those that follow, shape (sides,)."""
-    comm, topology = table.domain.comm, table.domain.topology
+    comm = table.domain.comm
+    topology = table.domain.topology
     exterior = np.asarray(exterior_facet_indices(topology), dtype=np.int64)
     opposite, mine = _opposite(table.points[exterior], comm)
     on_boundaries = np.zeros(len(opposite), dtype=bool)

@@ -140,7 +140,8 @@ class JointLaw:
         _require_choice("law", self.law)
         _require_strength(self.compressive_strength)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
-            value, given = getattr(self, name), getattr(self, name) is not None
+            value = getattr(self, name)
+            given = getattr(self, name) is not None
             _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
@@ -282,7 +283,8 @@ class Load:
     def acceleration(self) -> tuple[float, float]:
         """The body force per mass, tilted, m/s2."""
         (x, y), angle = self.body, math.radians(self.tilt)
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
         return (x * cosine - y * sine, x * sine + y * cosine) if self.tilt else self.body
 
 
@@ -331,7 +333,8 @@ class SolveOptions:
         _require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
-        given, by_load = self.tolerance, self.control == "load"
+        given = self.tolerance
+        by_load = self.control == "load"
         for name in ("peak", "lowest", "error"):
             both = self.fast and getattr(self, name)
             _require(not both, f"{name} = true needs fast = false: fast leaves it out")
@@ -499,7 +502,9 @@ class Scene(_Shared):
         return min(set(groups) & set(self.materials), default="default")
 
     def _check_names(self) -> None:
-        source, cells, facets = self.mesh.source, self.mesh.cell_names, self.mesh.facet_names
+        source = self.mesh.source
+        cells = self.mesh.cell_names
+        facets = self.mesh.facet_names
         for table, names, known, number in (
             ("materials", set(self.materials) - {"default"}, cells, "two"),
             ("joints", set(self.joints) - {"default"}, facets, "one"),

@@ -95,7 +95,8 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         raise InputError(f"unknown key '{prefix}{name}'; {hint}")
     values = {}
     for item in fields(kind):  # type: ignore[arg-type]
-        inner, nested = prefix + item.name, is_dataclass(kinds[item.name])
+        inner = prefix + item.name
+        nested = is_dataclass(kinds[item.name])
         if item.name in table:
             values[item.name] = _value(inner, table[item.name], kinds[item.name])
         elif item.default is MISSING and item.default_factory is MISSING:

@@ -64,7 +64,8 @@ def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
     """
     for meshes in itertools.count(1):
         _report_most_accurate(result)
-        wished, last = result.scene.solve.accuracy, {row.direction: row for row in result.passes}
+        wished = result.scene.solve.accuracy
+        last = {row.direction: row for row in result.passes}
         if wished is None or all(row.estimate <= wished for row in last.values()):
             return result
         # Finer cells do not help where it is not known what short hinges do.
@@ -152,7 +153,8 @@ def _surplus(whole: Discretization, displacement: Array) -> Array:
 
     In this rank's cells; up to a factor.
     """
-    space, law = whole.elasticity.space, whole.elasticity.law
+    space = whole.elasticity.space
+    law = whole.elasticity.law
     field = fem.Function(space)
     field.x.array[: len(displacement)] = whole.cartesian(displacement).ravel()
     field.x.scatter_forward()

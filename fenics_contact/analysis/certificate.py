@@ -207,8 +207,10 @@ def _joint_misses(
     problem: ContactProblem, state: State, scales: Scales, bound: Array | None = None
 ) -> dict[str, Array]:
     """What this rank's points miss of the joint laws, relative to `scales`."""
-    d, f = scales.displacement, scales.force
-    opening, slip = problem.openings(state.displacement), problem.slips(state.displacement)
+    d = scales.displacement
+    f = scales.force
+    opening = problem.openings(state.displacement)
+    slip = problem.slips(state.displacement)
     if bound is None:
         bound = _bound(problem, state)
     return {

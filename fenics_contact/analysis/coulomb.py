@@ -101,9 +101,11 @@ class FixedPoint:
         Raises:
             SolverError: If `solve` finds no state for the first bound.
         """
-        problem, relaxation = self.problem, _Relaxation(self.problem.sum, self.options)
+        problem = self.problem
+        relaxation = _Relaxation(self.problem.sum, self.options)
         steps: list[Step] = []
-        change, converged = float(np.inf), False
+        change = float(np.inf)
+        converged = False
         while len(steps) < self.options.max_iterations and not converged:
             before = self.factorizations()
             try:
@@ -149,7 +151,8 @@ class FixedPoint:
 
     def _series(self, steps: Sequence[Step]) -> float:
         """Sum of all further changes over the last: a geometric series, by changes and secants."""
-        options, contraction = self.options, History(tuple(steps)).contraction
+        options = self.options
+        contraction = History(tuple(steps)).contraction
         contraction = min(contraction or 0.5, options.slowest)
         secant = min(step.secant for step in steps[len(steps) // 2 :])
         slow = options.safety * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
@@ -161,7 +164,8 @@ class FixedPoint:
         Changes of one sign are a series of their own, which may creep where the bound converges
         fast.
         """
-        options, last = self.options, steps[-4:]
+        options = self.options
+        last = steps[-4:]
         changes = np.diff([step.load_factor for step in last])
         if len(changes) == 0:
             return float(np.inf)
@@ -188,18 +192,23 @@ class _Relaxation:
 
     def __init__(self, total: Callable[[Array], float], options: FixedPointOptions) -> None:
         """Start with omega = 1; `total` sums an array over all ranks."""
-        self._total, self._options = total, options
+        self._total = total
+        self._options = options
         self._last: Array | None = None
-        self._omega, self._cap = 1.0, options.relaxation[1]
-        self._best, self._since = np.inf, 0
+        self._omega = 1.0
+        self._cap = options.relaxation[1]
+        self._best = np.inf
+        self._since = 0
         self.cycles, self.secant = 0, 1.0
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
-        options, last = self._options, self._omega
+        options = self._options
+        last = self._omega
         aligned = self._last is not None and self._follow(difference, self._last)
         if change < options.smaller * self._best:
-            self._best, self._since = change, 0
+            self._best = change
+            self._since = 0
         elif not aligned:
             self._since += 1
         if self._since >= options.cycle:
@@ -216,7 +225,8 @@ class _Relaxation:
     def _follow(self, difference: Array, last: Array) -> bool:
         """Set omega by Irons and Tuck; whether the change points where the last one did."""
         step = difference - last
-        square, of_last = self._total(step * step), self._total(last * last)
+        square = self._total(step * step)
+        of_last = self._total(last * last)
         moved = self._omega**2 * of_last
         self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
         if square > 0.0:

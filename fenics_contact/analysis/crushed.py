@@ -118,7 +118,8 @@ class CrushedJoints:
 
     def places(self, crushing: Crushing) -> tuple[CrushedPlace, ...]:
         """Where the joints crush, the longest blocks of pressure first."""
-        joints, ends = self.whole.discretization.joints, self.ends
+        joints = self.whole.discretization.joints
+        ends = self.ends
         found = []
         for face in np.flatnonzero((ends.side != 0.0) & (ends.force > 0.0)):
             points = np.flatnonzero(crushing.face == face)
@@ -133,7 +134,8 @@ class CrushedJoints:
         """A collapse with its forces at the joint points of the whole faces."""
         if end.state is None or end.mode is None or self.case is self.whole:
             return end
-        state, hinges = self.state_on_joints(end.state), end.at_point_hinges
+        state = self.state_on_joints(end.state)
+        hinges = end.at_point_hinges
         values = joint_values(self.whole.problem, self.whole.discretization, state, end.mode)
         hinges = hinges and self.on_joints(hinges)
         return replace(end, state=state, joints=values, at_point_hinges=hinges)
@@ -171,7 +173,8 @@ def settle(
     """
     crushing = strengths(case)
     crushed = CrushedJoints.of(case, crushing, first)
-    found, kept = solve(crushed.case, None), np.zeros(len(first.side), dtype=bool)
+    found = solve(crushed.case, None)
+    kept = np.zeros(len(first.side), dtype=bool)
     last = first.force, np.zeros_like(first.force)
     for _ in range(OPTIONS.states):
         if found.state is None:
@@ -185,12 +188,16 @@ def settle(
         if not np.any(over | idle):
             return found, crushed, True
         if np.any(over):
-            renewed, carried = np.where(over, side, ends.side), np.maximum(force, 0.0)
+            renewed = np.where(over, side, ends.side)
+            carried = np.maximum(force, 0.0)
             step = np.where(renewed == ends.side, carried - ends.force, 0.0)
-            part, last = _relaxation(last, ends.force, step), (ends.force, step)
+            part = _relaxation(last, ends.force, step)
+            last = (ends.force, step)
             carried = np.where(renewed == ends.side, ends.force + part * step, carried)
         else:
-            renewed, carried, kept = np.where(idle, 0.0, ends.side), ends.force, kept | idle
+            renewed = np.where(idle, 0.0, ends.side)
+            carried = ends.force
+            kept = kept | idle
         ends = CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
         _log.info("  crushing: %d faces", np.sum(renewed != 0.0))
         crushed.close()
@@ -201,7 +208,8 @@ def settle(
 
 def _relaxation(last: tuple[Array, Array], force: Array, step: Array) -> Array:
     """Part of the steps N - N0 that faces take, by the secant of each from the state before."""
-    moved, change = force - last[0], step - last[1]
+    moved = force - last[0]
+    change = step - last[1]
     secant = np.divide(-moved, change, out=np.ones_like(step), where=moved * change < 0.0)
     return np.clip(secant, OPTIONS.slowest, 1.0)
 
@@ -278,17 +286,20 @@ def _tangents(joints: Joints, crushing: Crushing, ends: CrushedEnds) -> tuple[In
     """Points that act elsewhere, shares of all points, and the blocks of pressure less N0."""
     from scipy.sparse import coo_matrix
 
-    count, pairs = len(joints.length), joints.neighbours
+    count = len(joints.length)
+    pairs = joints.neighbours
     face = crushing.face[pairs[:, 0]]
     among = (face == crushing.face[pairs[:, 1]]) & (ends.side != 0.0)[face]
-    pairs, face = pairs[among], face[among]
+    pairs = pairs[among]
+    face = face[among]
     inner = crushing.tangent(ends.force, ends.side)[1]
     force = _block(crushing, ends, inner, pairs, face)
     number, at, share = _between(crushing, inner, pairs, face)
     carried = np.clip(ends.force, 0.0, crushing.carried)[face[number]]
     force -= np.bincount(at.ravel(), (carried[:, None] * share).ravel(), count)
     moves = ends.side[crushing.face] * (crushing.place - inner[crushing.face]) > 0.0
-    points, stay = np.flatnonzero(moves), np.flatnonzero(~moves)
+    points = np.flatnonzero(moves)
+    stay = np.flatnonzero(~moves)
     pair = np.searchsorted(face[number], crushing.face[points])
     rows = np.concatenate([stay, np.repeat(points, 2)])
     columns = np.concatenate([stay, at[pair].ravel()])
@@ -303,7 +314,8 @@ def _block(
 
     They are those of the linear functions between the neighbours of every pair.
     """
-    side, place = ends.side[face, None], crushing.place[pairs]
+    side = ends.side[face, None]
+    place = crushing.place[pairs]
     covered = np.maximum(side * place, side * inner[face, None])
     length = np.ptp(covered, axis=1)
     share = _shares(ends.side[face] * covered.mean(axis=1), place)
@@ -316,7 +328,8 @@ def _between(
 ) -> tuple[Indices, Indices, Array]:
     """Pair of neighbours between which every block ends, face by face; its points; their shares."""
     place = crushing.place[pairs]
-    low, high = place.min(axis=1), place.max(axis=1)
+    low = place.min(axis=1)
+    high = place.max(axis=1)
     outside = np.maximum(np.maximum(low - inner[face], inner[face] - high), 0.0)
     order = np.lexsort((outside, face))
     number = order[np.flatnonzero(np.diff(face[order], prepend=-1))]

@@ -56,7 +56,8 @@ class Crushing:
         of_face = np.full(count, np.inf)
         np.minimum.at(of_face, face, strength)
         place = np.sum(joints.tangent * joints.position, axis=1)
-        least, most = np.full(count, np.inf), np.full(count, -np.inf)
+        least = np.full(count, np.inf)
+        most = np.full(count, -np.inf)
         np.minimum.at(least, face, place)
         np.maximum.at(most, face, place)
         of_face[least == most] = np.inf
@@ -114,7 +115,8 @@ class Crushing:
             block, m.
         """
         ends = side[self.of_piece, None] * self.ends
-        near, length = ends.max(axis=1), np.ptp(ends, axis=1)
+        near = ends.max(axis=1)
+        length = np.ptp(ends, axis=1)
         pressed = (np.maximum(force, 0.0) / self.strength)[self.of_piece]
         inside = np.clip(pressed - self._before(near, length), 0.0, length)
         count = len(self.strength)
@@ -193,7 +195,8 @@ class CrushedPlace:
 
 def strength_of(whole: Discretization) -> Array:
     """f_c at all joint points: of the joint, or else the lesser of both blocks', Pa."""
-    scene, joints = whole.scene, whole.joints
+    scene = whole.scene
+    joints = whole.joints
     material = [
         scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets
     ]

@@ -72,7 +72,8 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
         strategy: How states are found.
         tolerance: On the load factor, relative.
     """
-    problem, bonded = case.problem, case.bonded
+    problem = case.problem
+    bonded = case.bonded
     work = problem.dot(problem.dead, bonded.dead)
     origin = problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
     if work <= 0.0 or origin > 0.0 or problem.max(problem.strength) > 0.0:
@@ -84,7 +85,8 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
         except SolverError as error:
             _log.info("  dead load alone: %s", error)
             return DeadLoadState(None, falls=False)
-    task, falls = _under_the_dead_load(case, work, tolerance), False
+    task = _under_the_dead_load(case, work, tolerance)
+    falls = False
     for attempt in strategy.attempts:
         try:
             with case.discretization.effort.at_most(strategy.work.attempt):
@@ -104,7 +106,9 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
 
 def _under_the_dead_load(case: LoadCase, work: float, tolerance: float) -> Task:
     """State in which the dead load, in place of the live load, does some work."""
-    problem, bonded, none = case.problem, case.bonded, np.zeros_like(case.problem.dead)
+    problem = case.problem
+    bonded = case.bonded
+    none = np.zeros_like(case.problem.dead)
     displacement = work / problem.sum(np.abs(problem.dead))
     scales = Scales(displacement, case.scales.force, 1.0, displacement)
     alone = replace(
@@ -133,7 +137,8 @@ def reaching_zero(
     """
     case = next(iter(cases.values()))
     scene = case.discretization.scene
-    options, strategy = scene.solve, strategy_of(scene)
+    options = scene.solve
+    strategy = strategy_of(scene)
     margin = -options.tolerance * case.scales.load_factor
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
     lost = {n for n, end in found.items() if end.status == "not_converged"}

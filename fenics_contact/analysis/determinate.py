@@ -49,8 +49,10 @@ def is_determinate(
     from scipy.sparse import identity
     from scipy.sparse.linalg import splu
 
-    closed, slips = ~values.opens if loaded is None else loaded, values.slips
-    sticks, slides = closed & ~slips, closed & slips
+    closed = ~values.opens if loaded is None else loaded
+    slips = values.slips
+    sticks = closed & ~slips
+    slides = closed & slips
     friction = -np.sign(values.slip_rate) * joints.friction
     along = joints.normal + friction[:, None] * joints.tangent
     # Without pressure, a joint with a given strength carries any shear up to that.

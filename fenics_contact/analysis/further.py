@@ -73,7 +73,8 @@ def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool)
     if not asked and (options.fast or options.peak is False):
         return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
     limits = Limits.of(cost, asked, case.block_count)
-    way, case = case.record.rise_on_modes, case.unrecorded
+    way = case.record.rise_on_modes
+    case = case.unrecorded
     try:
         found = find_peak(case, above, options.tolerance, limits, way)
         if asked and found.status != "found":
@@ -106,7 +107,8 @@ def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:
 def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     """A collapse with a second opinion on it, where several collapse states may exist."""
     options = case.discretization.scene.solve
-    coulomb, mode = case.problem.coulomb, end.mode
+    coulomb = case.problem.coulomb
+    mode = end.mode
     if end.crushed_ends is not None:
         reason = "in other states joints crush in other places"
         return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
@@ -141,7 +143,8 @@ def _with_estimate(case: LoadCase, end: Collapse) -> Collapse:
         _log.info("no error estimate: slip is measured from the step before")
         return end
     tolerance = scene.solve.tolerance
-    live, mode = case.problem.live, end.mode
+    live = case.problem.live
+    mode = end.mode
     if mode is not None and case.problem.dot(live, mode) < 0.0:  # the dead load does the work
         found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
         return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)

@@ -102,7 +102,8 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
     """
     if end.joints is None:
         return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
-    effort, largest = case.discretization.effort, _largest_cost(case, end)
+    effort = case.discretization.effort
+    largest = _largest_cost(case, end)
     with effort.at_most(largest):
         found = _estimated(case, end, end.joints, tolerance)
         error = found.mesh_error
@@ -151,7 +152,8 @@ def hinges(joints: Joints, values: JointValues) -> Indices:
     Points without force are among them: shorter hinges may press them.
     """
     opens = values.opens
-    has_neighbour, alone = np.zeros(len(opens), dtype=bool), np.ones(len(opens), dtype=bool)
+    has_neighbour = np.zeros(len(opens), dtype=bool)
+    alone = np.ones(len(opens), dtype=bool)
     for ends in (joints.neighbours, joints.neighbours[:, ::-1]):
         has_neighbour[ends[:, 0]] = True
         alone[ends[~opens[ends[:, 1]], 0]] = False
@@ -202,7 +204,8 @@ class _Way:
 
     def grown(self, new: Collapse, rate: float, found: Indices, halvings: float) -> _Way:
         """With one more state."""
-        last, changes = self.states[-1], self.changes
+        last = self.states[-1]
+        changes = self.changes
         if not _alike(last, new) or _turns_back(self.states, new):
             between = self.halvings[-1], halvings
             changes = (*changes, StateChange(between, last.load_factor, new.load_factor))
@@ -242,7 +245,8 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
     whole = case.discretization
     options = whole.scene.solve
     asked = bool(options.error) or options.accuracy is not None
-    ways, enough = OPTIONS.ways[asked], OPTIONS.enough[asked]
+    ways = OPTIONS.ways[asked]
+    enough = OPTIONS.enough[asked]
     if options.accuracy is not None:
         enough = ways[-1][0]
     tried: set[tuple[float, Start, int]] = set()
@@ -269,7 +273,8 @@ def _hinge_error(way: _Way) -> MeshError:
     """The hinge part of the error; nan where the limit of point hinges is not known."""
     if not way.complete:
         return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
-    end, limit = way.states[0], way.states[-1].load_factor + way.rest
+    end = way.states[0]
+    limit = way.states[-1].load_factor + way.rest
     jumps = sum(change.after - change.before for change in way.changes)
     error = abs(limit - end.load_factor - jumps) / end.size
     return MeshError(math.nan, limit, error, state_changes=way.changes)
@@ -283,7 +288,8 @@ def _with_algebraic_error(
     It is not known where the other degree is too dear, or has no collapse state near by.
     """
     last, points, halvings = way.last
-    size, degree = way.states[0].size, case.discretization.scene.degree
+    size = way.states[0].size
+    degree = case.discretization.scene.degree
     slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
     if not np.any(slides) or _independent(case, last):
         return replace(error, algebraic_error=0.0)
@@ -319,7 +325,8 @@ def _with_lengths(
         return error
     if math.isnan(error.load_factor_point_hinges):
         return replace(error, warnings=lengths.warnings(end.joints))
-    state, points = end, way.points[0]
+    state = end
+    points = way.points[0]
     if len(way.states) > 1:
         state, points = _with_strength(case, way, lengths)
     values = state.joints or end.joints
@@ -331,13 +338,15 @@ def _with_lengths(
 
 def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
     """The collapse with lengths of hinges that its own forces give, and its hinges."""
-    end, size = way.states[0], way.states[0].size
+    end = way.states[0]
+    size = way.states[0].size
     if end.joints is None:
         return end, way.points[0]
     halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
     # Start from the stiffest hinges that are not stiffer than most of them.
     start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
-    state, points = way.states[start], way.points[start]
+    state = way.states[start]
+    points = way.points[start]
     for _ in range(OPTIONS.lengths):
         force = (state.joints or end.joints).normal_force
         soft = Softened(points, lengths.halvings(points, force))
@@ -347,7 +356,8 @@ def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[
         settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
         found = np.union1d(points, hinges(case.discretization.joints, new.joints))
         settled &= len(found) == len(points)
-        state, points = new, found
+        state = new
+        points = found
         if settled:
             break
     return state, points
@@ -365,5 +375,6 @@ def _turns_back(found: tuple[Collapse, ...], new: Collapse) -> bool:
     if len(found) < 2:
         return False
     before, last = (one.load_factor for one in found[-2:])
-    came, goes = last - before, new.load_factor - last
+    came = last - before
+    goes = new.load_factor - last
     return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * found[0].size)

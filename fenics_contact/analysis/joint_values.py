@@ -81,7 +81,8 @@ class JointValues:
 
     def force(self, joints: Joints) -> Array:
         """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
-        normal, shear = self.normal_force[:, None], self.shear_force[:, None]
+        normal = self.normal_force[:, None]
+        shear = self.shear_force[:, None]
         return normal * joints.normal + shear * joints.tangent
 
     @property
@@ -97,9 +98,12 @@ def joint_values(
 
     Slips are measured from the origin that `whole` has, whichever `problem` has.
     """
-    length, gather = whole.joints.length, whole.all_points
-    normal, shear = gather(state.pressure), gather(state.shear)
-    gap, slip = problem.openings(state.displacement), whole.problem.slips(state.displacement)
+    length = whole.joints.length
+    gather = whole.all_points
+    normal = gather(state.pressure)
+    shear = gather(state.shear)
+    gap = problem.openings(state.displacement)
+    slip = whole.problem.slips(state.displacement)
     rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
     moved = gather(gap), gather(slip)
     return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

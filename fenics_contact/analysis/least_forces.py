@@ -96,7 +96,8 @@ def _free(joints: Joints, forces: Array) -> Flags:
     least = OPTIONS.bound * np.abs(forces).max(initial=0.0)
     bound = joints.friction * normal + joints.shear_strength
     frictionless = (joints.friction == 0.0) & (joints.shear_strength == 0.0)
-    pressed, sticks = normal > least, bound - np.abs(shear) > least
+    pressed = normal > least
+    sticks = bound - np.abs(shear) > least
     return np.column_stack([pressed & (sticks | frictionless), pressed & sticks])
 
 
@@ -156,7 +157,8 @@ def _least(joints: Joints, points: Indices, forces: Array, loops: Array) -> Arra
     amount = np.einsum("pc,pcl->l", forces / joints.length[points, None], loops)
     least = forces - loops @ amount
     friction = joints.friction[points]
-    slack, change = _slack(friction, least), _slack(friction, loops)
+    slack = _slack(friction, least)
+    change = _slack(friction, loops)
     slack[1:] += joints.shear_strength[points]
     moved = np.any(change != 0.0, axis=2)
     size = np.abs(forces).max()
@@ -167,7 +169,8 @@ def _least(joints: Joints, points: Indices, forces: Array, loops: Array) -> Arra
 
 def _slack(friction: Array, forces: Array) -> Array:
     """r_N, F r_N - r_T and F r_N + r_T, shape (3, points, ...), of (points, 2, ...)."""
-    normal, shear = forces[:, 0], forces[:, 1]
+    normal = forces[:, 0]
+    shear = forces[:, 1]
     bound = friction.reshape(-1, *[1] * (normal.ndim - 1)) * normal
     return np.stack([normal, bound - shear, bound + shear])
 

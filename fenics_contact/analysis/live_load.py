@@ -48,7 +48,8 @@ OPTIONS = LiveLoadOptions()
 def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
     """Lambda / T of a verified state under the live load alone; None if none is found."""
     still = np.zeros_like
-    problem, none = case.problem, still(case.problem.dead)
+    problem = case.problem
+    none = still(case.problem.dead)
     alone = replace(
         problem,
         dead=none,
@@ -57,10 +58,13 @@ def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
         slip_origin=still(problem.slip_origin),
     )
     bonded = replace(case.bonded, dead=none, dead_pressure=still(case.bonded.dead_pressure))
-    discretization, record, work = case.discretization, case.record, case.bonded_work
+    discretization = case.discretization
+    record = case.record
+    work = case.bonded_work
     case = replace(case.unrecorded, problem=alone, bonded=bonded, monitor=lambda step: None)
     task = Task(case, work, case.scales_at(work), tolerance)
-    count, effort = discretization.factorizations, discretization.effort
+    count = discretization.factorizations
+    effort = discretization.effort
     for attempt in (interior_point, along_falling_products):
         name = f"live load alone, {name_of(attempt)}"
         try:

@@ -143,5 +143,6 @@ class LoadCase:
         self, bound: Array, work: float, scales: Scales, load_factor: float | None = None
     ) -> PerturbedKKT:
         """Conditions of a state with a given bound on friction, N per metre of thickness."""
-        problem, stiffness = self.problem, self.stiffness
+        problem = self.problem
+        stiffness = self.stiffness
         return PerturbedKKT.given_friction(problem, stiffness, scales, bound, work, load_factor)

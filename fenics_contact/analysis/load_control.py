@@ -116,7 +116,8 @@ def _against_the_live_load(
     then moves the blocks, against the live load perhaps. The work of the live load falls on the way
     there, and that of its reverse rises.
     """
-    case, last = climb.case.reversed(), climb.state
+    case = climb.case.reversed()
+    last = climb.state
     state = case.problem.state(last.displacement, -last.load_factor, last.pressure, last.shear)
     strength = case.discretization.all_points(case.problem.bound(state.pressure))
     motion = case.blocks.collapse(strength)[1]
@@ -163,7 +164,8 @@ def raise_load_to(
     """
     climb = _Climb(case, strategy, options, np.inf, None)
     climb.run_to(load_factor, steps)
-    state, elastic = climb.state, case.scales.elastic
+    state = climb.state
+    elastic = case.scales.elastic
     if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
         scales = replace(case.scales, displacement=elastic)
         near = replace(case, problem=climb.problem)
@@ -194,14 +196,19 @@ class _Climb:
         upper: float,
         start: State | None,
     ) -> None:
-        self.case, self._strategy, self._options, self._upper = case, strategy, options, upper
+        self.case = case
+        self._strategy = strategy
+        self._options = options
+        self._upper = upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
         none = np.zeros_like(case.first_pressure)
         bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
-        self.state, self.problem = start or bonded, case.problem
+        self.state = start or bonded
+        self.problem = case.problem
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
-        self.lower, self.failed = 0.0, np.inf
+        self.lower = 0.0
+        self.failed = np.inf
 
     def run(self) -> None:
         """Raise the load factor until the limit load lies between two close ones.
@@ -217,8 +224,10 @@ class _Climb:
         for _ in range(OPTIONS.max_steps):
             if self._reached(target):
                 if again:  # the step that failed before may have been too long for the solver alone
-                    step, self.failed = 2.0 * (target - self.lower), np.inf
-                self.lower, again = target, False
+                    step = 2.0 * (target - self.lower)
+                    self.failed = np.inf
+                self.lower = target
+                again = False
                 step *= OPTIONS.growth if len(self.steps) > 2 else 1.0
             elif not self.steps:
                 raise SolverError("no equilibrium was found under the dead load")
@@ -244,7 +253,8 @@ class _Climb:
         loaded = loaded or bool(whole.scene.dead.movement)
         if loaded and not self._reached(0.0):
             raise SolverError("no equilibrium was found under the dead load")
-        step, least = load_factor / steps, OPTIONS.width * load_factor / steps
+        step = load_factor / steps
+        least = OPTIONS.width * load_factor / steps
         while self.lower < load_factor:
             target = min(self.lower + step, load_factor)
             # Equal steps end at the load factor, but for rounding.
@@ -259,7 +269,8 @@ class _Climb:
 
     def _reached(self, target: float) -> bool:
         """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
-        case, before = self.case, self.state
+        case = self.case
+        before = self.state
         displacement = max(case.scales.displacement, abs(before.work) / self._unit)
         scales = replace(case.scales, displacement=displacement)
         task = Task(case, before.work, scales, self._options.tolerance)
@@ -272,13 +283,15 @@ class _Climb:
             return False
         if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
             return False
-        work, motion = case.written(state).work, _kept(case, state)
+        work = case.written(state).work
+        motion = _kept(case, state)
         self.steps.append(LoadStep(target, work / self._unit, work, motion))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
             self.direction = (state.displacement - before.displacement) / moved
-        self.state, self.problem = state, case.problem
+        self.state = state
+        self.problem = case.problem
         case.record.passed("rising load factor", target, state.work, lambda: state)
         if self._options.slip == "load-steps":
             origin = case.problem.tangential @ state.displacement

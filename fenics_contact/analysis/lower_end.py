@@ -236,7 +236,8 @@ class _Search:
         while not self._closed:
             end = min(self.lower + width, self.upper)
             factor = min(self._raised(self._slice(end, least)), end)
-            gain, self.lower = factor - self.lower, max(factor, self.lower)
+            gain = factor - self.lower
+            self.lower = max(factor, self.lower)
             if factor == end:
                 width /= OPTIONS.shrinks
             elif gain <= OPTIONS.gain * width:

@@ -107,8 +107,11 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
         tolerance: On load factors, relative.
         cost: Of the collapse, in units of one factorisation of the structure.
     """
-    case, limit = _general(case).unrecorded, end.load_factor - LOWEST.below * end.size
-    effort, lower, ended = case.discretization.effort, dict[str, State](), list[str]()
+    case = _general(case).unrecorded
+    limit = end.load_factor - LOWEST.below * end.size
+    effort = case.discretization.effort
+    lower = dict[str, State]()
+    ended = list[str]()
     task = _task(case, end.work_ratio, tolerance, end)
     for name, look in SECOND.items():
         try:
@@ -146,7 +149,8 @@ def _grown(task: Task, end: Collapse, limit: float, cost: float) -> State | None
 
 def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None:
     """A state next to that of rigid blocks, as `_other`; None if theirs is not low."""
-    case, whole = task.case, task.case.discretization
+    case = task.case
+    whole = task.case.discretization
     rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure))
     _log.info("second opinion: rigid blocks settle at %.8g", rigid.load_factor)
     if rigid.load_factor >= limit:
@@ -188,9 +192,11 @@ def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
     Its `states` are all that were found and verified, the lowest first.
     """
     case = _general(case)
-    effort, before = case.discretization.effort, case.discretization.effort.spent
+    effort = case.discretization.effort
+    before = case.discretization.effort.spent
     path = find_collapse(case, COULOMB["auto"], tolerance)
-    cost, ends = effort.spent - before, {"path": path} if path.status == "limit" else {}
+    cost = effort.spent - before
+    ends = {"path": path} if path.status == "limit" else {}
     case = case.unrecorded
     met, recognised = _met(case, path, tolerance, cost)
     known = {name: (end.load_factor, end.mode) for name, end in ends.items()}
@@ -211,7 +217,8 @@ def find_lowest(case: LoadCase, tolerance: float) -> Collapse:
         for name, same in _grouped(case, found, LOWEST.same).items()
     }
     lowest_first = sorted(names, key=lambda name: ends[name].load_factor)
-    first, count = ends[lowest_first[0]], 1 + len(met) + len(recognised)
+    first = ends[lowest_first[0]]
+    count = 1 + len(met) + len(recognised)
     states = _told({"; ".join(names[name]): ends[name] for name in lowest_first})
     return replace(first, states=states, lowest=Lowest("none", first.load_factor, count))
 
@@ -287,7 +294,8 @@ def _met(
     case: LoadCase, path: Collapse, tolerance: float, cost: float
 ) -> tuple[dict[str, State], list[str]]:
     """States on block modes that searches lead to, by name, and searches that end in the path's."""
-    met, recognised = dict[str, State](), list[str]()
+    met = dict[str, State]()
+    recognised = list[str]()
     first = COULOMB["auto"].work.begin(case.block_count, tolerance)
     task = _task(case, path.work_ratio or first, tolerance, path)
     mode = path.mode if path.status == "limit" else None
@@ -307,7 +315,8 @@ def _met(
 
 def _task(case: LoadCase, ratio: float, tolerance: float, path: Collapse) -> Task:
     """States at a work in units of that on the bonded structure, near a collapse."""
-    work, factor = ratio * case.bonded_work, abs(path.load_factor)
+    work = ratio * case.bonded_work
+    factor = abs(path.load_factor)
     return Task(case, work, case.scales_at(work, factor if factor < np.inf else 0.0), tolerance)
 
 
@@ -395,7 +404,8 @@ def _grouped(
     case: LoadCase, found: Mapping[str, tuple[float, Array | None]], same: float
 ) -> dict[str, list[str]]:
     """Names of states with the same load factor and motion, by the first of each group."""
-    problem, groups = case.problem, dict[str, list[str]]()
+    problem = case.problem
+    groups = dict[str, list[str]]()
     least = LOWEST.small * case.scales.load_factor
 
     def alike(one: str, other: str) -> bool:

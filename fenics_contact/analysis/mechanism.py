@@ -69,8 +69,10 @@ def _motions(discretization: Discretization, mode: Array) -> tuple[Array, Array,
 
     Arms of nodes are measured from the mean of the body's nodes.
     """
-    comm, count = discretization.scene.comm, len(discretization.bodies.centre)
-    body, arm = discretization.elasticity.node_body, discretization.elasticity.arm
+    comm = discretization.scene.comm
+    count = len(discretization.bodies.centre)
+    body = discretization.elasticity.node_body
+    arm = discretization.elasticity.arm
     v = discretization.cartesian(mode)
     reach = np.linalg.norm(arm, axis=1)
     spin = arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]
@@ -93,7 +95,10 @@ def _counts(joints: Joints, values: JointValues) -> tuple[int, int, int, int]:
         return np.bincount(face[chosen], minlength=count)
 
     is_open = values.contact == Contact.OPEN
-    opening, closed = points(is_open & values.opens) > 0, points(~is_open) > 0
+    opening = points(is_open & values.opens) > 0
+    closed = points(~is_open) > 0
     slipping = points(values.contact == Contact.SLIP) > 0
-    parting, rocking, sliding = opening & ~closed, opening & closed, ~opening & slipping
+    parting = opening & ~closed
+    rocking = opening & closed
+    sliding = ~opening & slipping
     return count, int(parting.sum()), int(rocking.sum()), int(sliding.sum())

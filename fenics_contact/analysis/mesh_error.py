@@ -70,7 +70,9 @@ class MeshError:
         """
         farthest = max(load_factor - ends[0], ends[1] - load_factor, 0.0) / size
         unknown = farthest if farthest < 1.0 else math.nan
-        limit, hinge, other = self.load_factor_point_hinges, self.hinge_error, self.algebraic_error
+        limit = self.load_factor_point_hinges
+        hinge = self.hinge_error
+        other = self.algebraic_error
         if math.isnan(limit) and meet(*ends):
             limit = load_factor
         inside = min(max(limit, ends[0]), ends[1])  # nan stays

@@ -21,7 +21,8 @@ class NamedArrays(Mapping[str, Values]):
 
     def __init__(self, what: str, sources: Mapping[str, Callable[[], Values]]) -> None:
         """Name what the arrays go over, and how each is computed."""
-        self._what, self._sources = what, sources
+        self._what = what
+        self._sources = sources
         self._found: dict[str, Values] = {}
 
     def __getitem__(self, name: str) -> Values:

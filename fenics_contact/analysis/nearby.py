@@ -137,7 +137,8 @@ def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
     hinge_nodes, halvings = _nodes_of(case.discretization, soft)
     forces = case.problem.joint_forces(end.state.pressure, end.state.shear)
     give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
-    u, elastic = end.state.displacement - give, end.state.elastic - case.problem.elastic_part(give)
+    u = end.state.displacement - give
+    elastic = end.state.elastic - case.problem.elastic_part(give)
     return replace(end, state=replace(end.state, displacement=u, elastic=elastic))
 
 
@@ -180,7 +181,8 @@ def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> 
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
     found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
-    degree, name = softer.discretization.scene.degree, start.__name__
+    degree = softer.discretization.scene.degree
+    name = start.__name__
     _log.info(text, soft.most, degree, name, found.status, found.load_factor)
     return found
 
@@ -196,7 +198,9 @@ def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> 
     Raises:
         SolverError: If the equations are singular.
     """
-    state, mode, problem = found.state, found.mode, softer.problem
+    state = found.state
+    mode = found.mode
+    problem = softer.problem
     if state is None or mode is None:
         return np.nan
     hinge_nodes, _ = _nodes_of(case.discretization, soft)

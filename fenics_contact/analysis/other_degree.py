@@ -95,7 +95,8 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened, large: floa
         EffortError: If the effort does not allow the first look.
     """
     given = case.discretization
-    effort, cost = given.effort, OPTIONS.cost[given.scene.degree - 1]
+    effort = given.effort
+    cost = OPTIONS.cost[given.scene.degree - 1]
     if first_look_cost(case) > effort.left:
         raise EffortError("the other degree is beyond the limit of the estimate")
     steps = int(min(OPTIONS.steps, effort.left / cost + ROUNDING))
@@ -143,7 +144,8 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
     with Discretization(replace(given.scene, degree=3 - given.scene.degree)) as whole:
         whole.charge_to(given, OPTIONS.cost[given.scene.degree - 1])
         carried = Counterparts.of(given, whole)
-        bonded, none = case.bonded, np.zeros_like(case.bonded.dead_pressure)
+        bonded = case.bonded
+        none = np.zeros_like(case.bonded.dead_pressure)
         dead, live = (carried.displacement(u) for u in (bonded.dead, bonded.live))
         of_dead, of_live = (
             carried.forces(np.stack([r, none]))[0]
@@ -169,7 +171,9 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
 
 def _ends(case: LoadCase, other: LoadCase, ours: Indices, theirs: Indices) -> CrushedEnds:
     """Where the joints of the other case crush as those of one do; points that both have."""
-    given, found, ends = strengths(case), strengths(other), CrushedEnds.none(strengths(other))
+    given = strengths(case)
+    found = strengths(other)
+    ends = CrushedEnds.none(strengths(other))
     if case.crushed is None:
         return ends
     for mine, its in ((case.crushed.side, ends.side), (case.crushed.force, ends.force)):
@@ -212,7 +216,8 @@ class Counterparts:
         """A collapse as a start in a case of the other discretisation: its state and mode."""
         if end.state is None or end.mode is None:
             return end
-        problem, state = case.problem, self.given.with_imposed(end.state)
+        problem = case.problem
+        state = self.given.with_imposed(end.state)
         u, mode = (self.displacement(v) for v in (state.displacement, end.mode))
         u -= self.other.imposed
         forces = self.forces(np.stack([state.pressure, state.shear]))
@@ -240,8 +245,10 @@ class Counterparts:
 
     def _spread(self, forces: Array) -> Array:
         """Forces at points of degree 2."""
-        joints, facets = self.given.joints, self.given.joints.segments
-        pressure, loaded = forces[0] / joints.length, forces[0] > 0.0
+        joints = self.given.joints
+        facets = self.given.joints.segments
+        pressure = forces[0] / joints.length
+        loaded = forces[0] > 0.0
         length = np.linalg.norm(
             joints.position[facets[:, 1]] - joints.position[facets[:, 0]], axis=1
         )

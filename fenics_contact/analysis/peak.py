@@ -188,7 +188,8 @@ class ClimbOptions:
     next_load: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, SHORT))
 
 
-OPTIONS, CLIMB = PeakOptions(), ClimbOptions()
+OPTIONS = PeakOptions()
+CLIMB = ClimbOptions()
 
 
 @dataclass(frozen=True)
@@ -308,7 +309,8 @@ def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
     Relative; with products they are lower where joints open, and higher on the plateau. There the
     collapse is a state for itself, and a small part of the height may be of second order.
     """
-    modes, heights = case.discretization.block_modes.changed(case.problem), []
+    modes = case.discretization.block_modes.changed(case.problem)
+    heights = []
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
         for state in way.states:
             scales = case.scales_at(state.work, above.load_factor)
@@ -368,7 +370,9 @@ class _ModesPath:
         above: Above,
         products: float,
     ) -> None:
-        self._case, self._modes, self._above = case, modes, above
+        self._case = case
+        self._modes = modes
+        self._above = above
         last = above.last_work(case)
         scales = case.scales_at(last)
         self._task = Task(case, last, scales, tolerance=1e-6)
@@ -407,7 +411,8 @@ class _ModesPath:
         A path that goes on as at one point may be above the collapse before the next: there it is
         settled, too.
         """
-        unit, ends = self._case.bonded_work, self._above
+        unit = self._case.bonded_work
+        ends = self._above
         factor, least = OPTIONS.first
         work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
         start = self._modes.restricted(self._case.bonded_state(work))
@@ -486,7 +491,8 @@ class _Way:
 
     def __init__(self, size: float, fallen: float) -> None:
         """Take load factors relative to a size, and as fallen by such a part."""
-        self._size, self._fallen = size, fallen
+        self._size = size
+        self._fallen = fallen
         self.points: list[_Sample] = []
         self.turned, self._rate = False, 0.0
 
@@ -543,7 +549,10 @@ class _Summit:
     """
 
     def __init__(self, case: LoadCase, above: Above, tolerance: float, upper: float) -> None:
-        self._case, self._above, self._tolerance, self._upper = case, above, tolerance, upper
+        self._case = case
+        self._above = above
+        self._tolerance = tolerance
+        self._upper = upper
         self._effort = case.discretization.effort
         self.best: State | None = None
 
@@ -586,7 +595,8 @@ class _Summit:
     def _summit(self, start: _Point) -> _Point:
         """The highest point next to one, by the slopes on both sides."""
         left, right = self._sides(start)
-        best, step = max(start, left, key=lambda point: point.load_factor), CLIMB.first
+        best = max(start, left, key=lambda point: point.load_factor)
+        step = CLIMB.first
         while (work := self._next_work(left, right, best, step)) is not None:
             step *= CLIMB.growth
             try:
@@ -604,11 +614,14 @@ class _Summit:
 
     def _sides(self, start: _Point) -> tuple[_Point, _Beyond | None]:
         """A rising point on the left of the summit, and one past it if `start` is."""
-        left, right, step = start, None, CLIMB.back
+        left = start
+        right = None
+        step = CLIMB.back
         flat = CLIMB.accuracy * self._above.size
         while left.slope <= 0.0 and left.tangent(0.0) > left.load_factor + flat:
             right = _Beyond(left.work, left)
-            left, step = self._at(left.work * (1.0 - step), left), CLIMB.growth * step
+            left = self._at(left.work * (1.0 - step), left)
+            step = CLIMB.growth * step
         return left, right
 
     def _next_work(
@@ -622,7 +635,8 @@ class _Summit:
         width = right.work - left.work
         if right.point is None:
             return left.work + 0.5 * width if left.tangent(right.work) > least else None
-        work, inside = left.meets(right.point), CLIMB.inside * width
+        work = left.meets(right.point)
+        inside = CLIMB.inside * width
         if left.tangent(work) <= least:
             return None
         return min(max(work, left.work + inside), right.work - inside)
@@ -680,7 +694,8 @@ class _Summit:
 
     def _point(self, state: State) -> _Point:
         """A state with its slope, verified; `SolverError` if it is no state of equilibrium."""
-        scales, problem = self._task(state.work).scales, self._case.problem
+        scales = self._task(state.work).scales
+        problem = self._case.problem
         residuals = state_residuals(problem, state, scales)
         missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
         _log.info("  peak: T = %.6g, load factor %.8g", state.work, state.load_factor)

@@ -13,7 +13,8 @@ FIXED_POINT = "fixed point on the friction bound"
 def skipped(scene: Scene) -> tuple[str, ...]:
     """Parts of the analysis that a scene spares, each with its reason."""
     laws = [*scene.joints.values(), *scene.foundations.values()]
-    direction, output = scene.solve.direction, scene.output
+    direction = scene.solve.direction
+    output = scene.output
     other = "positive" if direction == "negative" else "negative"
     reasons = {
         f"{FIXED_POINT}: no joint has Coulomb friction": not any(law.friction for law in laws),

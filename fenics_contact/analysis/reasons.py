@@ -32,7 +32,8 @@ USUAL_TOLERANCE = 1e-6
 
 def explained(case: LoadCase, end: Collapse) -> Collapse:
     """A collapse with the record of its load case, and why it is none, if it is not converged."""
-    record, whole = case.record, case.discretization
+    record = case.record
+    whole = case.discretization
     end = replace(end, attempts=tuple(record.attempts), trace=tuple(record.trace))
     if end.status != "not_converged":
         return end
@@ -49,7 +50,8 @@ def _came_to(end: Collapse, sign: float) -> Iterator[str]:
     """Where the path ended."""
     if end.trace:
         last = end.trace[-1]
-        factor, moved = sign * last.load_factor, 1e3 * last.displacement
+        factor = sign * last.load_factor
+        moved = 1e3 * last.displacement
         yield f"the path ({last.phase}) had come to load factor {factor:.4g} at {moved:.3g} mm"
 
 
@@ -89,7 +91,8 @@ def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
 
 def _cures(whole: Discretization) -> Iterator[str]:
     """What may help, the easiest first."""
-    scene, options = whole.scene, whole.scene.solve
+    scene = whole.scene
+    options = whole.scene.solve
     if whole.warnings:
         yield "what the warnings say"
     if options.control == "load":

@@ -75,7 +75,9 @@ class Record:
             sign: Of the live load in this load case: load factors in words have the user's sign.
             listener: Is told how it goes.
         """
-        self._unit, self._sign, self._listener = unit, sign, listener or Listener()
+        self._unit = unit
+        self._sign = sign
+        self._listener = listener or Listener()
         self.attempts: list[Trial] = []
         self.trace: list[TracePoint] = []
         self.last: Callable[[], State] | None = None
@@ -103,7 +105,9 @@ class Record:
         Yields:
             A function to be called with the outcome in words, once a state is found.
         """
-        before, spent, points = count(), effort.spent, len(self.trace)
+        before = count()
+        spent = effort.spent
+        points = len(self.trace)
         found: list[str] = []
         outcome = "ended early"
         try:

@@ -142,7 +142,9 @@ class Collapse:
 
     def with_errors_in_bracket(self) -> Collapse:
         """With errors by the mesh that do not lead out of the bracket."""
-        bounds, error, finer = self.bounds, self.mesh_error, self.at_point_hinges
+        bounds = self.bounds
+        error = self.mesh_error
+        finer = self.at_point_hinges
         if error is None:
             return self
         lower = -math.inf if bounds.lower is None else bounds.lower

@@ -243,7 +243,8 @@ class _Program:
         """Tangents A x <= b of m(N), at the forces x in a unit, of faces that are beyond theirs."""
         from scipy.sparse import diags
 
-        crushing, count = self.crushing, len(self.faces.ends)
+        crushing = self.crushing
+        count = len(self.faces.ends)
         if crushing is None or np.isinf(unit):
             return self.normal[:0], np.empty(0)
         pressed = unit * (self.normal @ x).reshape(2, count)
@@ -296,7 +297,8 @@ class RigidBlocks:
     @classmethod
     def of(cls, whole: Discretization, sign: float = 1.0) -> RigidBlocks:
         """Those of a discretised scene, with its live load or the reverse of it (sign -1)."""
-        joints, bodies = whole.original.joints, whole.original.bodies
+        joints = whole.original.joints
+        bodies = whole.original.bodies
         bodies = replace(bodies, live=sign * bodies.live)
         faces = straight_faces(joints, joints.shear_strength)
         crushing = Crushing.of(joints, strength_of(whole.original), faces.of_point)
@@ -319,7 +321,9 @@ class RigidBlocks:
         `Stopped`.
         """
         faces = faces or straight_faces(joints, joints.shear_strength)
-        self._joints, self._bodies, self._comm = joints, bodies, comm
+        self._joints = joints
+        self._bodies = bodies
+        self._comm = comm
         self._patient = patient
         self._begun: Beside | None = None
         self._program = _Program(joints, bodies, faces, crushing)
@@ -531,11 +535,13 @@ class RigidBlocks:
         program = replace(self._bare, faces=faces)
         columns, right = self._bare_equilibrium
         limits = [(None, None), *program.limits(self._force)]
-        cost, pressure = -np.eye(1, len(limits)).ravel(), np.zeros(len(self._joints.length))
+        cost = -np.eye(1, len(limits)).ravel()
+        pressure = np.zeros(len(self._joints.length))
         answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
         if answer.status == 0:
             pressure = program.point_forces(answer.x[1:] * self._force)[0]
-            x, multipliers = np.clip(answer.x, *_ends_of(limits)), answer.eqlin.marginals
+            x = np.clip(answer.x, *_ends_of(limits))
+            multipliers = answer.eqlin.marginals
             lost = np.abs(multipliers) @ np.abs(columns @ x - right)
             factor = float(x[0] - lost) * self._load
         elif answer.status == 1:
@@ -568,7 +574,8 @@ class RigidBlocks:
         from scipy.sparse import block_diag
 
         self._patient()
-        program, count = self._program, len(weights)
+        program = self._program
+        count = len(weights)
         columns, right = self._whole_equilibrium
         low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)
         limits = [(low, high), *program.limits(self._force)]
@@ -662,14 +669,18 @@ class RigidBlocks:
         """
         from scipy.sparse import diags, vstack
 
-        program, crushing = self._program, self._program.crushing
+        program = self._program
+        crushing = self._program.crushing
         if crushing is None:
             return False
         unit = max(self._force, abs(load_factor) * self._force / self._load)
         right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
-        count, given = len(crushing.strength), np.flatnonzero(crushing.given)
-        first, second = program.normal[:count], program.normal[count:]
-        limits, none = program.limits(unit), np.zeros(program.forces.shape[1])
+        count = len(crushing.strength)
+        given = np.flatnonzero(crushing.given)
+        first = program.normal[:count]
+        second = program.normal[count:]
+        limits = program.limits(unit)
+        none = np.zeros(program.forces.shape[1])
         for part in OPTIONS.parts:
             whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
             rows = [second - first - whole, first - second - whole, (first + second)[given]]
@@ -717,7 +728,8 @@ class RigidBlocks:
             else:
                 answer = tangents.answer(*given, method)
             if answer.status == 0:
-                factor, multipliers = float(answer.x[0]) * self._load, answer.eqlin.marginals
+                factor = float(answer.x[0]) * self._load
+                multipliers = answer.eqlin.marginals
                 work = float(program.load(program.bodies.live) @ multipliers)
                 motion = program.motions(multipliers) / work if work else None
                 pressure = program.point_forces(answer.x[1:] * self._force)[0]
@@ -767,7 +779,9 @@ class _Tangents:
 
     def __init__(self, program: _Program, unit: float, first: int = 0) -> None:
         """None so far; `first` is the place of the program's unknowns x, in a unit of force."""
-        self._program, self._unit, self._first = program, unit, first
+        self._program = program
+        self._unit = unit
+        self._first = first
         self.complete = False
         self._rows, self._rights = program.missed_tangents(np.zeros(program.forces.shape[1]), unit)
 
@@ -790,7 +804,8 @@ class _Tangents:
         from scipy.sparse import csr_matrix, hstack, vstack
 
         stop = self._first + self._program.forces.shape[1]
-        after, values = len(limits) - stop, [np.inf]
+        after = len(limits) - stop
+        values = [np.inf]
         for _ in range(OPTIONS.rounds):
             parts = (csr_matrix((len(self._rights), n)) for n in (self._first, after))
             before, behind = parts
@@ -801,7 +816,8 @@ class _Tangents:
                 return answer
             x = answer.x[self._first : stop]
             more, rights = self._program.missed_tangents(x, self._unit)
-            self.complete, values = not len(rights), [*values, float(answer.fun)]
+            self.complete = not len(rights)
+            values = [*values, float(answer.fun)]
             change = np.ptp(values[-1 - OPTIONS.settled :])
             if self.complete or change <= OPTIONS.feasibility * max(abs(answer.fun), 1.0):
                 return answer

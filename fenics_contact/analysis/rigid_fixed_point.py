@@ -69,7 +69,9 @@ def rigid_fixed_point(programs: PointPrograms, pressure: Array) -> RigidState:
     Raises:
         SolverError: If the load factor does not settle, or nothing limits it.
     """
-    normal, factors, pivots = programs.of_faces(pressure), list[float](), 0
+    normal = programs.of_faces(pressure)
+    factors = list[float]()
+    pivots = 0
     for _ in range(OPTIONS.programs):
         left = (OPTIONS.pivots - pivots) // programs.equations
         if left < 1:

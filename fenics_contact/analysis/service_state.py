@@ -93,16 +93,20 @@ def service_state(
 
 def _verified(case: LoadCase, reached: Reached, crushed: CrushedJoints | None) -> ServiceState:
     """A state held against the problem in which it was found, in the user's sign of the load."""
-    problem, state = reached.problem, reached.state
+    problem = reached.problem
+    state = reached.state
     larger = max(1.0, state.load_factor / case.scales.load_factor)
     sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
     residuals = state_residuals(problem, state, scales)
     if crushed is not None:
         residuals["crushing"] = crushed.missed(strengths(case), state)
-        problem, state = case.problem, crushed.state_on_joints(state)
+        problem = case.problem
+        state = crushed.state_on_joints(state)
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
-    sign, written, whole = case.sign, case.written(state), case.discretization
+    sign = case.sign
+    written = case.written(state)
+    whole = case.discretization
     values = joint_values(problem, whole, state, state.displacement)
     if crushed is None:  # else forces at a corner are bound by the strength of their faces
         values = least_forces(whole, values)

@@ -45,7 +45,8 @@ def unfinished(case: LoadCase, reason: str) -> Collapse:
         case: The load case, with the record of the search.
         reason: Why it was stopped.
     """
-    record, problem = case.record, case.problem
+    record = case.record
+    problem = case.problem
     if record.best is not None and record.best.status == "limit":
         return record.best
     if record.best is not None:
@@ -62,5 +63,6 @@ def unfinished(case: LoadCase, reason: str) -> Collapse:
     if mode is not None:
         values = joint_values(problem, case.discretization, state, mode)
     found = state, mode, values, certificate
-    factor, bounds = state.load_factor, case.blocks.bounds
+    factor = state.load_factor
+    bounds = case.blocks.bounds
     return Collapse("not_converged", factor, bounds, *found, reason=reason)

@@ -230,7 +230,9 @@ def through_lower_friction(task: Task) -> Solution:
     Raises:
         SolverError: If the scene has no higher friction, or no state is found.
     """
-    case, options, problem = task.case, HIGH_FRICTION, task.case.problem
+    case = task.case
+    options = HIGH_FRICTION
+    problem = task.case.problem
     if problem.max(problem.friction) <= options.lower:
         raise SolverError(f"no friction is above {options.lower:g}")
     modes = case.discretization.block_modes.changed(problem)
@@ -274,7 +276,8 @@ def _followed(task: Task, start: State, iterations: int) -> Solution:
     """State after some iterations of the friction bound from that of another state."""
     options = replace(coulomb.OPTIONS, max_iterations=iterations)
     count = task.case.discretization.factorizations
-    problem, solve = task.case.problem, _interior_point(task)
+    problem = task.case.problem
+    solve = _interior_point(task)
     told = task.case.monitor, count, options
     fixed_point = FixedPoint(problem, solve, HIGH_FRICTION.change, *told)
     return fixed_point.run(start, problem.bound(np.maximum(start.pressure, 0.0)))[0]
@@ -403,7 +406,8 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     Each digit of theirs costs sweeps: they are exact to first order in the change of the bound.
     `minimise` goes over normal and shear forces `alternately` or `at_once`.
     """
-    case, rows = task.case, task.case.discretization.operators
+    case = task.case
+    rows = task.case.discretization.operators
     points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
     options = FixedPointOptions(precision=1e-2, order=1.0, loosest=0.1, tightest=1e-9)
     with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
@@ -414,7 +418,8 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 
-        start, bound = case.bonded_state(task.work), case.problem.bound(case.first_pressure)
+        start = case.bonded_state(task.work)
+        bound = case.problem.bound(case.first_pressure)
         solution, history = _iterated(
             task, solve, start, bound, options, lambda: solver.factorizations
         )

@@ -119,15 +119,19 @@ class _Search:
     """States of a load case at different works, and the best of them."""
 
     def __init__(self, case: LoadCase, strategy: Strategy, tolerance: float) -> None:
-        self.case, self.strategy, self.options = case, strategy, strategy.work
-        self.tolerance, self.gap = tolerance, strategy.work.gap * tolerance
+        self.case = case
+        self.strategy = strategy
+        self.options = strategy.work
+        self.tolerance = tolerance
+        self.gap = strategy.work.gap * tolerance
         self.found: list[_Found] = []
         self.attempts = strategy.attempts
         self._last_found = False
 
     def at(self, ratio: float) -> _Found | None:
         """The verified state at a work T, in units of that on the bonded structure, if any."""
-        case, work = self.case, ratio * self.case.bonded_work
+        case = self.case
+        work = ratio * self.case.bonded_work
         scales = case.scales_at(work, max((abs(one.load_factor) for one in self.found), default=0))
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
@@ -150,7 +154,8 @@ class _Search:
                 _log.info("  no state with T = %.3g: %s", work, error)
                 continue
             gap = verified.certificate.gap
-            factor, outcome = solution.state.load_factor, self.found[-1].outcome
+            factor = solution.state.load_factor
+            outcome = self.found[-1].outcome
             _log.info("  T = %.3g: load factor %.8g, gap %.1e, %s", work, factor, gap, outcome)
             return self.found[-1]
         return None
@@ -233,7 +238,8 @@ class _Search:
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""
-        case, best = self.case, self.best
+        case = self.case
+        best = self.best
         wedging = case.blocks.wedging() if status == "unbounded" else None
         histories = tuple(one.history for one in self.found)
         if best is None:
@@ -241,7 +247,8 @@ class _Search:
             return Collapse(
                 status, float(factor), case.blocks.bounds, history=histories, wedging=wedging
             )
-        state, certificate = best.verified.state, best.verified.certificate
+        state = best.verified.state
+        certificate = best.verified.certificate
         if status == "not_converged":
             _log.info("not verified: %s", certificate.failures or "not converged")
         elif status == "limit":
@@ -269,7 +276,8 @@ def _at_onset(case: LoadCase, verified: Verified) -> tuple[State, Certificate]:
 
     They are those far along the mode where the digits at the onset do not suffice.
     """
-    state, certificate = _onset(case, verified), verified.certificate
+    state = _onset(case, verified)
+    certificate = verified.certificate
     work = max(abs(state.work), case.bonded_work)
     scales = case.scales_at(work, abs(state.load_factor))
     certificate = replace(
@@ -289,12 +297,17 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     Every state further along the mode has the same stresses and joint forces; at the first, some
     joint is about to close, or to stick.
     """
-    problem, state, mode = case.problem, verified.state, verified.mode
-    opening, slip = problem.openings(state.displacement), problem.slips(state.displacement)
-    opening_rate, slip_rate = problem.normal @ mode, problem.tangential @ mode
+    problem = case.problem
+    state = verified.state
+    mode = verified.mode
+    opening = problem.openings(state.displacement)
+    slip = problem.slips(state.displacement)
+    opening_rate = problem.normal @ mode
+    slip_rate = problem.tangential @ mode
     # The work by which a joint that moves in the mode has moved so far.
     tiny = 1e-6 * problem.max(np.maximum(np.abs(opening_rate), np.abs(slip_rate)))
-    opens, slips = opening_rate > tiny, np.abs(slip_rate) > tiny
+    opens = opening_rate > tiny
+    slips = np.abs(slip_rate) > tiny
     slips &= state.pressure > 0.0
     moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
     least = min(float(np.min(m, initial=np.inf)) for m in moved)

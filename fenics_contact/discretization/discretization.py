@@ -48,7 +48,8 @@ BONDED_SPRING = 1e2
 MODE_COST = 0.2
 
 #: Parts of a scene that no matrix depends on; of the laws the matrices know the groups.
-LAWS, WITHOUT_MATRICES = ("joints", "foundations"), ("dead", "live", "title", "solve", "output")
+LAWS = ("joints", "foundations")
+WITHOUT_MATRICES = ("dead", "live", "title", "solve", "output")
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,8 @@ class Discretization:
         self.warnings = self._not_compiled + doubts(scene, self.boundary, self.joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         self.bodies = bodies = self._rigid_bodies()
-        sides, position = self.joints.bodies, self.joints.position
+        sides = self.joints.bodies
+        position = self.joints.position
         check_held(sides, position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
         self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
@@ -115,7 +117,8 @@ class Discretization:
         self._owned = ExitStack()
         for operator in maps:
             self._owned.callback(operator.close)
-        loads, laws = (made.dead, made.live), self._laws()
+        loads = (made.dead, made.live)
+        laws = self._laws()
         self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
         self.problem, self.imposed = _with_imposed(self)
         self.effort = Effort()
@@ -159,15 +162,18 @@ class Discretization:
             shares: Their shares in all points, as in `Joints.moved`.
             force: Normal forces at all points, part of the dead load from now on, N/m.
         """
-        new, problem = copy(self), self.problem
+        new = copy(self)
+        problem = self.problem
         new._original = self.original
-        new._owned, new._stiffnesses = ExitStack(), {}
+        new._owned = ExitStack()
+        new._stiffnesses = {}
         new.__dict__.pop("block_modes", None)
         new.joints = self.joints.moved(points, shares)
         mine = self.operators.points
         elastic = problem.stiffness.matrix
         new.operators = rows = joint_operators(new.joints, self.supports, elastic, mine)
-        normal, tangential = SparseMap(rows.normal), SparseMap(rows.tangential)
+        normal = SparseMap(rows.normal)
+        tangential = SparseMap(rows.tangential)
         for operator in (normal, tangential):
             new._owned.callback(operator.close)
         opening, slip = (
@@ -196,7 +202,8 @@ class Discretization:
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""
         for name in (item.name for item in fields(scene)):
-            one, other = getattr(self.scene, name), getattr(scene, name)
+            one = getattr(self.scene, name)
+            other = getattr(scene, name)
             if name in LAWS:  # gaps decide which facets face each other
                 one, other = (
                     [(key, law.gap) for key, law in laws.items()] for laws in (one, other)
@@ -216,7 +223,8 @@ class Discretization:
         """
         start = time.perf_counter()
         new = copy(self)
-        new.scene, new.compile_seconds = scene, 0.0
+        new.scene = scene
+        new.compile_seconds = 0.0
         new.supports = find_supports(scene, self.boundary)
         new.joints = find_joints(scene, self.boundary)
         new.warnings = self._not_compiled + doubts(scene, self.boundary, new.joints)
@@ -234,7 +242,8 @@ class Discretization:
         return new
 
     def _rigid_bodies(self) -> RigidBodies:
-        made, points = self.elasticity, self.boundary.points
+        made = self.elasticity
+        points = self.boundary.points
         size = float(np.ptp(points.reshape(-1, 2), axis=0).max())
         resultants = made.dead_resultant, made.live_resultant
         return rigid_bodies(made.centre, *resultants, self.supports, size)
@@ -276,7 +285,8 @@ class Discretization:
         `kind` of factorisation is that of the solves to come: one analysis does for all.
         """
         start = time.perf_counter()
-        problem, stiffness = self.problem, self.stiffness(kind)
+        problem = self.problem
+        stiffness = self.stiffness(kind)
         spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
         load, origin = _sizing_load(self, spring)
@@ -289,11 +299,13 @@ class Discretization:
     @cached_property
     def block_modes(self) -> BlockModes:
         """The structure whose blocks only move, stretch and bend; made when first asked for."""
-        elasticity, count = self.elasticity, len(self.bodies.centre)
+        elasticity = self.elasticity
+        count = len(self.bodies.centre)
         nodes = self._first_node + np.arange(len(elasticity.arm))
         directions = self.supports.free_directions(nodes)
         shapes = np.einsum("nji,njk->nik", directions, modes(elasticity.arm))
-        points, sides = self.operators.points, self.joints.bodies
+        points = self.operators.points
+        sides = self.joints.bodies
         blocks = Blocks(elasticity.node_body, points, sides, count)
         return self._owned.enter_context(BlockModes(self.problem, shapes, blocks))
 
@@ -310,7 +322,8 @@ class Discretization:
 
         `values` are this rank's displacements in the supports' coordinates.
         """
-        u, arm = self.cartesian(values), self.elasticity.arm
+        u = self.cartesian(values)
+        arm = self.elasticity.arm
         turning = arm[:, 0] * u[:, 1] - arm[:, 1] * u[:, 0]
         columns = np.column_stack([np.ones(len(u)), np.sum(arm**2, axis=1), u, turning])
         sums = np.zeros((len(self.bodies.centre), 5))
@@ -329,7 +342,8 @@ class Discretization:
         """A state of the solvers with its displacements u in place of u - u_d, to write."""
         if not self.scene.dead.movement:
             return state
-        u, elastic = state.displacement + self.imposed, state.elastic + self.imposed
+        u = state.displacement + self.imposed
+        elastic = state.elastic + self.imposed
         return replace(state, displacement=u, elastic=elastic)
 
     def cartesian(self, values: Array) -> Array:
@@ -352,16 +366,23 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
     role = boundary.role(scene.supports)
     rows = np.flatnonzero(role >= 0)
     fixed = np.array([kind == "fixed" for kind in scene.supports.values()], bool)[role[rows]]
-    nodes, points = boundary.nodes[rows], boundary.points[rows]
-    normal, motion = boundary.normal[rows], facet_motion(scene, boundary)[rows]
+    nodes = boundary.nodes[rows]
+    points = boundary.points[rows]
+    normal = boundary.normal[rows]
+    motion = facet_motion(scene, boundary)[rows]
     return supports_of(fixed, nodes, points, normal, boundary.body[rows], motion)
 
 
 def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
     """The problem with initial gaps and supports that move; u_d, as in `imposed`."""
-    problem, joints, supports, dead = made.problem, made.joints, made.supports, made.elasticity.dead
-    points, field = made.operators.points, np.zeros_like(dead)
-    opening, slip = -joints.gap[points], np.zeros(len(points))
+    problem = made.problem
+    joints = made.joints
+    supports = made.supports
+    dead = made.elasticity.dead
+    points = made.operators.points
+    field = np.zeros_like(dead)
+    opening = -joints.gap[points]
+    slip = np.zeros(len(points))
     if made.scene.dead.movement:
         ground = ground_motion(made.scene, made.boundary, joints)
         found = Imposed.of(supports, made.bodies, made.boundary, joints, ground)
@@ -379,7 +400,8 @@ def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
 
     These are movements of supports where they are all of the dead load, else loads alone.
     """
-    load, problem = made.elasticity.dead, made.problem
+    load = made.elasticity.dead
+    problem = made.problem
     if not made.scene.dead.movement or problem.max(np.abs(load)) > 0.0:
         return load, np.zeros_like(spring)
     origin = problem.opening_origin
@@ -411,7 +433,9 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
 def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     """Orthonormal rigid motions, as columns of a matrix, of the bodies that no support touches."""
     # Those that supports leave to other bodies may be free to some digits only.
-    body, nodes, count = elasticity.node_body, len(elasticity.arm), len(bodies.centre)
+    body = elasticity.node_body
+    nodes = len(elasticity.arm)
+    count = len(bodies.centre)
     comm = elasticity.stiffness.comm.tompi4py()
     motion = motions(elasticity.arm, bodies.size)  # about the mean of the nodes: orthogonal
     squares = np.zeros((count, 3))

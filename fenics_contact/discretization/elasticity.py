@@ -85,7 +85,8 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     position = space.tabulate_dof_coordinates()[:, :2]
     body = np.zeros(len(position), dtype=np.int32)
     body[compat.cell_dofs(space)] = scene.mesh.body[:, None]
-    body, position = body[: nodes.size_local], position[: nodes.size_local]
+    body = body[: nodes.size_local]
+    position = position[: nodes.size_local]
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
@@ -129,9 +130,12 @@ def with_loads(
     Raises:
         InputError: If a load does not fit the mesh.
     """
-    space, body, arm = elasticity.space, elasticity.node_body, elasticity.arm
+    space = elasticity.space
+    body = elasticity.node_body
+    arm = elasticity.arm
     density = _material_field(scene, lambda material: material.density)
-    loads, resultants = [], []
+    loads = []
+    resultants = []
     for kind in ("dead", "live"):
         force = nodal_forces(scene, space, boundary, kind, density)
         x, y = force.reshape(-1, 2).T
@@ -144,9 +148,11 @@ def with_loads(
 
 def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Array) -> Array:
     """K u where nothing is held, but zero in held entries; both in the supports' coordinates."""
-    space, count = elasticity.space, len(displacement)
+    space = elasticity.space
+    count = len(displacement)
     first = space.dofmap.index_map.local_range[0]
-    u, force = fem.Function(space), fem.Function(space)
+    u = fem.Function(space)
+    force = fem.Function(space)
     u.x.array[:count] = supports.to_cartesian(displacement, first)
     u.x.scatter_forward()
     fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.law))

@@ -66,7 +66,8 @@ class Boundary:
         Raises:
             InputError: If a facet is in two of the groups, or inside a body.
         """
-        role, names = np.full(len(self.length), -1), list(names)
+        role = np.full(len(self.length), -1)
+        names = list(names)
         for position, name in enumerate(names):
             if name in self.interior:
                 raise InputError(
@@ -105,7 +106,8 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
 
 def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
     """Columns of `Boundary` for this rank, with "inputs", input nodes of the ends; its facets."""
-    domain, layout = mesh.domain, space.dofmap.dof_layout
+    domain = mesh.domain
+    layout = space.dofmap.dof_layout
     topology = domain.topology
     for dims in ((1, 2), (2, 1)):
         topology.create_connectivity(*dims)

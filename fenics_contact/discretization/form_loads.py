@@ -171,7 +171,8 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
 def _check_integral(integral: Any, known: tuple[ufl.Measure, ...], key: str) -> None:
     """Refuse integrals by other measures than those that are known, and on other meshes."""
     tags = {measure.integral_type(): measure.subdomain_data() for measure in known}
-    kind, data = integral.integral_type(), integral.subdomain_data()
+    kind = integral.integral_type()
+    data = integral.subdomain_data()
     everywhere = data is None and integral.subdomain_id() == "everywhere"
     if kind not in tags or not (everywhere or data is tags[kind]):
         raise InputError(f"{key} has a measure of its own; use dx and ds, which it is given")

@@ -59,7 +59,8 @@ def stress_of(u: Any, law: Law) -> Any:
 
 def stiffness(space: Any, law: Law) -> fem.Form:
     """Form of K."""
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u = ufl.TrialFunction(space)
+    v = ufl.TestFunction(space)
     return fem.form(ufl.inner(stress_of(u, law), strain(v)) * ufl.dx)
 
 
@@ -93,7 +94,9 @@ def stress_expression(
     """
     sigma = stress_of(displacement, law)
     domain = displacement.function_space.mesh
-    xx, yy, xy = sigma[0, 0], sigma[1, 1], sigma[0, 1]
+    xx = sigma[0, 0]
+    yy = sigma[1, 1]
+    xy = sigma[0, 1]
     if not isinstance(law, tuple):
         space = compat.function_space(domain, "DG", 0, (3,))
         in_plane = ufl.as_vector([xx, yy, xy])
@@ -155,7 +158,8 @@ def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
 def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool) -> None:
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
-    cells, ranks = np.arange(len(corners))[None, :], np.zeros(1, dtype=np.int32)
+    cells = np.arange(len(corners))[None, :]
+    ranks = np.zeros(1, dtype=np.int32)
     with compat.quiet_compiler(), compat.form_cache():
         domain = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, ranks)
         domain.topology.create_connectivity(1, 2)

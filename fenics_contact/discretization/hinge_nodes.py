@@ -43,7 +43,8 @@ def wedge_compliance(modulus: Array, angle: Array, bisector: Array) -> Array:
     """
     across = np.column_stack([-bisector[:, 1], bisector[:, 0]])
     both = [np.einsum("ni,nj->nij", axis, axis) for axis in (bisector, across)]
-    half, sine = 0.5 * angle, 0.5 * np.sin(angle)
+    half = 0.5 * angle
+    sine = 0.5 * np.sin(angle)
     parts = both[0].T / (half + sine) + both[1].T / (half - sine)
     return np.asarray((np.log(2.0) / modulus * parts).T)
 
@@ -79,7 +80,8 @@ class HingeNodes:
 
         `owner` frees its stiffness.
         """
-        comm, count = problem.comm, 2 * len(self.nodes)
+        comm = problem.comm
+        count = 2 * len(self.nodes)
         stiffness = problem.stiffness.matrix
         first, last = stiffness.getOwnershipRange()
         mine = np.flatnonzero((2 * self.nodes >= first) & (2 * self.nodes < last))
@@ -157,11 +159,13 @@ def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
 
 def _modulus(whole: Discretization, nodes: Indices) -> Array:
     """E' at nodes, Pa: the least of the cells there."""
-    elasticity, comm = whole.elasticity, whole.scene.comm
+    elasticity = whole.elasticity
+    comm = whole.scene.comm
     first, mu = (field.x.array for field in elasticity.lame)
     cells = compat.cell_dofs(elasticity.lame[0].function_space)[:, 0]
     modulus = (4.0 * mu * (first + mu) / (first + 2.0 * mu))[cells]
-    dofs, index_map = compat.cell_dofs(elasticity.space), elasticity.space.dofmap.index_map
+    dofs = compat.cell_dofs(elasticity.space)
+    index_map = elasticity.space.dofmap.index_map
     least = np.full(index_map.size_local + index_map.num_ghosts, np.inf)
     np.minimum.at(least, dofs, np.broadcast_to(modulus[:, None], dofs.shape))
     start, end = index_map.local_range
@@ -172,7 +176,8 @@ def _modulus(whole: Discretization, nodes: Indices) -> Array:
 def _matrices(whole: Discretization, nodes: Indices) -> Array:
     """D of a given law at nodes, Pa: that of the softest cell there, shape (nodes, 3, 3)."""
     elasticity = whole.elasticity
-    matrices, dofs = elasticity.law_matrices(), compat.cell_dofs(elasticity.space)
+    matrices = elasticity.law_matrices()
+    dofs = compat.cell_dofs(elasticity.space)
     order = np.argsort(-stress_law.mean_shear_modulus(matrices), kind="stable")
     softest = np.zeros(int(dofs.max(initial=-1)) + 1, dtype=np.int64)
     softest[dofs[order].ravel()] = np.repeat(order, dofs.shape[1])  # the last one stays

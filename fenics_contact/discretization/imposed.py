@@ -48,7 +48,8 @@ def ground_motion(scene: Scene, boundary: Boundary, joints: Joints) -> Array:
 
 def _moved(movement: Movement, boundary: Boundary, edges: Flags, points: Array) -> Array:
     """Displacements of points that move with some facets, m, shape of the points."""
-    middle, length = boundary.points[edges, :2].mean(axis=1), boundary.length[edges]
+    middle = boundary.points[edges, :2].mean(axis=1)
+    length = boundary.length[edges]
     arm = points - np.average(middle, axis=0, weights=length)
     turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
     return np.asarray(movement.displacement + np.radians(movement.rotation) * turn)
@@ -81,7 +82,8 @@ class Imposed:
         per_motion = motions(supports.points - bodies.centre[supports.body], bodies.size)
         rows = np.einsum("nks,nkm->nsm", supports.frame, per_motion) * supports.held[:, :, None]
         held = np.einsum("nks,nk->ns", supports.frame, supports.motion)
-        gram, right = np.zeros((len(bodies.centre), 3, 3)), np.zeros((len(bodies.centre), 3))
+        gram = np.zeros((len(bodies.centre), 3, 3))
+        right = np.zeros((len(bodies.centre), 3))
         np.add.at(gram, supports.body, np.einsum("nsi,nsj->nij", rows, rows))
         np.add.at(right, supports.body, np.einsum("nsi,ns->ni", rows, held))
         inverse = np.linalg.pinv(gram, rcond=NOT_HELD, hermitian=True)

@@ -85,7 +85,8 @@ class Joints:
         """
         from scipy.sparse import identity, kron
 
-        position, sides = self.position.copy(), self.sides.copy()
+        position = self.position.copy()
+        sides = self.sides.copy()
         position[points] = (shares @ self.position)[points]
         sides[points] = (shares @ self.sides.reshape(-1, 4)).reshape(self.sides.shape)[points]
         stencil = Stencil.of_rows(kron(shares, identity(2), format="csr") @ self.stencil.rows)
@@ -157,7 +158,8 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     position = position.reshape(-1, 2)[rows]
     nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
     laws = (*scene.joints.values(), *scene.foundations.values())
-    law, gapped = pieces.law[piece[rows]], np.array([one.gap > 0.0 for one in laws], dtype=bool)
+    law = pieces.law[piece[rows]]
+    gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
     gap = np.zeros(len(rows))
     if np.any(gapped):
         gap = np.where(gapped[law], np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
@@ -230,7 +232,8 @@ def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indice
 def _direction(keys: Indices, normal: Array) -> Indices:
     """0, or 1 where the joint kinks at a point and this piece comes second."""
     order = np.lexsort(keys.T[::-1])
-    one, two = order[:-1], order[1:]
+    one = order[:-1]
+    two = order[1:]
     kink = np.sum(normal[one] * normal[two], axis=1) < np.cos(SMOOTH_ANGLE)
     direction = np.zeros(len(keys), dtype=np.int64)
     direction[two[kink & np.all(keys[one] == keys[two], axis=1)]] = 1

@@ -147,7 +147,8 @@ def _below(boundary: Boundary, facets: Indices, level: float) -> _Strips:
         crossing = np.clip((level - first) / (second - first), 0.0, 1.0)
     crossing = np.where(first == second, np.where(first <= level, 1.0, 0.0), crossing)
     rising = second >= first
-    start, end = np.where(rising, 0.0, crossing), np.where(rising, crossing, 1.0)
+    start = np.where(rising, 0.0, crossing)
+    end = np.where(rising, crossing, 1.0)
     wet = end > start
     return _Strips(facets[wet], start[wet], end[wet])
 

@@ -124,17 +124,23 @@ class Pieces:
 
 def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
     """Join stretches to pieces of facets of the slaves, in the order of these, on ground last."""
-    bodies, slave = stretches.bodies(boundary), stretches.facets[0]
+    bodies = stretches.bodies(boundary)
+    slave = stretches.facets[0]
     keys = stretches.span[0, :, 0], law, bodies[:, 1], bodies[:, 0], slave, bodies[:, 0] == GROUND
     order = np.lexsort(keys)
-    made, law, bodies = stretches.take(order), law[order], bodies[order]
+    made = stretches.take(order)
+    law = law[order]
+    bodies = bodies[order]
     # A piece goes on where the next facet of the other side begins at the node of the last one.
-    joint, node = np.column_stack([made.facets[0], bodies, law]), made.nodes[1]
+    joint = np.column_stack([made.facets[0], bodies, law])
+    node = made.nodes[1]
     goes_on = np.all(joint[1:] == joint[:-1], axis=1) & (node[1:, 0] == node[:-1, 1])
     goes_on &= node[1:, 0] != INSIDE
     begins = np.concatenate([np.ones(min(1, len(law)), dtype=bool), ~goes_on])
-    first, last = np.flatnonzero(begins), np.flatnonzero(np.roll(begins, -1))
-    facet, side = made.facets[0, first], made.slave[first]
+    first = np.flatnonzero(begins)
+    last = np.flatnonzero(np.roll(begins, -1))
+    facet = made.facets[0, first]
+    side = made.slave[first]
     span = np.column_stack([made.span[0, first, 0], made.span[0, last, 1]])
     return Pieces(
         facet=facet,
@@ -154,7 +160,8 @@ def _nodes_at_points(
     boundary: Boundary, stretches: Stretches, first: Indices, last: Indices
 ) -> Indices:
     """Nodes of both sides at the joint points of pieces, from the first stretch to the last."""
-    facets, count = stretches.facets[:, first], boundary.nodes.shape[1]
+    facets = stretches.facets[:, first]
+    count = boundary.nodes.shape[1]
     nodes = np.full((*facets.shape, count), INSIDE)
     nodes[:, :, 0], nodes[:, :, 1] = stretches.nodes[:, first, 0], stretches.nodes[:, last, 1]
     # Before a slave's node is one of the other side only if it is in the same place.
@@ -172,7 +179,9 @@ def stencil_of(boundary: Boundary, pieces: Pieces, point: Indices) -> Stencil:
     """Stencil of joint points; `point` is that of every place, shape (pieces, places)."""
     from scipy.sparse import coo_matrix
 
-    stretches, of, count = pieces.stretches, pieces.of_stretch, boundary.nodes.shape[1]
+    stretches = pieces.stretches
+    of = pieces.of_stretch
+    count = boundary.nodes.shape[1]
     slave = pieces.length[:, None] * SHARES[count]
     slave = slave[:, :, None] * lagrange(pieces.places, count)
     values = np.concatenate([slave, _mortar_integrals(pieces, count)])
@@ -201,16 +210,21 @@ def _mortar_integrals(pieces: Pieces, count: int) -> Array:
 
     Shape (stretches, points of a piece, nodes of a facet).
     """
-    of, span = pieces.of_stretch, pieces.stretches.span
-    bounds, length = pieces.span[of], pieces.length[of]
+    of = pieces.of_stretch
+    span = pieces.stretches.span
+    bounds = pieces.span[of]
+    length = pieces.length[of]
     local = (span[0] - bounds[:, :1]) / (bounds[:, 1:] - bounds[:, :1])
     # One facet opposite: N_i are combinations of N_j, with their values at the points.
     other = span[1, :, :1] + (span[1, :, 1:] - span[1, :, :1]) * NODES[count]
     integrals = length[:, None, None] * SHARES[count][:, None] * lagrange(other, count)
     several = np.bincount(of, minlength=len(pieces.length))[of] > 1
-    local, span, size = local[several], span[1, several], length[several]
+    local = local[several]
+    span = span[1, several]
+    size = length[several]
     gauss, weight = np.polynomial.legendre.leggauss(3)
-    gauss, weight = 0.5 * (1.0 + gauss), 0.5 * weight
+    gauss = 0.5 * (1.0 + gauss)
+    weight = 0.5 * weight
     here, there = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * gauss for ends in (local, span))
     dual = SHARES[count][:, None] * np.linalg.inv(PRODUCTS[count])
     psi = lagrange(here, count) @ dual.T

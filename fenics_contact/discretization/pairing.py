@@ -107,7 +107,8 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
             or if both sides of a joint carry a traction.
     """
     named = [name for name in scene.joints if name != "default"]
-    gaps, ground_role = Gaps.of(scene, boundary), boundary.role(scene.foundations)
+    gaps = Gaps.of(scene, boundary)
+    ground_role = boundary.role(scene.foundations)
     found, doubtful = _facing(boundary, gaps)
     _check_doubtful(scene.mesh.source, boundary, doubtful)
     paired = np.zeros(len(boundary.length), dtype=bool)
@@ -169,9 +170,11 @@ def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
 
 def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
     """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
-    middle, length = boundary.points[:, :2].mean(axis=1), boundary.length
+    middle = boundary.points[:, :2].mean(axis=1)
+    length = boundary.length
     reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
-    pairs, every = [np.empty((2, 0), dtype=np.int64)], np.arange(len(length))
+    pairs = [np.empty((2, 0), dtype=np.int64)]
+    every = np.arange(len(length))
     for found in near_pairs(middle, reach, every, every):
         one, other = boundary.body[np.stack(found)]
         facets = np.stack(found)[:, one < other]
@@ -182,12 +185,12 @@ def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
 
 def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Stretches]:
     """Stretches that touch or are within the gap of their law; and those that almost touch."""
-    facets, far = all_of.facets, np.abs(all_of.offset).max(axis=1)
-    shorter, height = (
-        boundary.length[facets].min(axis=0),
-        _arc_heights(boundary)[facets].sum(axis=0),
-    )
-    least, gap = all_of.offset.min(axis=1), gaps.of_pairs(facets)
+    facets = all_of.facets
+    far = np.abs(all_of.offset).max(axis=1)
+    shorter = boundary.length[facets].min(axis=0)
+    height = _arc_heights(boundary)[facets].sum(axis=0)
+    least = all_of.offset.min(axis=1)
+    gap = gaps.of_pairs(facets)
     parallel = _against(boundary, *facets) > OPTIONS.parallel
     # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
     exact = parallel & (far <= OPTIONS.matching * shorter)
@@ -205,7 +208,8 @@ def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> Non
     """Refuse blocks that almost touch."""
     if not len(doubtful.slave):
         return
-    first, facets = doubtful.offset[0], doubtful.facets[:, 0]
+    first = doubtful.offset[0]
+    facets = doubtful.facets[:, 0]
     what = "overlap by" if first.min() < 0.0 else "are apart by"
     raise InputError(
         f"{source}: blocks {what} up to {np.abs(first).max():.3g} m at"
@@ -216,7 +220,8 @@ def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> Non
 
 def _arc_heights(boundary: Boundary) -> Array:
     """Bounds on the heights of the arcs of facets on curved sides, m."""
-    points, nodes = boundary.points[:, :2], boundary.nodes[:, :2]
+    points = boundary.points[:, :2]
+    nodes = boundary.nodes[:, :2]
     return 2.0 * np.abs(arc_heights(points, nodes, boundary.normal))
 
 

@@ -83,7 +83,8 @@ def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along
 
     row, side = np.nonzero(joints.bodies[points] != GROUND)
     point = points[row]
-    body, sign = joints.bodies[point, side], 2.0 * side - 1.0
+    body = joints.bodies[point, side]
+    sign = 2.0 * side - 1.0
     motion = motions(joints.sides[point, side] - bodies.centre[body], bodies.size)
     moved = sign[:, None] * np.einsum("nim,ni->nm", motion, along[point])
     moved = np.einsum("nmk,nm->nk", bodies.free[body], moved)

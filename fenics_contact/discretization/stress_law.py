@@ -79,7 +79,8 @@ def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS)
     middle = np.arctan2(bisector[:, 1], bisector[:, 0])
     direction = middle[:, None] + 0.5 * angle[:, None] * abscissa
-    x, y = np.cos(direction), np.sin(direction)
+    x = np.cos(direction)
+    y = np.sin(direction)
     q = np.stack([x**2, y**2, x * y], axis=2)
     modulus = 1.0 / np.einsum("wti,wij,wtj->wt", q, np.linalg.inv(matrix), q)
     n = np.stack([x, y], axis=2)

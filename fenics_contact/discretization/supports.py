@@ -65,7 +65,8 @@ class Supports:
 
     def spread(self, motion: Array, owned: range) -> Array:
         """The displacements that a rank owns, of those of all held nodes, zero elsewhere, m."""
-        first, values = owned.start // 2, np.zeros((len(owned) // 2, 2))
+        first = owned.start // 2
+        values = np.zeros((len(owned) // 2, 2))
         mine = (self.nodes >= first) & (self.nodes < first + len(values))
         values[self.nodes[mine] - first] = motion[mine]
         return self.to_supports(values.ravel(), first)
@@ -81,7 +82,8 @@ class Supports:
             nodes = np.arange(start // 2, end // 2, dtype=PETSc.IntType)
             csr = np.arange(len(nodes) + 1, dtype=PETSc.IntType), nodes, self._at(nodes, self.frame)
             turn = PETSc.Mat().createBAIJ(stiffness.getSizes(), 2, csr=csr, comm=stiffness.comm)
-            cartesian, stiffness = stiffness, stiffness.ptap(turn.convert("aij"))
+            cartesian = stiffness
+            stiffness = stiffness.ptap(turn.convert("aij"))
             for matrix in (cartesian, turn):
                 matrix.destroy()
         dofs = (2 * self.nodes[:, None] + np.arange(2))[self.held]
@@ -123,9 +125,11 @@ def supports_of(
     per_facet = nodes.shape[1]
     nodes, first, index = np.unique(nodes, return_index=True, return_inverse=True)
     total = np.zeros((len(nodes), 2, 2))
-    gram, index = np.repeat(gram, per_facet, axis=0), index.ravel()
+    gram = np.repeat(gram, per_facet, axis=0)
+    index = index.ravel()
     np.add.at(total, index, gram)
-    body, points = np.repeat(body, per_facet)[first], points.reshape(-1, 2)[first]
+    body = np.repeat(body, per_facet)[first]
+    points = points.reshape(-1, 2)[first]
     frame, held = _principal_directions(total)
     motion = _common_motion(gram, index, motion.reshape(-1, 2), total, points)
     in_frame = np.einsum("nji,nj->ni", frame, motion) * held

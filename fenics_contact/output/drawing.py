@@ -31,7 +31,8 @@ IN_A_ROW = 5
 def extent(view: View, *more: Array) -> Array:
     """Corners, low and high, m, of the blocks at rest, arrows of loads, more points, a margin."""
     tables = [view.rest, *more, *(end for ends in _arrow_ends(view) for end in ends)]
-    points, margin = np.concatenate([table.reshape(-1, 2) for table in tables]), 0.02 * view.size
+    points = np.concatenate([table.reshape(-1, 2) for table in tables])
+    margin = 0.02 * view.size
     return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
 
 
@@ -39,8 +40,10 @@ def frame(axes: Any, view: View, *more: Array) -> None:
     """Show what `extent` says beside what axes showed before, with one scale in x and y."""
     low, high = extent(view, *more)
     if not axes.get_autoscalex_on():
-        x, y = axes.get_xlim(), axes.get_ylim()
-        low, high = np.minimum(low, [x[0], y[0]]), np.maximum(high, [x[1], y[1]])
+        x = axes.get_xlim()
+        y = axes.get_ylim()
+        low = np.minimum(low, [x[0], y[0]])
+        high = np.maximum(high, [x[1], y[1]])
     axes.set(aspect="equal", anchor="N", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.axis("off")
     for axis in (axes.xaxis, axes.yaxis):  # its ticks would still be laid out
@@ -135,7 +138,8 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
     state = facet_contact(view.values, joints.segments)
     opens = np.any(view.values.opens[joints.segments], axis=1) & (state == Contact.OPEN)
     fine = fineness(axes, view)
-    thin, wide = 0.8 * max(fine, 0.5), max(2.6 * fine, 1.4)
+    thin = 0.8 * max(fine, 0.5)
+    wide = max(2.6 * fine, 1.4)
     core = [("white", 0.3 * wide)] if fine > 0.7 else []  # two lines where they can be seen
     entries: list[Any] = []
     for label, chosen, strokes in (
@@ -209,7 +213,8 @@ def _arrow_marker() -> Any:
     from matplotlib.textpath import TextPath
 
     arrow = TextPath((0.0, 0.0), "\N{RIGHTWARDS ARROW}", size=10.0)
-    low, high = arrow.vertices.min(axis=0), arrow.vertices.max(axis=0)
+    low = arrow.vertices.min(axis=0)
+    high = arrow.vertices.max(axis=0)
     return Outline(arrow.vertices - 0.5 * (low + high), arrow.codes)
 
 
@@ -239,7 +244,8 @@ def draw_scale(axes: Any, view: View, per_metre: float, largest: float, colour: 
     """A bar below the lower left corner of a picture that says how long forces are drawn."""
     force = nice(min(largest, 0.3 * view.size * per_metre))
     length = force / per_metre
-    x, y = axes.get_xlim()[0] + 0.02 * view.size, axes.get_ylim()[0] - 0.02 * view.size
+    x = axes.get_xlim()[0] + 0.02 * view.size
+    y = axes.get_ylim()[0] - 0.02 * view.size
     axes.plot([x, x + length], [y, y], "|-", color=colour, lw=1.8, markersize=7, zorder=4)
     text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
     axes.text(x + length + 0.015 * view.size, y, text, va="center", fontsize=9)

@@ -77,7 +77,8 @@ def cell_stresses(discretization: Discretization, displacement: Array) -> Array:
     At the centres of the cells. In plane strain, von Mises has the stress out of the plane,
     nu (sigma_x + sigma_y). With a stress law of the scene it is left out, shape (cells, 3).
     """
-    scene, law = discretization.scene, discretization.elasticity.law
+    scene = discretization.scene
+    law = discretization.elasticity.law
     function = displacement_function(discretization, displacement, "displacement")
     expression, space = stress_expression(function, law, scene.plane)
     together = fem.Function(space)
@@ -92,7 +93,8 @@ def principal_stresses(stress: Array) -> tuple[Array, Array]:
     second direction is normal to the first.
     """
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    mean, radius = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    mean = 0.5 * (xx + yy)
+    radius = np.hypot(0.5 * (xx - yy), xy)
     angle = 0.5 * np.arctan2(xy, 0.5 * (xx - yy))
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return np.stack([mean + radius, mean - radius], axis=-1), direction
@@ -109,7 +111,8 @@ def write_blocks(
     Raises:
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
-    scale, comm = mode_scale(discretization, mode), discretization.scene.comm
+    scale = mode_scale(discretization, mode)
+    comm = discretization.scene.comm
     moving = {"displacement": displacement, "collapse_mode": scale * mode}
     functions = [displacement_function(discretization, u, name) for name, u in moving.items()]
     functions += _cell_functions(discretization, elastic)
@@ -128,7 +131,8 @@ def write_series(
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
     points = [point for point in points if point.motion is not None]
-    comm, times = discretization.scene.comm, [1e3 * point.displacement for point in points]
+    comm = discretization.scene.comm
+    times = [1e3 * point.displacement for point in points]
     if np.any(np.diff(times) <= 0.0):
         times = [float(number) for number in range(len(points))]
     steps = (
@@ -198,7 +202,8 @@ def write_joints(
     Raises:
         OutputError: On all ranks, with the reason, if the file cannot be written.
     """
-    joints, scale = discretization.joints, mode_scale(discretization, mode)
+    joints = discretization.joints
+    scale = mode_scale(discretization, mode)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
     points |= {"normal": joints.normal, "force": values.force(joints)}

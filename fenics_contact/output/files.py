@@ -69,7 +69,8 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
         OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
     """
     start = time.perf_counter()
-    comm, options = result.scene.comm, result.scene.output
+    comm = result.scene.comm
+    options = result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
         _write_fields(result, hidden, hurry)
         if hurry():
@@ -86,7 +87,8 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
 
 def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> None:
     """Pictures, ParaView files and the capacity curve. Collective."""
-    comm, options = result.scene.comm, result.scene.output
+    comm = result.scene.comm
+    options = result.scene.output
     if result.fall is not None and options.pictures and not hurry():
         view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
         marked = partial(draw_marked, blocks=result.falling)
@@ -109,7 +111,8 @@ def _write_capacity(result: Result, folder: Path) -> None:
             factor = p.load_factor if p.converged else ""
             table.writerow([p.displacement, factor, p.work, int(p.converged)])
     if result.scene.output.pictures:
-        end, title = result.collapse, _drawn(result.scene.title)
+        end = result.collapse
+        title = _drawn(result.scene.title)
         limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
         save_capacity(result.capacity, limit, peak, title, _pictures(result, folder / "capacity"))
 
@@ -122,7 +125,8 @@ def _pictures(result: Result, path: Path) -> list[Path]:
 
 def _draw(result: Result, view: View, title: str, pictures: Mapping[Path, Sequence[Draw]]) -> None:
     """Pictures by file without its ending, each of panels side by side, on rank 0. Collective."""
-    comm, scene = result.scene.comm, _drawn(result.scene.title)
+    comm = result.scene.comm
+    scene = _drawn(result.scene.title)
     with writing(comm):
         if comm.rank == 0:
             for path, draws in pictures.items():
@@ -134,18 +138,21 @@ def _write_collapse(
     result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
 ) -> None:
     """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
-    discretization, options = result.discretization, result.scene.output
+    discretization = result.discretization
+    options = result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
         if options.pictures and not hurry():
-            view, title = view_of(discretization, sign=sign), f"these blocks wedge{reversal}"
+            view = view_of(discretization, sign=sign)
+            title = f"these blocks wedge{reversal}"
             marked = partial(draw_marked, blocks=result.wedged(end))
             _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
         return
     if end.state is None or end.mode is None or end.joints is None:
         return
-    state, mode = discretization.with_imposed(end.state), end.mode
+    state = discretization.with_imposed(end.state)
+    mode = end.mode
     if options.pictures and not hurry():
         stress = partial(draw_stress, raster=stress_raster(discretization, state.elastic))
         panels: dict[str, list[Draw]] = {
@@ -196,8 +203,11 @@ def _drawn(title: str) -> str:
 
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
-    collapse, negative, scene = result.collapse, result.negative, result.scene
-    mesh, discretization = scene.mesh, result.discretization
+    collapse = result.collapse
+    negative = result.negative
+    scene = result.scene
+    mesh = scene.mesh
+    discretization = result.discretization
     record: Record = {
         "status": result.status,
         "title": scene.title,
@@ -309,7 +319,8 @@ def _lowest_record(lowest: Lowest) -> Record:
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
     """Residuals, static and kinematic load factor, and the worst joint."""
-    worst, point = certificate.worst_joint, None
+    worst = certificate.worst_joint
+    point = None
     if worst is not None:
         point = _record(worst, "point", "law", "residual") | {
             "position": joints.position[worst.point].tolist(),

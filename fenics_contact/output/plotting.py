@@ -42,7 +42,9 @@ from fenics_contact.output.thrust import face_resultants, thrust_lines
 from fenics_contact.output.view import View
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
-WIDTH, NARROWEST, HEIGHTS = 6.0, 3.2, (1.2, 9.0)
+WIDTH = 6.0
+NARROWEST = 3.2
+HEIGHTS = (1.2, 9.0)
 #: Pixels per inch of files, and what is left free around a picture, inches.
 DPI, MARGIN = 150, 0.08
 #: Blocks that are numbered in a picture.
@@ -79,7 +81,8 @@ def draw_forces(axes: Any, view: View) -> Any:
         ValueError: If the view has no joint values.
     """
     faces = face_resultants(view.joints, _values(view))
-    total, centre = faces.force[faces.loaded], faces.centre[faces.loaded]
+    total = faces.force[faces.loaded]
+    centre = faces.centre[faces.loaded]
     frame(axes, view)
     draw_rest(axes, view)
     if len(total):
@@ -161,7 +164,8 @@ def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
     centre = coarse.corner + coarse.step * (np.column_stack([column, row]) + 0.5)
     value, first = principal_stresses(coarse.stress[full])
     second = np.column_stack([-first[:, 1], first[:, 0]])
-    value, centre = value.T.ravel(), np.tile(centre, (2, 1))
+    value = value.T.ravel()
+    centre = np.tile(centre, (2, 1))
     reach = np.clip(np.abs(value) / largest, 0.0, 1.0)[:, None] * np.vstack([first, second])
     half = 0.5 * coarse.step * reach
     lines = np.stack([centre - half, centre + half], 1)

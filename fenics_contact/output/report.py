@@ -52,7 +52,8 @@ def write_report(folder: Path, target: Path | None = None) -> Path:
         InputError: If the folder holds no result, or one of a version that kept less.
         OutputError: If the page cannot be written.
     """
-    record, target = _read(folder), target or folder / PAGE
+    record = _read(folder)
+    target = target or folder / PAGE
     try:
         page = report_page(record, _pictures(folder, record.get("files", ())))
     except (AttributeError, IndexError, KeyError, TypeError) as error:
@@ -216,7 +217,9 @@ def _answer(record: Record) -> Iterator[str]:
 
 def _load_factor_rows(direction: str, end: Record, record: Record) -> Iterator[Sequence[str]]:
     """Load factor, bracket and errors of one end."""
-    factor, bounds, sides = end["load_factor"], end["bounds"], ("lower", "upper")
+    factor = end["load_factor"]
+    bounds = end["bounds"]
+    sides = ("lower", "upper")
     if direction == "negative":
         sides = sides[::-1]
     name = "load factor" if end["status"] == "limit" else "load factor reached, not verified"
@@ -269,7 +272,8 @@ def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
     if peak["status"] == "not_known":
         yield "carried on the way to the collapse", f"not known: {peak['reason']}"
         return
-    carried, moved = _alike(peak["load_factor"], factor), _value(1e3 * peak["displacement_m"], "mm")
+    carried = _alike(peak["load_factor"], factor)
+    moved = _value(1e3 * peak["displacement_m"], "mm")
     yield (
         "carried on the way to the collapse, at least",
         f"{carried}, at {moved}; then joints slip and the load falls. This depends on the"
@@ -279,12 +283,14 @@ def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
 
 def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequence[str]]:
     """What is known of the error of a load factor."""
-    gap, mesh = details["error_estimate"], details["discretization"]
+    gap = details["error_estimate"]
+    mesh = details["discretization"]
     yield "difference from rigid blocks with the friction forces of this state", _value(gap)
     if not mesh:
         yield "error by the mesh", "not estimated"
         return
-    length, error = mesh["hinge_length"], mesh["hinge_error"]
+    length = mesh["hinge_length"]
+    error = mesh["hinge_error"]
     if length is not None:
         yield "length of hinges in this mesh", _value(1e3 * length, "mm")
     yield "load factor for point hinges", _alike(mesh["load_factor_point_hinges"], factor)
@@ -321,7 +327,8 @@ def _mechanisms(record: Record) -> Iterator[str]:
 
 def _motion(moves: Record, total: int) -> Iterator[str]:
     """Sentences on a collapse mode."""
-    moving, turning = moves["moving"], moves["turning"]
+    moving = moves["moving"]
+    turning = moves["turning"]
     x, y = moves["centre"]
     way = ", ".join(f"{part:+.2f}" for part in moves["direction"])
     yield f"{len(moving)} of {_counted(total, 'block')} move."
@@ -353,10 +360,12 @@ def _figures(pictures: Mapping[str, str]) -> Iterator[str]:
 
 def _scene(record: Record) -> Iterator[str]:
     """What was solved: materials, joints, supports and loads with their units."""
-    scene, mesh = record["scene"], record["mesh"]
+    scene = record["scene"]
+    mesh = record["mesh"]
     units = scene["units"]
     yield _heading("The structure")
-    size, plane = scene["size"], scene["plane"]
+    size = scene["size"]
+    plane = scene["plane"]
     yield _paragraph(
         f"{_counted(mesh['bodies'], 'block')}.",
         f"Supports do not hold {mesh['floating_bodies']} of them.",
@@ -430,7 +439,9 @@ def _verification(record: Record) -> Iterator[str]:
 
 def _computation(record: Record) -> Iterator[str]:
     """Method, counts, times and versions."""
-    scene, mesh, iterations = record["scene"], record["mesh"], record["iterations"]
+    scene = record["scene"]
+    mesh = record["mesh"]
+    iterations = record["iterations"]
     yield _heading("How it was computed")
     rows = [(KEYS.get(key, key), _value(value)) for key, value in scene["solve"].items()]
     rows += [("method of the state reported", _value(record["method"]))]

@@ -41,7 +41,8 @@ UNITS: Mapping[str, str] = {
 
 def scene_record(discretization: Discretization) -> dict[str, Any]:
     """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
-    scene, bodies = discretization.scene, discretization.bodies
+    scene = discretization.scene
+    bodies = discretization.bodies
     width, height = np.ptp(discretization.boundary.points.reshape(-1, 2), axis=0).tolist()
     tables = {
         name: {key: asdict(value) for key, value in getattr(scene, name).items()}

@@ -48,7 +48,8 @@ def stress_raster(discretization: Discretization, elastic: Array) -> StressRaste
     Collective. What the ranks send does not grow with the mesh.
     """
     points = discretization.boundary.points[:, :2].reshape(-1, 2)
-    corner, extent = points.min(axis=0), np.ptp(points, axis=0)
+    corner = points.min(axis=0)
+    extent = np.ptp(points, axis=0)
     step = float(extent.max()) / SQUARES
     columns, rows = (int(n) for n in np.maximum(np.ceil(extent / step - 1e-9), 1))
     stress = cell_stresses(discretization, elastic)[:, :3]
@@ -91,17 +92,20 @@ def _shapes(n: int, count: int) -> Array:
     """Shape functions of a cell with 3 or 4 corners at the centres of n^2 equal parts of it."""
     i, j = (index.ravel() for index in np.indices((n, n)))
     if count == 3:
-        lower, upper = i + j < n, i + j < n - 1
+        lower = i + j < n
+        upper = i + j < n - 1
         x = np.concatenate([i[lower] + 1.0 / 3.0, i[upper] + 2.0 / 3.0]) / n
         y = np.concatenate([j[lower] + 1.0 / 3.0, j[upper] + 2.0 / 3.0]) / n
         return np.column_stack([1.0 - x - y, x, y])
-    x, y = (i + 0.5) / n, (j + 0.5) / n
+    x = (i + 0.5) / n
+    y = (j + 0.5) / n
     return np.column_stack([(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y])
 
 
 def _areas(corners: Array) -> Array:
     """Areas of cells; the corners of quadrilaterals are in the order of a product."""
-    one, other = corners[:, -1] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    one = corners[:, -1] - corners[:, 0]
+    other = corners[:, 2] - corners[:, 1]
     if corners.shape[1] == 3:
         other = corners[:, 1] - corners[:, 0]
     return 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])

@@ -273,7 +273,8 @@ def _apart(faces: Resultants, pairs: Indices) -> Flags:
     key = np.sort(faces.bodies, axis=1) @ [number, 1]
     parting = np.setdiff1d(key[faces.parts], key[~faces.parts])
     apart = np.any(faces.parts[pairs], axis=1)
-    one, other = faces.bodies[pairs[:, 0]], faces.bodies[pairs[:, 1]]
+    one = faces.bodies[pairs[:, 0]]
+    other = faces.bodies[pairs[:, 1]]
     turned = np.sum(faces.normal[pairs[:, 0]] * faces.normal[pairs[:, 1]], axis=1) < 0.0
     other = np.where(turned[:, None], other[:, ::-1], other)
     for side in (0, 1):

@@ -101,8 +101,10 @@ def view_of(
     `mode` is this rank's part in the supports' coordinates; `sign` is -1 where the live load is
     reversed.
     """
-    boundary, joints = discretization.boundary, discretization.joints
-    motion, at_points = np.zeros((len(boundary.nodes), 2, 2)), np.zeros((len(joints.nodes), 2))
+    boundary = discretization.boundary
+    joints = discretization.joints
+    motion = np.zeros((len(boundary.nodes), 2, 2))
+    at_points = np.zeros((len(joints.nodes), 2))
     if mode is not None:
         scale = mode_scale(discretization, mode)
         motion = scale * at_nodes(discretization, mode, boundary.nodes[:, :2])
@@ -135,8 +137,10 @@ def _materials(discretization: Discretization) -> Indices:
 
 def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arrows, Arrows]:
     """Tractions, forces at places, and the body force, of the live load as it acts."""
-    boundary, bodies = discretization.boundary, discretization.bodies
-    load, points = discretization.scene.live, boundary.points
+    boundary = discretization.boundary
+    bodies = discretization.bodies
+    load = discretization.scene.live
+    points = boundary.points
     on_facets = [*_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
     rest = bodies.live * [1.0, 1.0, bodies.size]
     for facets, force in on_facets:
@@ -168,7 +172,8 @@ def _traction_forces(boundary: Boundary, load: Load) -> list[tuple[Indices, Arra
 
 def _along_edges(boundary: Boundary, facets: Indices, force: Array, apart: float) -> Arrows:
     """Mean tractions on stretches of edges."""
-    middle, length = boundary.points[facets, :2].mean(axis=1), boundary.length[facets]
+    middle = boundary.points[facets, :2].mean(axis=1)
+    length = boundary.length[facets]
     turned = np.round(2.0 * boundary.normal[facets]).astype(np.int64)  # sides look different ways
     key = np.column_stack([np.floor(middle / apart).astype(np.int64), turned])
     group = np.unique(key, axis=0, return_inverse=True)[1].ravel()
@@ -192,7 +197,8 @@ def _resultant(boundary: Boundary, facets: Indices, force: Array) -> Arrows:
 
 def _body_force(force: Array, centre: Array) -> Arrows:
     """Resultant of forces and moments about their centres on all blocks, (blocks, 3)."""
-    total, size = force[:, :2].sum(axis=0), np.linalg.norm(force[:, :2], axis=1)
+    total = force[:, :2].sum(axis=0)
+    size = np.linalg.norm(force[:, :2], axis=1)
     square = float(total @ total)
     if square <= 1e-18 * float(size.sum()) ** 2:
         return _joined([])

@@ -66,7 +66,8 @@ class Path:
 
 
 #: The products fall under constant work; the work rises with constant products.
-FALLING_PRODUCTS, RISING_WORK = Path(-1.0, 0.0), Path(0.0, 1.0)
+FALLING_PRODUCTS = Path(-1.0, 0.0)
+RISING_WORK = Path(0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,9 @@ class Continuation:
         self._factored = factored
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
-        self.path, self.options, self._passed = path, options or ArclengthOptions(), passed
+        self.path = path
+        self.options = options or ArclengthOptions()
+        self._passed = passed
 
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
@@ -163,17 +166,21 @@ class Continuation:
         Raises:
             SolverError: If the path is lost, wanders or takes too many steps.
         """
-        options, path = self.options, self.path
+        options = self.options
+        path = self.path
         goal = path.progress(end, end) + options.past
         usual = limit = options.elimination.allowed
         before: PathPoint | None = None  # where the last step that reached the path began
-        best, since, astray = path.progress(point.mu, point.work), 0, 0
+        best = path.progress(point.mu, point.work)
+        since = 0
+        astray = 0
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             if progress >= goal - 0.5 * options.past:
                 return self._settled(point)
             if progress >= best + np.log(2.0):
-                best, since = progress, step
+                best = progress
+                since = step
             if step - since >= options.patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
             earlier = before if limit > options.least * usual else None
@@ -186,7 +193,8 @@ class Continuation:
                 astray = 0 if reached else astray + 1
                 if reached:
                     self._passed(point)
-                before, point = point if reached else None, new
+                before = point if reached else None
+                point = new
             values = point.iterate.load_factor, point.mu, point.work
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *values)
             if astray > options.lost or not np.all(np.isfinite(values)):
@@ -204,8 +212,11 @@ class Continuation:
 
     def _distance(self, point: PathPoint) -> float:
         """Largest distance from the path, relative to p and q."""
-        kkt, now, least = replace(self.kkt, work=point.work), point.iterate, self.options.smallest
-        d, f = kkt.scales.displacement, kkt.scales.force
+        kkt = replace(self.kkt, work=point.work)
+        now = point.iterate
+        least = self.options.smallest
+        d = kkt.scales.displacement
+        f = kkt.scales.force
         residual = kkt.residual(now)
         of_p = np.maximum(now.pressure / f + now.y / d, least)
         of_q = np.maximum(0.5 * (now.s1 + now.s2) / f + np.abs(now.slip) / d, least)
@@ -220,7 +231,8 @@ class Continuation:
         Without a goal the step only goes to the path. No point that is not chosen ends farther
         from its law than a limit. `late` tells whether points may be chosen on the way.
         """
-        options, path = self.options, self.path
+        options = self.options
+        path = self.path
         linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
         self._factored(point, tangent.load_factor)
@@ -230,14 +242,18 @@ class Continuation:
         if not late:
             numbers = replace(numbers, rounds=0)
         elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
-        reach, to_goal, largest = None, 0.0, options.largest_change
+        reach = None
+        to_goal = 0.0
+        largest = options.largest_change
         back = -largest / (1.0 + largest) if path.work_rate else -largest
         if goal is not None:
             to_goal = path.change_to(point.mu, point.work, goal)
             reach = back, min(to_goal, largest)
         step = elimination.step(reach, linear.orientation * options.aimed)
-        s, moved = max(back, min(step.s, to_goal)), step.moved
-        mu, work = path.mu(point.mu, s), path.work(point.work, s)
+        s = max(back, min(step.s, to_goal))
+        moved = step.moved
+        mu = path.mu(point.mu, s)
+        work = path.work(point.work, s)
         _, pressure, _, shear = self.kkt.scales.force * step.states.values
         state = State(moved.u, moved.elastic, moved.load_factor, pressure, shear, work)
         iterate = replace(self.kkt, work=work).on_central_path(state, mu)
@@ -245,7 +261,9 @@ class Continuation:
 
     def _directions(self, linear: Linearization, point: PathPoint) -> tuple[Iterate, Iterate]:
         """Correction c and tangent t."""
-        path, kkt, now = self.path, linear.kkt, point.iterate
+        path = self.path
+        kkt = linear.kkt
+        now = point.iterate
         none = np.zeros_like(now.y)
         across = kkt.residual(now), np.zeros((3, len(none)))
         product = path.log_mu_rate * point.mu * kkt.scales.force * kkt.scales.displacement

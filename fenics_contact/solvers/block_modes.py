@@ -137,8 +137,11 @@ class BlockModes(Closing):
             options: Numbers of the reduction.
         """
         options = options or BlockModesOptions()
-        comm, count = problem.comm, shapes.shape[2]
-        self.full, self._blocks, self._modes = problem, blocks, count
+        comm = problem.comm
+        count = shapes.shape[2]
+        self.full = problem
+        self._blocks = blocks
+        self._modes = count
         number, mine = numbered_by_rank(comm, blocks.body, blocks.count)
         original = np.argsort(number)
         basis, is_mode = _orthonormal_columns(problem, shapes, number[blocks.body], mine, options)
@@ -165,7 +168,8 @@ class BlockModes(Closing):
             rigid=SparseMap(self._unknowns.whole_matrix(rigid, motions)),
             compliance=self._points.whole(_point_compliance(problem, self._indentation)),
         )
-        self._owner, less = Owner(), self.reduced
+        self._owner = Owner()
+        less = self.reduced
         for item in (less.stiffness, less.normal, less.tangential, less.rigid, self._basis):
             self._owner.callback(item.close)
 
@@ -190,7 +194,8 @@ class BlockModes(Closing):
     def changed(self, problem: ContactProblem) -> BlockModes:
         """The same modes under other loads and laws; this object keeps the maps."""
         new = copy(self)
-        new.full, new.reduced = problem, self._loaded(self.reduced, problem)
+        new.full = problem
+        new.reduced = self._loaded(self.reduced, problem)
         return new
 
     def of_points(self, values: Array) -> Array:
@@ -214,8 +219,10 @@ class BlockModes(Closing):
 
     def prolonged(self, state: State) -> State:
         """A state of the reduced structure as one of the structure itself."""
-        mine, points = self._unknowns.places, self._points.places
-        pressure, shear = state.pressure[points], state.shear[points]
+        mine = self._unknowns.places
+        points = self._points.places
+        pressure = state.pressure[points]
+        shear = state.shear[points]
         indented = self._indentation * self.full.joint_forces(pressure, shear)
         return replace(
             state,
@@ -267,7 +274,8 @@ def _orthonormal_columns(
 
     `body` is the block of every node of this rank, numbered by rank, and `mine` are its blocks.
     """
-    comm, count = problem.comm, shapes.shape[2]
+    comm = problem.comm
+    count = shapes.shape[2]
     blocks = comm.allreduce(len(mine))
     gram = np.zeros((blocks, count, count))
     for k, m in combinations_with_replacement(range(count), 2):

@@ -129,14 +129,16 @@ class BoundQP(Closing):
         size = b.norm(PETSc.NormType.INFINITY) or 1.0
         b.scale(1.0 / size)
         scale = self._unit * size  # x = scale * scaled x
-        lower, upper = lower / scale, upper / scale
+        lower = lower / scale
+        upper = upper / scale
         low.array[:] = np.clip(lower, -options.unbounded, options.unbounded)
         high.array[:] = np.clip(upper, -options.unbounded, options.unbounded)
         x.array[:] = np.clip(0.0 if start is None else start / scale, low.array_r, high.array_r)
         try:
             iterations, reason = self._run(options)
         except PETSc.Error as error:  # a singular matrix, for instance
-            iterations, reason = 0, -error.ierr
+            iterations = 0
+            reason = -error.ierr
         # With the infinite bounds: what PETSc calls no bound is no place to come to rest.
         found = x.array_r.copy()
         gradient = self._operator @ found - b.array_r
@@ -196,7 +198,8 @@ class BoundQP(Closing):
             snes.setFunction(self._gradient, value)
             snes.setJacobian(self._renew, self._given, self._given)
             snes.setVariableBounds(low, high)
-            most, tolerance = options.max_iterations, 0.1 * options.tolerance
+            most = options.max_iterations
+            tolerance = 0.1 * options.tolerance
             snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=most)
             snes.setFromOptions()
             snes.solve(None, x)
@@ -205,7 +208,8 @@ class BoundQP(Closing):
 
     def _objective(self, _solver: PETSc.TAO, at: PETSc.Vec) -> float:
         """1/2 x.A x - b.x."""
-        x, b = at.array_r, self._vectors[0].array_r
+        x = at.array_r
+        b = self._vectors[0].array_r
         total = float(x @ (0.5 * (self._operator @ x) - b))
         return float(self._operator.comm.allreduce(total))
 
@@ -231,13 +235,17 @@ class _Faces:
     def __init__(
         self, operator: SparseMap, right: Array, factor: dict[str, str], options: BoundQPOptions
     ) -> None:
-        self._operator, self._right = operator, right
-        self._factor, self._options = factor, options
+        self._operator = operator
+        self._right = right
+        self._factor = factor
+        self._options = options
 
     def solve(self, tao: PETSc.TAO) -> None:
         """Minimise from TAO's solution, which becomes the answer."""
         low, high = self._box = tuple(bound.array_r for bound in tao.getVariableBounds())
-        x, steps, most = tao.getSolution().array_r.copy(), 0, tao.getMaximumIterations()
+        x = tao.getSolution().array_r.copy()
+        steps = 0
+        most = tao.getMaximumIterations()
         reason = PETSc.TAO.Reason.DIVERGED_MAXITS
         while steps < most:
             gradient = self._operator @ x - self._right

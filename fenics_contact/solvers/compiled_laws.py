@@ -31,7 +31,8 @@ class CompiledLaws:
 
     def __init__(self, module: Any) -> None:
         """Take the compiled module."""
-        self._lib, self._ffi = module.lib, module.ffi
+        self._lib = module.lib
+        self._ffi = module.ffi
 
     def distances(self, *arguments: Any) -> None:
         """Distances of points from their laws, into the last argument; see `laws.c`."""

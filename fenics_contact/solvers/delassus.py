@@ -76,7 +76,8 @@ class DelassusOperator(Closing):
     ) -> None:
         """Factor K_rho, rho in N/m per metre, and compute A; `force_hold` is D by A's diagonal."""
         self.points = len(problem.friction)
-        self._problem, self._rho = problem, rho
+        self._problem = problem
+        self._rho = rho
         self._last = problem.comm.rank == problem.comm.size - 1
         self._programs: dict[tuple[int, ...], tuple[Integers, BoundQP]] = {}
         with Owner() as owner:
@@ -132,7 +133,8 @@ class DelassusOperator(Closing):
             parts = [k * self.points + np.arange(self.points) for k in kinds]
             rows = np.concatenate([*parts, np.arange(2 * self.points, len(self.hold))])
             with Owner() as owner:
-                chosen, comm = self.matrix.first_row + rows, self.matrix.matrix.comm
+                chosen = self.matrix.first_row + rows
+                comm = self.matrix.matrix.comm
                 places = owner.own(PETSc.IS().createGeneral(chosen.astype(PETSc.IntType), comm))
                 block = owner.own(self.matrix.matrix.createSubMatrix(places, places))
                 self._programs[kinds] = rows, self._owner.enter_context(BoundQP(block))
@@ -149,9 +151,11 @@ class DelassusOperator(Closing):
         """A + D from the entries of A."""
         from scipy.sparse import coo_matrix
 
-        comm, size = self._problem.comm, 2 * self.points + self._last
+        comm = self._problem.comm
+        size = 2 * self.points + self._last
         sizes = comm.allgather(size)
-        start, total = sum(sizes[: comm.rank]), sum(sizes)
+        start = sum(sizes[: comm.rank])
+        total = sum(sizes)
         entries = [*self._flexibility(points, start), *self._border(start, total)]
         rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
         values = np.where(rows == columns, 1.0 + force_hold, 1.0) * values
@@ -171,7 +175,8 @@ class DelassusOperator(Closing):
         places, table = _places(np.concatenate([sides for sides, _ in parts]))
         place = places[int(np.searchsorted(row, start)) :][:count]
         with Owner() as owner:
-            stiffness, force = self._problem.stiffness.matrix, self._vectors[0]
+            stiffness = self._problem.stiffness.matrix
+            force = self._vectors[0]
             sides = [owner.own(_one_side(points, side, stiffness)) for side in (0, 1)]
             unit = owner.own(sides[0].createVecLeft())
             for slot, direction in np.ndindex(table.shape[1], 2):

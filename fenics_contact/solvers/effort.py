@@ -29,7 +29,8 @@ class Watch:
             comm: Ranks that end together; None for this one alone.
             asked: Says why this rank wants the run to end; empty while it does not.
         """
-        self._comm, self._asked = comm, asked
+        self._comm = comm
+        self._asked = asked
         self.reason = ""
 
     def __call__(self) -> None:

@@ -70,7 +70,8 @@ def with_growing_friction(
     Raises:
         SolverError: If no step leads to finite numbers.
     """
-    part, friction = growth.part(growth.begin), kkt.friction
+    part = growth.part(growth.begin)
+    friction = kkt.friction
     here = replace(kkt, friction=part * friction)
     now = here.on_central_path(start, growth.begin, COLD)
     best: tuple[float, State, float] | None = None

@@ -144,7 +144,8 @@ class _Progress:
         self.best: tuple[float, Iterate, dict[str, float]] = np.inf, start, {}
         #: Whether the load factor hardly changed in the step to the best iterate.
         self.settled = False
-        self._tolerances, self._options = tolerances, options
+        self._tolerances = tolerances
+        self._options = options
         self._typical = options.small_factor * kkt.scales.load_factor
         self._errors: list[float] = []
         self._since_exact = 0
@@ -168,7 +169,8 @@ class _Progress:
             self._since_exact += 1
             if self._since_exact > self._options.resting:
                 return True
-        errors, window = self._errors, self._options.window
+        errors = self._errors
+        window = self._options.window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
         return stalled or not np.isfinite(error)
 
@@ -206,7 +208,8 @@ def next_iterate(
     that are left would no longer fall.
     """
     linear = kkt.linearize(now)
-    products, none = kkt.products(now), np.zeros_like(now.y)
+    products = kkt.products(now)
+    none = np.zeros_like(now.y)
     (step,) = linear.directions([(residual, -products)])
     towards = step.positive / now.positive
     (part,) = _lengths(kkt, towards[None], options)

@@ -23,7 +23,8 @@ from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 Integers = npt.NDArray[np.int32]
 
 #: Factorisations: A without coupling, and any A.
-SYMMETRIC, GENERAL = PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU
+SYMMETRIC = PETSc.PC.Type.CHOLESKY
+GENERAL = PETSc.PC.Type.LU
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,9 @@ class JointStiffness(Closing):
             tally: Counts the factorisations.
             options: Of MUMPS.
         """
-        self.tally, self._kind, self._rows = tally, kind, rows
+        self.tally = tally
+        self._kind = kind
+        self._rows = rows
         self._options = options or MumpsOptions()
         self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
         both = np.concatenate([rows.normal, rows.tangential], axis=1)
@@ -225,7 +228,8 @@ class JointStiffness(Closing):
 
     def _new_dense(self, count: int) -> PETSc.Mat:
         """Dense matrix with rows as those of A and so many columns, all on rank 0."""
-        comm, rows = self._elastic.comm, self._elastic.getSizes()[0]
+        comm = self._elastic.comm
+        rows = self._elastic.getSizes()[0]
         sizes = rows, (count if comm.rank == 0 else 0, count)
         matrix = PETSc.Mat().createDense(sizes, comm=comm)
         matrix.setUp()
@@ -237,7 +241,8 @@ class Factor:
     """A^-1 for one set of springs, until the next one is made."""
 
     def __init__(self, stiffness: JointStiffness, number: int) -> None:
-        self._stiffness, self._number = stiffness, number
+        self._stiffness = stiffness
+        self._number = number
 
     @property
     def current(self) -> bool:
@@ -283,7 +288,8 @@ class Factor:
         Args:
             columns: Rows and values of the entries of every column, the same on all ranks.
         """
-        matrix, comm = self._factor_matrix(), self._stiffness._elastic.comm
+        matrix = self._factor_matrix()
+        comm = self._stiffness._elastic.comm
         # MUMPS wants sparse right-hand sides as rows, all on the first rank.
         mine = columns if comm.rank == 0 else columns[:0]
         start = np.cumsum([0, *(len(values) for _, values in mine)]).astype(PETSc.IntType)

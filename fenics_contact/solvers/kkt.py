@@ -198,19 +198,24 @@ class PerturbedKKT:
             nearest: Least distance of shear from its bound, in units of the bound. Above zero for
                 a state from elsewhere, where no spring may vanish.
         """
-        d, f = self.scales.displacement, self.scales.force
+        d = self.scales.displacement
+        f = self.scales.force
         opening, slip = self._joint_motion(start.displacement, start.pressure, start.shear)
         y, pressure = normal_law(start.pressure / f - opening / d, mu)
-        y, pressure = y * d, pressure * f
+        y = y * d
+        pressure = pressure * f
         gamma = np.where(self.frictional, self.bound(pressure) / f, 1.0)
         q = start.shear / f - slip / d
         near = np.maximum(distance_from_bound(np.abs(q), gamma, mu), nearest * gamma)
         far = 2.0 * gamma - near
-        s1, s2 = np.where(q > 0.0, near, far) * f, np.where(q > 0.0, far, near) * f
-        z1, z2 = mu * f * d / s1, mu * f * d / s2
+        s1 = np.where(q > 0.0, near, far) * f
+        s2 = np.where(q > 0.0, far, near) * f
+        z1 = mu * f * d / s1
+        z2 = mu * f * d / s2
         shear = np.where(self.frictional, 0.5 * (s2 - s1), 0.0)
         factor = start.load_factor if self.load_factor is None else self.load_factor
-        u, elastic = start.displacement, start.elastic
+        u = start.displacement
+        elastic = start.elastic
         return Iterate(u, elastic, factor, y, pressure, shear, s1, s2, z1, z2)
 
     def residual(self, now: Iterate) -> Residual:
@@ -228,7 +233,8 @@ class PerturbedKKT:
 
     def sizes(self, now: Iterate, residual: Residual) -> dict[str, float]:
         """Relative sizes of the residuals, and the mean product."""
-        d, f = self.scales.displacement, self.scales.force
+        d = self.scales.displacement
+        f = self.scales.force
         p = self.problem
         equilibrium = p.max(np.abs(residual.equilibrium)) / f
         return {
@@ -304,16 +310,20 @@ class Linearization:
         Raises:
             SolverError: If A is singular.
         """
-        self.kkt, self.now = kkt, now
-        options, frictional = kkt.options, kkt.frictional
+        self.kkt = kkt
+        self.now = now
+        options = kkt.options
+        frictional = kkt.frictional
         largest = (stiffest or options.largest_spring) * kkt.stiffness.mean_diagonal
         self.k_n = np.minimum(now.pressure / now.y, largest)
-        lower, upper = now.z1 / now.s1, now.z2 / now.s2
+        lower = now.z1 / now.s1
+        upper = now.z2 / now.s2
         self.k_t = np.where(frictional, np.minimum(1.0 / (lower + upper), largest), 0.0)
         self.q = kkt.friction * self.k_t * (lower - upper)
         #: Parts of the blocks' displacements that are left to the laws' springs.
         c_n, c_t = kkt.problem.compliance
-        self._share_n, self._share_t = 1.0 / (1.0 + c_n * self.k_n), 1.0 / (1.0 + c_t * self.k_t)
+        self._share_n = 1.0 / (1.0 + c_n * self.k_n)
+        self._share_t = 1.0 / (1.0 + c_t * self.k_t)
         normal, tangential, coupling = self.springs
         free = (sliding or options.sliding_spring) * kkt.scales.force / kkt.scales.displacement
         self.factor: Factor = kkt.stiffness.factor(
@@ -384,7 +394,8 @@ class Linearization:
 
     def _right_hand_side(self, residual: Residual, change: Array) -> tuple[Array, Array]:
         """Drive of the slip, and right-hand side b."""
-        now, kkt = self.now, self.kkt
+        now = self.now
+        kkt = self.kkt
         of_normal, of_lower, of_upper = change
         push = self._share_n * (of_normal / now.y + self.k_n * residual.opening)
         drive = of_upper / now.s2 - of_lower / now.s1 + residual.slip
@@ -396,21 +407,29 @@ class Linearization:
         self, residual: Residual, change: Array, drive: Array, u: Array, load_factor: float
     ) -> Iterate:
         """The direction with given displacements: what the eliminated equations say."""
-        now, kkt, p = self.now, self.kkt, self.kkt.problem
+        now = self.now
+        kkt = self.kkt
+        p = self.kkt.problem
         c_n, c_t = p.compliance
         of_normal, of_lower, of_upper = change
-        opening, slip = p.normal @ u, p.tangential @ u
+        opening = p.normal @ u
+        slip = p.tangential @ u
         pressure = self._share_n * (of_normal / now.y - self.k_n * (opening - residual.opening))
         y = opening + c_n * pressure - residual.opening
         stuck = np.where(kkt.frictional, drive - slip, 0.0)
         shear = self._share_t * (self.k_t * stuck + self.q * pressure)
         slip = slip + c_t * shear
-        s1, s2 = kkt.friction * pressure - shear, kkt.friction * pressure + shear
-        z1, z2 = (of_lower - now.z1 * s1) / now.s1, (of_upper - now.z2 * s2) / now.s2
+        s1 = kkt.friction * pressure - shear
+        s2 = kkt.friction * pressure + shear
+        z1 = (of_lower - now.z1 * s1) / now.s1
+        z2 = (of_upper - now.z2 * s2) / now.s2
         # Next to its bound the shear force has lost the digits that tell how far a point slides.
-        slid, unit = slip - residual.slip, kkt.scales.displacement / kkt.scales.force
-        lower, upper = now.z1 / now.s1, now.z2 / now.s2
-        down, up = lower > np.maximum(upper, unit), upper > np.maximum(lower, unit)
+        slid = slip - residual.slip
+        unit = kkt.scales.displacement / kkt.scales.force
+        lower = now.z1 / now.s1
+        upper = now.z2 / now.s2
+        down = lower > np.maximum(upper, unit)
+        up = upper > np.maximum(lower, unit)
         z1, z2 = np.where(down, z2 - slid, z1), np.where(up, z1 + slid, z2)
         s1 = np.where(down, (of_lower - now.s1 * z1) / now.z1, s1)
         s2 = np.where(up, (of_upper - now.s2 * z2) / now.z2, s2)

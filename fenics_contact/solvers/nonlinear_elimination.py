@@ -132,8 +132,10 @@ class TangentModel:
             log_mu_rate: d(log mu)/ds.
             smallest: Size of p and q by which changes are measured, at least.
         """
-        kkt, problem = linear.kkt, linear.kkt.problem
-        d, f = kkt.scales.displacement, kkt.scales.force
+        kkt = linear.kkt
+        problem = linear.kkt.problem
+        d = kkt.scales.displacement
+        f = kkt.scales.force
         units = np.array([d, f, d, f])[:, None]
         start, across, along = (
             np.stack([one.y, one.pressure, one.slip, one.shear]) / units
@@ -161,12 +163,15 @@ class TangentModel:
 
     def states(self, part: float, s: float, forces: Array | None = None) -> JointStates:
         """States on the tangents, with excess forces at the chosen points, normal ones first."""
-        moved, motion = self.moved(part, s), self._motion(forces)
+        moved = self.moved(part, s)
+        motion = self._motion(forces)
         return JointStates(moved if motion is None else moved + self.response(*motion))
 
     def distances(self, part: float, s: float, forces: Array | None = None) -> Array:
         """Distances from the laws; infinite where a tangent leads nowhere."""
-        laws, mu, compiled = self.laws, self.mu_at(s), compiled_laws()
+        laws = self.laws
+        mu = self.mu_at(s)
+        compiled = compiled_laws()
         if compiled is None:
             distances = laws.distances(self.states(part, s, forces), mu)
             return np.where(np.isnan(distances), np.inf, distances)
@@ -195,7 +200,8 @@ class TangentModel:
     def response(self, opening: Array, slip: Array) -> Array:
         """Changes of states that displacements of the blocks cause: springs answer."""
         k_n, k_t, coupling = self.springs
-        r, shear = -k_n * opening, -k_t * slip - coupling * opening
+        r = -k_n * opening
+        shear = -k_t * slip - coupling * opening
         c_n, c_t = self.compliance
         return np.array([opening + c_n * r, r, slip + c_t * shear, shear])
 
@@ -294,8 +300,10 @@ class ChosenPoints:
         line, normal ones first, shape (2, 2 points). The last column of the slopes, shape
         (2 points, 2 points + 1), is left out.
         """
-        model, count = self.model, len(x) // 2
-        p, q = x[:count], x[count:-1]
+        model = self.model
+        count = len(x) // 2
+        p = x[:count]
+        q = x[count:-1]
         of_part, of_s = self.line.direction
         states, (by_p, by_q, by_mu) = model.laws.linearized(p, q, model.mu_at(s))
         difference = states.values - model.moved(part, s)
@@ -304,7 +312,8 @@ class ChosenPoints:
         moved = model.displacements(changes)
         excess = model.excess(changes, moved) * model.laws.carried[:, None]
         # A point's p and q change its own forces alone.
-        normal, shear = self._compliance[:, None, :count], self._compliance[:, None, count:]
+        normal = self._compliance[:, None, :count]
+        shear = self._compliance[:, None, count:]
         by_pq = -(normal * excess[0, 2:] + shear * excess[1, 2:]).reshape(2, count, 2, count)
         np.einsum("skpk->spk", by_pq)[:] += moved[:, 2:]
         slopes = np.empty((2 * count, 2 * count + 1))
@@ -317,7 +326,8 @@ class ChosenPoints:
         self, compiled: CompiledLaws, x: Array, part: float, s: float
     ) -> tuple[Array, Array, Array, Array]:
         """The results of `_equations`, compiled."""
-        model, count = self.model, len(x) // 2
+        model = self.model
+        count = len(x) // 2
         moved = np.empty((2, 2 * count))
         excess = np.empty((2, 2 * count))
         sizes = np.empty(2 * count + 1)
@@ -341,19 +351,22 @@ class ChosenPoints:
         """Point a step on, not beyond some tau, and Newton's steps; None: not found."""
         ahead = here.tau + length * along[-1]
         end = _within(ahead, *reach)
-        forward, fixed = along / here.sizes**2, np.zeros(len(along))
+        forward = along / here.sizes**2
+        fixed = np.zeros(len(along))
         fixed[-1] = 1.0
         x = here.x + length * along
         if end != ahead:
             x = here.x + length * (end - here.tau) / (ahead - here.tau) * along
             x[-1], forward = end, fixed
-        new, longest = self.at(x), self.options.longest
+        new = self.at(x)
+        longest = self.options.longest
         for corrections in range(self.options.newton_steps + 1):
             if new.error <= self.options.solved:
                 if reach[0] <= new.tau <= reach[1]:
                     return new, corrections
                 new.x[-1] = end = _within(new.tau, *reach)
-                new, forward = self.at(new.x), fixed
+                new = self.at(new.x)
+                forward = fixed
                 continue
             if not np.isfinite(new.error) or abs(new.tau - end) > longest:
                 return None
@@ -365,7 +378,8 @@ class ChosenPoints:
 
     def near(self, x: Array) -> CurvePoint | None:
         """Point of the curve next to x, with its tau; None where Newton's method finds none."""
-        here, fixed = self.at(x), np.zeros(len(x))
+        here = self.at(x)
+        fixed = np.zeros(len(x))
         fixed[-1] = 1.0
         for _ in range(self.options.newton_steps):
             if here.error <= self.options.solved:
@@ -391,9 +405,13 @@ class ChosenPoints:
             reach: Values of tau at which the curve ends.
             distance: Largest distance of the other points from their laws.
         """
-        options, length, near = self.options, 1.0, 0.0
+        options = self.options
+        length = 1.0
+        near = 0.0
         for _ in range(options.curve_steps):
-            along, found, leaving = self.direction(here, forward), None, 0.0
+            along = self.direction(here, forward)
+            found = None
+            leaving = 0.0
             while along is not None and length > options.shortest:
                 found = self.step(here, along, length, reach)
                 if found is None:
@@ -453,8 +471,11 @@ class NonlinearElimination:
     ) -> None:
         """Take Newton's equations at the place, c and t, and all points on their tangents."""
         self.options = options or EliminationOptions()
-        self.linear, self.correction, self.tangent = linear, correction, tangent
-        self.model, self.problem = model, linear.kkt.problem
+        self.linear = linear
+        self.correction = correction
+        self.tangent = tangent
+        self.model = model
+        self.problem = linear.kkt.problem
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
         self._others = np.ones(len(self.problem.friction), dtype=bool)
         self._distances = np.zeros(len(self.problem.friction))  # those last asked for
@@ -471,7 +492,8 @@ class NonlinearElimination:
         """
         if reach is None:
             self.back, ahead = 0.0, 0.0
-        options, back = self.options, self.back
+        options = self.options
+        back = self.back
         with np.errstate(all="ignore"):  # tangents may lead anywhere, and are then not followed
             self._choose(self._first_to_bend(ahead))
             model, last = self._to_path()
@@ -495,7 +517,8 @@ class NonlinearElimination:
         start = JointStates(curve.model.start)
         begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
         few = curve.trace(begin, np.eye(len(begin.x))[-1], (-1.0, 1.0), self._distance)
-        end, model = few, curve.model
+        end = few
+        model = curve.model
         kept = self.model, self._chosen, self._others.copy()
         for _ in range(self.options.rounds):
             if not end.bends:
@@ -531,7 +554,9 @@ class NonlinearElimination:
 
     def _first_to_bend(self, ahead: float) -> Integers:
         """Points that leave their laws first, on the way to the path, and then along it."""
-        model, options, back = self.model, self.options, self.back
+        model = self.model
+        options = self.options
+        back = self.back
         reached = model.distances(1.0, back)
 
         def to_path(part: float) -> Array:
@@ -542,16 +567,20 @@ class NonlinearElimination:
 
         on_the_way = self._too_many(reached)
         distances = to_path if on_the_way else along_path
-        low, high, found = 1e-5, 1.0, reached if on_the_way else along_path(1.0)
+        low = 1e-5
+        high = 1.0
+        found = reached if on_the_way else along_path(1.0)
         if on_the_way or self._too_many(found):
             first = np.zeros_like(found)
             for _ in range(options.bisections):
                 middle = float(np.sqrt(low * high))
                 tried = distances(middle)
                 if self._too_many(tried):
-                    high, found = middle, tried
+                    high = middle
+                    found = tried
                 else:
-                    low, first = middle, tried
+                    low = middle
+                    first = tried
             # Distances end at about one. Farther on, points that bend first are no more the worst.
             found = np.where(first > options.chosen, np.inf, found)
         return self._worst(found, options.points)
@@ -563,7 +592,8 @@ class NonlinearElimination:
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
-        comm, options = self.problem.comm, self.options
+        comm = self.problem.comm
+        options = self.options
         place = np.flatnonzero(distances > min(options.chosen, options.allowed))
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
         mine = [(-distances[k], comm.rank, k) for k in place]
@@ -584,7 +614,8 @@ class NonlinearElimination:
 
     def _gathered(self) -> TangentModel:
         """Model of the chosen points, gathered from their ranks."""
-        comm, chosen = self.problem.comm, self._chosen
+        comm = self.problem.comm
+        chosen = self._chosen
         mine = np.flatnonzero(chosen[:, 0] == comm.rank)
         order = np.argsort(np.concatenate(comm.allgather(mine)))
 
@@ -599,8 +630,11 @@ class NonlinearElimination:
 
     def _moved(self, model: TangentModel, last: CurvePoint) -> tuple[Iterate, JointStates]:
         """Where a point of the chosen points' curve moves the structure and all points."""
-        linear, kkt, problem = self.linear, self.linear.kkt, self.problem
-        part, s = last.part, last.s
+        linear = self.linear
+        kkt = self.linear.kkt
+        problem = self.problem
+        part = last.part
+        s = last.s
         moved = linear.now.moved(part, self.correction).moved(s, self.tangent)
         mine = np.flatnonzero(self._chosen[:, 0] == problem.comm.rank)
         places = self._chosen[mine, 1]
@@ -642,7 +676,8 @@ def _longer(values: Array, size: int) -> Array:
 
 def _solved(at: CurvePoint, forward: Array, rest: Array, product: float) -> Array | None:
     """A change of x by which `rest` and the product with a row change as asked for."""
-    matrix, right = np.empty((len(forward), len(forward))), np.empty(len(forward))
+    matrix = np.empty((len(forward), len(forward)))
+    right = np.empty(len(forward))
     matrix[:-1], matrix[-1] = at.slopes, forward
     right[:-1], right[-1] = rest, product
     try:
@@ -658,7 +693,8 @@ def _within(value: float, least: float, largest: float) -> float:
 
 def _answers_to(linear: Linearization, points: Integers) -> Array:
     """Answers of all to unit forces at some points, with the work of the live load held."""
-    problem, scales = linear.kkt.problem, linear.kkt.scales
+    problem = linear.kkt.problem
+    scales = linear.kkt.scales
     maps = problem.normal.matrix, problem.tangential.matrix
     mine = {}
     for k, (rank, point) in enumerate(points):
@@ -668,7 +704,8 @@ def _answers_to(linear: Linearization, points: Integers) -> Array:
     columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
     solutions = linear.factor.solve_sparse([columns[k] for k in range(2 * len(points))])
     displacements = solutions.getDenseArray().T
-    live, response = problem.live, linear.live_response
+    live = problem.live
+    response = linear.live_response
     works = problem.comm.allreduce(displacements @ live)
     displacements -= np.outer(works / linear.flexibility, response)
     unit = scales.force / scales.displacement

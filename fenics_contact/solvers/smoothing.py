@@ -82,7 +82,8 @@ class SmoothedLaws:
         """
         opening, _, slip, _ = states.values
         y, r = normal_law(states.p, mu)
-        q, gamma = states.q, self._bound(r)
+        q = states.q
+        gamma = self._bound(r)
         near = distance_from_bound(np.abs(q), gamma, mu, newton_steps=4)
         w = np.copysign(gamma - near, q) - q
         of_p = np.abs(y - opening) / np.maximum(r + y, self.smallest)
@@ -96,12 +97,16 @@ class SmoothedLaws:
         """
         none = np.zeros_like(p)
         y, r = normal_law(p, mu)
-        root, gamma = y + r, self._bound(r)
-        r_p, y_p, r_mu = r / root, -y / root, mu / root
+        root = y + r
+        gamma = self._bound(r)
+        r_p = r / root
+        y_p = -y / root
+        r_mu = mu / root
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
         near = distance_from_bound(np.abs(q), gamma, mu, newton_steps=4)
         far = 2.0 * gamma - near
-        of_near, of_far = mu / near, mu / far
+        of_near = mu / near
+        of_far = mu / far
         by_s = 1.0 + of_near / near + of_far / far
         by_gamma = -1.0 - 2.0 * of_far / far
         side = np.where(self.frictional, np.copysign(1.0, q), 0.0)
@@ -141,6 +146,7 @@ def distance_from_bound(q: Array, gamma: Array, mu: float, newton_steps: int = 6
     s = np.minimum(np.where(rest > 0.0, large, mu / large), gamma)
     for _ in range(newton_steps):
         other = 2.0 * gamma - s
-        near, far = mu / s, mu / other
+        near = mu / s
+        far = mu / other
         s = s - (s - near + far - rest) / (1.0 + near / s + far / other)
     return np.asarray(np.minimum(s, gamma))

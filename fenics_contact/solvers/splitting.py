@@ -29,7 +29,9 @@ from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner
 _log = logging.getLogger("fenics_contact")
 
 #: Kinds of joint forces that a program is solved for, beside the load factor.
-NORMAL, TANGENTIAL, BOTH = (0,), (1,), (0, 1)
+NORMAL = (0,)
+TANGENTIAL = (1,)
+BOTH = (0, 1)
 
 #: What a state misses of its conditions with a given bound, by name, relative to typical sizes.
 Residuals = Callable[[ContactProblem, State, Scales, Array], Mapping[str, float]]
@@ -146,11 +148,13 @@ def at_once(step: ProximalStep, x: Array) -> Array:
 
 def alternately(step: ProximalStep, x: Array) -> Array:
     """Minimiser by sweeps, ended by a step for all forces where they contract slowly, from x."""
-    options, history = step.options, step.history
+    options = step.options
+    history = step.history
     residual = step.residual(x)
     while residual > options.sweep_accuracy * step.change:
         x = step.minimise(TANGENTIAL, step.minimise(NORMAL, x))
-        before, residual = residual, step.residual(x)
+        before = residual
+        residual = step.residual(x)
         history.sweeps += 1
         history.log_contraction += float(np.log(max(residual / before, options.accuracy[1])))
         if not residual <= options.slow_sweep * before:
@@ -177,8 +181,11 @@ class JointForceSolver(Closing):
         """Choose how to minimise: `alternately` or `at_once`."""
         self.history = SplittingHistory()
         self.factorizations = 0
-        self._problem, self._points, self._residuals = problem, points, residuals
-        self._minimise, self._options = minimise, options or JointForceOptions()
+        self._problem = problem
+        self._points = points
+        self._residuals = residuals
+        self._minimise = minimise
+        self._options = options or JointForceOptions()
         self._owner = Owner()
         self._operators: dict[float, DelassusOperator] = {}
 
@@ -200,7 +207,9 @@ class JointForceSolver(Closing):
         state = self._within(start, bound, work)
         best: tuple[float, State, dict[str, float]] = np.inf, state, {}
         errors: list[float] = []
-        level, last, patience = 0, 1.0, self._options.patience
+        level = 0
+        last = 1.0
+        patience = self._options.patience
         while not best[0] <= tolerance:
             near = state
             state = self._step(level, near, bound, scales, last)
@@ -237,12 +246,15 @@ class JointForceSolver(Closing):
     def _within(self, start: State, bound: Array, work: float) -> State:
         """A state with forces within bounds, at the work asked for."""
         u = start.displacement * (work / self._problem.dot(self._problem.live, start.displacement))
-        pressure, shear = np.maximum(start.pressure, 0.0), np.clip(start.shear, -bound, bound)
+        pressure = np.maximum(start.pressure, 0.0)
+        shear = np.clip(start.shear, -bound, bound)
         return State(u, start.elastic, start.load_factor, pressure, shear, work)
 
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
-        options, history, size = self._options, self.history, scales.displacement
+        options = self._options
+        history = self.history
+        size = scales.displacement
         operator = self._operator(options.hold * scales.force / size * options.hold_factor**level)
         none = np.full_like(bound, np.inf)
         held = operator.join(near.pressure, near.shear, near.load_factor)

@@ -143,7 +143,10 @@ class Family:
         file: tuple[Path, tuple[str, ...]] | None = None,
     ) -> None:
         """Scenes from tables of a file; `read` makes a mesh of `mesh.file` and `mesh.blocks`."""
-        self.comm, self.tables, self.file, self._read = comm, tables, file, read
+        self.comm = comm
+        self.tables = tables
+        self.file = file
+        self._read = read
         self._last: tuple[tuple[str, str], BlockMesh] | None = None
 
     @classmethod

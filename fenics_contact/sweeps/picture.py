@@ -50,11 +50,15 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     sizes = [len(parameter.values) for parameter in parameters]
     table = np.empty(len(points), dtype=object)
     table[:] = list(points)
-    table, along = table.reshape(sizes), int(np.argmax(sizes))
+    table = table.reshape(sizes)
+    along = int(np.argmax(sizes))
     curves = np.moveaxis(table, along, -1).reshape(-1, sizes[along])
     at, label, names = _places(parameters[along])
     if len(curves) > CURVES:
-        curves, at, label, names = table.reshape(1, -1), np.arange(float(len(points))), "point", []
+        curves = table.reshape(1, -1)
+        at = np.arange(float(len(points)))
+        label = "point"
+        names = []
     others = [p.keys[0] for p in parameters if p is not parameters[along]]
     for number, curve in enumerate(curves):
         given = _said({key: curve[0].values[key] for key in others})
@@ -92,7 +96,8 @@ def _places(parameter: Parameter) -> tuple[Array, str, list[str]]:
 def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label: str) -> None:
     """Load factors of both directions with their brackets; points without one as crosses."""
     order = np.argsort(at, kind="stable")
-    x, points = at[order], [curve[k] for k in order]
+    x = at[order]
+    points = [curve[k] for k in order]
     solved = np.array([point.solved for point in points])
     names = ("at least", "at most", "bracket") if label == ONE_CURVE else ("_",) * 3
     for suffix in ("", "_negative"):
@@ -110,7 +115,9 @@ def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label
             alone = np.where(known, np.nan, end)
             if not np.all(np.isnan(alone)):
                 axes.plot(x, alone, ":", color=colour, label=name)
-        label, names = "_", ("_",) * 3  # named once
+        # named once
+        label = "_"
+        names = ("_",) * 3
     axes.plot(x[~solved], np.zeros(np.count_nonzero(~solved)), "x", color=VERMILLION)
     # Invisible, so that the axis has room for all values.
     axes.plot(x, np.full(len(x), 0.5), " ", transform=axes.get_xaxis_transform())

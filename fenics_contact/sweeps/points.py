@@ -121,7 +121,8 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
     found: dict[str, Any] = {}
     for name, end in result.ends.items():
         suffix = "_negative" if name == "negative" else ""
-        low, high = end.bounds.lower, end.bounds.upper
+        low = end.bounds.lower
+        high = end.bounds.upper
         ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
         found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
     if result.collapse is not None and result.collapse.mesh_error is not None:

@@ -34,7 +34,8 @@ class Sweep(Sequence[Point]):
 
     def __init__(self, parameters: Sequence[Parameter], points: Sequence[Point]) -> None:
         """Points in the order of `grid`."""
-        self.parameters, self._points = tuple(parameters), tuple(points)
+        self.parameters = tuple(parameters)
+        self._points = tuple(points)
 
     def __getitem__(self, index: Any) -> Any:
         return self._points[index]
@@ -44,7 +45,8 @@ class Sweep(Sequence[Point]):
 
     def __repr__(self) -> str:
         keys = ", ".join(key for parameter in self.parameters for key in parameter.keys)
-        found, worst = "", self.worst
+        found = ""
+        worst = self.worst
         if worst is not None:
             place = ", ".join(dict.fromkeys(map(value_text, worst.values.values())))
             found = f", lowest load factor {worst.least:.8g} at {place}"
@@ -109,7 +111,8 @@ def run_sweep(
     tell: Told = silent,
 ) -> Sweep:
     """Limit loads over a grid of parameters; see `sweep`. Collective."""
-    points, comm = grid(parameters), family.comm
+    points = grid(parameters)
+    comm = family.comm
     _check(family, points, jobs)
     rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]))
     there: list[Point] = []

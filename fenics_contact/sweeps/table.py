@@ -33,7 +33,8 @@ class Table:
 
     def __init__(self, folder: Path, keys: Sequence[str]) -> None:
         """Name the folder and the varied keys."""
-        self.path, self._keys = folder / TABLE, tuple(keys)
+        self.path = folder / TABLE
+        self._keys = tuple(keys)
 
     def begin(self, record: Mapping[str, Any]) -> list[Point]:
         """Rows of the same sweep that are there already; the folder is made if need be.

@@ -98,7 +98,8 @@ def answer() -> None:
     with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # what libraries have to say is no answer
         file: tuple[Path, tuple[str, ...]] = pickle.load(asked)
-        family, structure = Family.of_file(file[0], overrides=file[1]), Structure()
+        family = Family.of_file(file[0], overrides=file[1])
+        structure = Structure()
         with suppress(EOFError, BrokenPipeError):
             while True:
                 values = pickle.load(asked)
