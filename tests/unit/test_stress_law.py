@@ -83,7 +83,8 @@ def test_isotropic_law_has_the_passes_of_the_materials(recipe, elements, accurac
     assert [row.displacements for row in given.passes] == sizes
     for one, other in zip(given.passes, usual.passes, strict=True):
         assert one.load_factor == pytest.approx(other.load_factor, rel=1e-8)
-        assert one.estimate == pytest.approx(other.estimate, rel=1e-4)
+        # An estimate is a difference of load factors: they agree to 1e-8, it to no more.
+        assert one.estimate == pytest.approx(other.estimate, rel=1e-4, abs=1e-7 * other.load_factor)
 
 
 def test_wedges_of_an_isotropic_law_are_those_of_michell():
