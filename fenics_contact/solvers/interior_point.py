@@ -142,8 +142,9 @@ class _Progress:
         options: InteriorPointOptions,
     ) -> None:
         self.best: tuple[float, Iterate, dict[str, float]] = np.inf, start, {}
-        #: Whether the load factor hardly changed in the step to the best iterate.
+        #: Whether the load factor hardly changed in the step to the best iterate, or from it.
         self.settled = False
+        self._best_is_last = False
         self._tolerances = tolerances
         self._options = options
         self._typical = options.small_factor * kkt.scales.load_factor
@@ -156,9 +157,14 @@ class _Progress:
         error = float(np.max(list(sizes.values())))  # nan where any is nan
         _log.debug("    %2d  %.12g  %s", len(self._errors), now.load_factor, sizes)
         exact = error <= self._tolerances.residual
-        if error < self.best[0] or exact:
+        settled = self._change(now.load_factor) <= self._options.settled
+        better = error < self.best[0] or exact
+        if better:
             self.best = error, now, sizes
-            self.settled = self._change(now.load_factor) <= self._options.settled
+            self.settled = settled
+        elif self._best_is_last:
+            self.settled = self.settled or settled
+        self._best_is_last = better
         # Equilibrium loses digits while springs are stiff: it does not tell progress.
         joints = max(size for name, size in sizes.items() if name != "equilibrium")
         self._errors.append(float(np.nan_to_num(min([joints, *self._errors[-1:]]), nan=np.inf)))
