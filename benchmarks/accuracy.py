@@ -28,8 +28,8 @@ from benchmarks.pictures import LOOKS as PEER_LOOKS  # noqa: E402
 from benchmarks.scenes import wall_blocks  # noqa: E402
 from benchmarks.worker import save  # noqa: E402
 from fenics_contact import Load, Scene, compat, limit_load  # noqa: E402
-from fenics_contact.analysis.hinges import hinges  # noqa: E402
-from fenics_contact.refinement import refine  # noqa: E402
+from fenics_contact.geometry.refinement import refine  # noqa: E402
+from fenics_contact.results.joint_values import hinges  # noqa: E402
 from tests.bank import Recipe, Variant, coulomb, wall_recipe  # noqa: E402
 
 TABLE = ROOT / "benchmarks" / "results" / "accuracy.csv"

@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.known_answers import Array, Figure, Profile, mesh_of
 from fenics_contact import BlockMesh, Equilibrium, JointLaw, Load, Material, Scene
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.service_state import service_state
-from fenics_contact.analysis.strategy import strategy_of
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.service_state import service_state
+from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.mesh import gmsh_session
+from fenics_contact.geometry.mesh import gmsh_session
 
 
 @dataclass(frozen=True)

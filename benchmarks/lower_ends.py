@@ -22,8 +22,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact import limit_load
-from fenics_contact.analysis.result import Collapse
 from fenics_contact.errors import ContactError
+from fenics_contact.results.result import Collapse
 from tests.property.scenes import Draw
 
 NAMES = ("seed", "kind", "blocks", "direction", "status", "load_factor", "frictionless", "lower")

@@ -20,14 +20,14 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, compat
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import strategy_of
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import wall
 from fenics_contact.output.fields import displacement_function
+from fenics_contact.results.result import Collapse
 from tests.drawing import Drawing
 
 Array = npt.NDArray[np.float64]

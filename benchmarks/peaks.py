@@ -17,10 +17,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact import OutputOptions, limit_load
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.peak import Above, Limits, find_peak
-from fenics_contact.analysis.strategy import strategy_of
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.peak import Above, Limits, find_peak
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.scene import Scene
 from tests.property.scenes import Draw

@@ -8,7 +8,7 @@ Strutturale 51 (2020) 356-375).
 from pathlib import Path
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch
 

@@ -17,8 +17,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import Task, along_block_modes
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import Task, along_block_modes
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
 from fenics_contact.solvers.arclength import (

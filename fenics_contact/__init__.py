@@ -13,9 +13,9 @@ from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
     from fenics_contact.equilibrium import Equilibrium, equilibrium
+    from fenics_contact.geometry.mesh import BlockMesh
     from fenics_contact.limit_load import LimitLoad, limit_load
-    from fenics_contact.mesh import BlockMesh
-    from fenics_contact.scene import (
+    from fenics_contact.scene.scene import (
         EarthPressure,
         EdgeForce,
         JointLaw,
@@ -56,19 +56,19 @@ __all__ = [
 
 #: Modules that have the names above.
 _HOMES = {
-    "BlockMesh": "mesh",
-    "EarthPressure": "scene",
-    "EdgeForce": "scene",
+    "BlockMesh": "geometry.mesh",
+    "EarthPressure": "scene.scene",
+    "EdgeForce": "scene.scene",
     "Equilibrium": "equilibrium",
-    "JointLaw": "scene",
+    "JointLaw": "scene.scene",
     "LimitLoad": "limit_load",
-    "Load": "scene",
-    "Material": "scene",
-    "Movement": "scene",
-    "OutputOptions": "scene",
+    "Load": "scene.scene",
+    "Material": "scene.scene",
+    "Movement": "scene.scene",
+    "OutputOptions": "scene.scene",
     "Point": "sweeps.points",
-    "Scene": "scene",
-    "SolveOptions": "scene",
+    "Scene": "scene.scene",
+    "SolveOptions": "scene.scene",
     "Sweep": "sweeps.sweep",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",

@@ -24,7 +24,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.exit_codes import BAD_INPUT, BY_SIGNAL, EXIT_CODES, STOPPING
 from fenics_contact.limit_load import limit_load
-from fenics_contact.scene import Scene
+from fenics_contact.scene.scene import Scene
 
 
 class _Signals:
@@ -172,7 +172,7 @@ def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Mesh a drawing on rank 0 and say what was made."""
-    from fenics_contact.drawing import mesh_drawing
+    from fenics_contact.geometry.drawing import mesh_drawing
 
     with raised_together(comm):
         if comm.rank == 0:

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.analysis.history import CapacityPoint, Step, TracePoint
-from fenics_contact.analysis.mesh_error import MeshError, Pass
-from fenics_contact.analysis.plan import skipped
-from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.scene import JointLaw
+from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.plan import skipped
+from fenics_contact.results.result import Collapse, Result
+from fenics_contact.scene.scene import JointLaw
 
 
 class Progress:

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 
 from dolfinx import fem
 
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.named_arrays import NamedArrays, block_arrays, joint_arrays
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
-from fenics_contact.analysis.service_state import (
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.collapse.service_state import (
     ServiceState,
     service_state,
     without_equilibrium,
 )
-from fenics_contact.analysis.stopping import within
-from fenics_contact.analysis.strategy import strategy_of
+from fenics_contact.collapse.stopping import within
+from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, Stopped
 from fenics_contact.output.fields import displacement_function
-from fenics_contact.scene import Scene
+from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

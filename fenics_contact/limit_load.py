@@ -15,31 +15,27 @@ from typing import Any, Protocol
 
 from dolfinx import fem
 
-from fenics_contact.analysis.accuracy import to_accuracy
-from fenics_contact.analysis.crushed import CrushedJoints, crushed_collapse, crushed_like
-from fenics_contact.analysis.dead_load import reaching_zero
-from fenics_contact.analysis.further import additions, with_peak
-from fenics_contact.analysis.history import CapacityPoint, Step, TracePoint
-from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.analysis.least_forces import with_least_forces
-from fenics_contact.analysis.load_case import SIGNS, LoadCase
-from fenics_contact.analysis.load_control import capacity_curve, raise_load
-from fenics_contact.analysis.lowest import find_lowest
-from fenics_contact.analysis.nearby import Softened, collapse_next_to
-from fenics_contact.analysis.nearby import near as start_near
-from fenics_contact.analysis.plan import skipped, skipped_iterations
-from fenics_contact.analysis.reasons import explained
-from fenics_contact.analysis.record import Listener
-from fenics_contact.analysis.result import Collapse, Result
-from fenics_contact.analysis.rigid_blocks import LimitBounds, RigidBlocks
-from fenics_contact.analysis.service_state import service_state
-from fenics_contact.analysis.stopping import unfinished, within
-from fenics_contact.analysis.strategy import strategy_of
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
+from fenics_contact.collapse.dead_load import reaching_zero
+from fenics_contact.collapse.least_forces import with_least_forces
+from fenics_contact.collapse.load_case import SIGNS, LoadCase
+from fenics_contact.collapse.load_control import capacity_curve, raise_load
+from fenics_contact.collapse.lowest import find_lowest
+from fenics_contact.collapse.reasons import explained
+from fenics_contact.collapse.record import Listener
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.collapse.service_state import service_state
+from fenics_contact.collapse.stopping import unfinished, within
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.mesh import Array
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.mesh_error.accuracy import to_accuracy
+from fenics_contact.mesh_error.further import additions, with_peak
+from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
+from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.plotting import (
@@ -50,7 +46,12 @@ from fenics_contact.output.plotting import (
     save_collapse,
 )
 from fenics_contact.output.view import View, view_of
-from fenics_contact.scene import Scene
+from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.plan import skipped, skipped_iterations
+from fenics_contact.results.result import Collapse, Result
+from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
 

@@ -34,8 +34,8 @@ from fenics_contact.discretization.rigid_motions import (
 )
 from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Indices
-from fenics_contact.scene import Scene
+from fenics_contact.geometry.mesh import Indices
+from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness

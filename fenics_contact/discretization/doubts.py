@@ -12,8 +12,8 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.imposed import facet_motion
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.pairing import Gaps, facing_facets
-from fenics_contact.mesh import BlockMesh
-from fenics_contact.scene import JointLaw, Material, Scene
+from fenics_contact.geometry.mesh import BlockMesh
+from fenics_contact.scene.scene import JointLaw, Material, Scene
 
 
 @dataclass(frozen=True)

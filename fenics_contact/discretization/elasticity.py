@@ -18,8 +18,8 @@ from fenics_contact.discretization.loads import nodal_forces
 from fenics_contact.discretization.stress_law import law_matrix
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene import Material, Scene, StressLaw
+from fenics_contact.geometry.mesh import Array, BlockMesh, Labels
+from fenics_contact.scene.scene import Material, Scene, StressLaw
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from dolfinx.mesh import exterior_facet_indices
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, BlockMesh, Flags, Indices, Labels
+from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
 
 #: In place of a facet, node or body where rigid ground is.
 GROUND = -1

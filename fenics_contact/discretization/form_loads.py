@@ -24,8 +24,8 @@ from ufl.domain import extract_domains
 from fenics_contact import compat
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.mesh import BlockMesh, Labels, Names
-from fenics_contact.scene import LoadForm
+from fenics_contact.geometry.mesh import BlockMesh, Labels, Names
+from fenics_contact.scene.scene import LoadForm
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.mesh import Labels
-from fenics_contact.scene import Scene
+from fenics_contact.geometry.mesh import Labels
+from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers import compiled_laws
 from fenics_contact.solvers.compiled_laws import CompiledLaws
 

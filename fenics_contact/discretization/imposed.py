@@ -20,8 +20,8 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.discretization.supports import Supports
-from fenics_contact.mesh import Array, Flags
-from fenics_contact.scene import Movement, Scene
+from fenics_contact.geometry.mesh import Array, Flags
+from fenics_contact.scene.scene import Movement, Scene
 
 #: Singular values of held rigid motions that count as zero, relative.
 NOT_HELD = 1e-12

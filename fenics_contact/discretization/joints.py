@@ -30,9 +30,9 @@ from fenics_contact.discretization.mortar import (
 )
 from fenics_contact.discretization.pairing import INSIDE, joint_stretches
 from fenics_contact.discretization.supports import Supports
-from fenics_contact.mesh import Array, Indices, Labels
-from fenics_contact.planar_cells import SMOOTH_ANGLE, arc_heights
-from fenics_contact.scene import JointLaw, Scene
+from fenics_contact.geometry.mesh import Array, Indices, Labels
+from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
+from fenics_contact.scene.scene import JointLaw, Scene
 from fenics_contact.solvers.problem import sparse_rows
 
 

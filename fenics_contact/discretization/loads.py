@@ -24,8 +24,8 @@ from fenics_contact.discretization.form_loads import given_load
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.discretization.pairing import facing_facets
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.mesh import Array, BlockMesh, Flags, Indices
-from fenics_contact.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
+from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
+from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
 
 #: Facets look the same way if their normals differ by less than 60 degrees.
 ALIKE = 0.5

@@ -24,7 +24,7 @@ import numpy as np
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.pairing import INSIDE, OPTIONS, Stretches
-from fenics_contact.mesh import Array, Indices, Labels
+from fenics_contact.geometry.mesh import Array, Indices, Labels
 
 #: Integrals of a facet's Lagrange functions over its length, by number of nodes.
 SHARES = {2: np.array([1, 1]) / 2, 3: np.array([1, 1, 4]) / 6}

@@ -8,9 +8,9 @@ import numpy as np
 
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, Flags, Indices, Labels
-from fenics_contact.planar_cells import arc_heights, near_pairs
-from fenics_contact.scene import Scene
+from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.planar_cells import arc_heights, near_pairs
+from fenics_contact.scene.scene import Scene
 
 #: In place of a node where a stretch ends inside a facet.
 INSIDE = GROUND

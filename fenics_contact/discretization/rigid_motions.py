@@ -14,8 +14,8 @@ from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, Flags, Indices, Labels
-from fenics_contact.planar_cells import connected
+from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.planar_cells import connected
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
 FREE = 1e-13

@@ -16,8 +16,8 @@ import numpy as np
 import ufl
 
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array
-from fenics_contact.scene import Material, StressLaw
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.scene.scene import Material, StressLaw
 
 #: Points of Gauss' rule over a wedge: E(t) may change a hundredfold.
 POINTS = 96

@@ -13,8 +13,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array, Flags, Indices, Labels
-from fenics_contact.planar_cells import SMOOTH_ANGLE
+from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE
 
 #: Largest part of a movement by which supports that meet may contradict each other.
 PRECISION = 1e-9

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.analysis.hinges import hinges
-from fenics_contact.analysis.joint_values import Contact
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.mesh import Array
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
+from fenics_contact.results.joint_values import Contact, hinges
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
 PALE_ORANGE = "#F2C766"

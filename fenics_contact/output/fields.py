@@ -13,15 +13,15 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.analysis.history import CapacityPoint
-from fenics_contact.analysis.joint_values import Contact, JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.imposed import ground_motion
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.folder import writing
+from fenics_contact.results.history import CapacityPoint
+from fenics_contact.results.joint_values import Contact, JointValues
 
 #: Type of a straight line in VTK files.
 VTK_LINE = 3

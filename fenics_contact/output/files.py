@@ -16,11 +16,6 @@ from typing import Any
 import numpy as np
 
 from fenics_contact import compat
-from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import Lowest, Peak
-from fenics_contact.analysis.mechanism import mechanism
-from fenics_contact.analysis.mesh_error import MeshError
-from fenics_contact.analysis.result import Collapse, Result
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
@@ -40,6 +35,11 @@ from fenics_contact.output.report_words import DRAWN_STATES
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View, view_of
+from fenics_contact.results.certificate import Certificate
+from fenics_contact.results.history import Lowest, Peak
+from fenics_contact.results.mechanism import mechanism
+from fenics_contact.results.mesh_error import MeshError
+from fenics_contact.results.result import Collapse, Result
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.

@@ -14,9 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from fenics_contact.analysis.history import CapacityPoint, Peak
-from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.drawing import (
     BLACK,
     BLUE,
@@ -40,6 +38,8 @@ from fenics_contact.output.fields import principal_stresses
 from fenics_contact.output.stress_raster import StressRaster
 from fenics_contact.output.thrust import face_resultants, thrust_lines
 from fenics_contact.output.view import View
+from fenics_contact.results.history import CapacityPoint, Peak
+from fenics_contact.results.joint_values import JointValues
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
 WIDTH = 6.0

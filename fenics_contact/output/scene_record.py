@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.scene import Load, function_name
+from fenics_contact.scene.scene import Load, function_name
 
 #: Units by key; keys without one have numbers without unit, or words.
 UNITS: Mapping[str, str] = {

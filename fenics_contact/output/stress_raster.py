@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import cell_stresses
 
 #: Squares of the raster along the longer side of the structure.

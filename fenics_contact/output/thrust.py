@@ -21,11 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.analysis.joint_values import JointValues
-from fenics_contact.analysis.rigid_blocks import straight_faces
+from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.mesh import Array, Flags, Indices
-from fenics_contact.planar_cells import connected
+from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.results.joint_values import JointValues
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.loads import forces_on_facets
-from fenics_contact.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import at_joints, at_nodes, material_numbers, mode_scale
-from fenics_contact.scene import Load
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
 APART = 1.0 / 15.0

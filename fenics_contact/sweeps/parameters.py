@@ -17,9 +17,9 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import BlockMesh
-from fenics_contact.scene import Scene
-from fenics_contact.toml_tables import assign, read_toml, value_of
+from fenics_contact.geometry.mesh import BlockMesh
+from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.toml_tables import assign, read_toml, value_of
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
 DIGITS = 12

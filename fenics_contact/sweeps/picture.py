@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.mesh import Array
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import new_axes, save_collapse

@@ -11,7 +11,7 @@ from typing import Any
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError
 from fenics_contact.limit_load import LimitLoad, limit_load, limit_load_of
-from fenics_contact.scene import Scene
+from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Values
 
 #: Status of a point whose loads or joints do not fit the mesh.

@@ -12,9 +12,9 @@ import numpy as np
 from fenics_contact import console
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
-from fenics_contact.mesh import Array
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import writing
-from fenics_contact.scene import Scene
+from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
 from fenics_contact.sweeps.picture import draw_sweep, picture_of_worst, save_picture
 from fenics_contact.sweeps.points import Point, Structure, solve_point, value_text

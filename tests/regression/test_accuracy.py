@@ -10,9 +10,9 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import InputError, Load, SolveOptions, limit_load, sweep
-from fenics_contact.analysis import accuracy
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.mesh_error import accuracy
 from fenics_contact.output.files import result_record, strict
 from tests.bank import BANK, Variant, coulomb, wall_recipe
 

@@ -9,12 +9,12 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import Load, limit_load
-from fenics_contact.analysis.hinges import hinges
-from fenics_contact.analysis.nearby import Softened, collapse_and_rate, near
-from fenics_contact.analysis.strategy import COULOMB
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.strategy import COULOMB
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
+from fenics_contact.mesh_error.nearby import Softened, collapse_and_rate, near
 from fenics_contact.output.files import result_record
+from fenics_contact.results.joint_values import hinges
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
 from tests.property.scenes import Draw
 from tests.unit.core import load_case

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fenics_contact.mesh import gmsh_session
+from fenics_contact.geometry.mesh import gmsh_session
 from tests.drawing import rectangle
 from tests.system.program import changed, files, result, run, run_here, toml
 

@@ -13,10 +13,10 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import Scene
-from fenics_contact.analysis.history import Step
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
+from fenics_contact.results.history import Step
 from fenics_contact.solvers import nonlinear_elimination as elimination
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,

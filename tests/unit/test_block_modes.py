@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.solvers.block_modes import MODES, BlockModes, BlockModesOptions, modes
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point

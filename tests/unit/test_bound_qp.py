@@ -7,7 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from fenics_contact import SolverError
-from fenics_contact.solvers.bound_qp import SOLVERS, BoundQP, BoundQPOptions
+from fenics_contact.solvers.joint_forces.bound_qp import SOLVERS, BoundQP, BoundQPOptions
 
 #: Back ends that reach round-off on small well-conditioned programs.
 SURE = ("faces", "tron", "bnls", "bntr", "vinewtonrsls")

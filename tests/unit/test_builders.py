@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
 from fenics_contact.builders import BridgeParts, bridge, facade, retaining_wall
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.mesh import bodies_of_cells, extract
-from fenics_contact.planar_cells import check_apart
+from fenics_contact.geometry.mesh import bodies_of_cells, extract
+from fenics_contact.geometry.planar_cells import check_apart
 from tests.helpers import cell_areas, coulomb, group_lengths, on_ground
 
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.certificate import (
+from fenics_contact.collapse.collapse_mode import verify
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.results.certificate import (
     TOLERANCES,
     Certificate,
     certify,
@@ -16,8 +18,6 @@ from fenics_contact.analysis.certificate import (
     state_residuals,
     worst_joint,
 )
-from fenics_contact.analysis.collapse_mode import verify
-from fenics_contact.analysis.load_case import LoadCase
 from fenics_contact.solvers.problem import Scales, State
 from tests.bank import block_recipe
 from tests.unit.core import BOND, FAR, Array, conditions, load_case, solved

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.collapse_mode import elastic_mode, verify
+from fenics_contact.collapse.collapse_mode import elastic_mode, verify
 from tests.bank import block_recipe
 from tests.unit.core import BOND, conditions, prepared, solved
 

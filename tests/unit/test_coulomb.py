@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError
-from fenics_contact.analysis.coulomb import FixedPoint, FixedPointOptions
-from fenics_contact.analysis.history import History, Step
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import Task, fixed_point
+from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import Task, fixed_point
 from fenics_contact.meshing import running_bond
+from fenics_contact.results.history import History, Step
 from fenics_contact.solvers.interior_point import Solution
 from tests.bank import Recipe, block_recipe, coulomb
 from tests.unit.core import FAR, Array, misses, prepared, solved

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
-from fenics_contact.analysis.crushed import CrushedJoints, certified
-from fenics_contact.analysis.crushing import CrushedEnds, Crushing
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
-from fenics_contact.analysis.strategy import strategy_of
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.crushed import CrushedJoints, certified
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
+from fenics_contact.discretization.crushing import CrushedEnds, Crushing
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, wall
 from fenics_contact.output.files import result_record

@@ -10,7 +10,7 @@ import pytest
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
-from fenics_contact.solvers.delassus import DelassusOperator, JointPoints
+from fenics_contact.solvers.joint_forces.delassus import DelassusOperator, JointPoints
 from fenics_contact.solvers.problem import ContactProblem
 from tests.helpers import coulomb, dense, on_ground
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fenics_contact import limit_load
-from fenics_contact.analysis.determinate import is_determinate
+from fenics_contact.mesh_error.determinate import is_determinate
 from tests.bank import BANK
 from tests.property.scenes import Draw
 

@@ -29,8 +29,8 @@ from fenics_contact import (
     sweep,
 )
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.geometry.refinement import refine
 from fenics_contact.meshing import polygons, running_bond
-from fenics_contact.refinement import refine
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb
 from tests.helpers import STONE, mesh_of, on_ground
 

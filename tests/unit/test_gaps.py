@@ -19,8 +19,8 @@ from fenics_contact import (
 )
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.rigid_motions import relative_motions
+from fenics_contact.geometry.planar_cells import arc_heights
 from fenics_contact.meshing import polygons
-from fenics_contact.planar_cells import arc_heights
 from tests.helpers import (
     Drawing,
     coulomb,

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw
-from fenics_contact.analysis.hinges import hinges
-from fenics_contact.analysis.joint_values import JointValues
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.hinge_nodes import HingeNodes, wedge_compliance
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.mortar import Stencil
+from fenics_contact.mesh_error.hinge_nodes import HingeNodes, wedge_compliance
+from fenics_contact.results.joint_values import JointValues, hinges
 from fenics_contact.solvers.problem import Owner
 from tests.helpers import dense
 from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolverError, limit_load
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
     Tolerances,

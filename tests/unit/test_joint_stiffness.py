@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.joint_stiffness import (
     GENERAL,

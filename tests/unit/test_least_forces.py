@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import linprog
 
 from fenics_contact import JointLaw, limit_load
-from fenics_contact.analysis.certificate import certify
-from fenics_contact.analysis.least_forces import least_forces
-from fenics_contact.analysis.load_case import LoadCase
+from fenics_contact.collapse.least_forces import least_forces
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.results.certificate import certify
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import Variant, coulomb, tresca, wall_recipe
 from tests.helpers import dense

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolverError
-from fenics_contact.analysis.live_load import slope_without_dead_load
-from fenics_contact.analysis.strategy import COULOMB, Task, WorkOptions, interior_point
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.live_load import slope_without_dead_load
+from fenics_contact.collapse.strategy import COULOMB, Task, WorkOptions, interior_point
+from fenics_contact.collapse.work_control import find_collapse
 from tests.bank import GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import load_case
 

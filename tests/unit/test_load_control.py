@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolveOptions, SolverError, limit_load
-from fenics_contact.analysis.history import CapacityPoint
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.load_control import OPTIONS, capacity_curve, raise_load
-from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import COULOMB, GIVEN, Strategy, Task
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_control import OPTIONS, capacity_curve, raise_load
+from fenics_contact.collapse.strategy import COULOMB, GIVEN, Strategy, Task
+from fenics_contact.collapse.work_control import find_collapse
+from fenics_contact.results.history import CapacityPoint
+from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import load_case, prepared

@@ -8,13 +8,13 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, Load, Material, Scene, SolveOptions, limit_load
-from fenics_contact.analysis import lowest
-from fenics_contact.analysis.certificate import state_residuals
-from fenics_contact.analysis.lowest import LOWEST, find_lowest, second_opinion
-from fenics_contact.analysis.strategy import COULOMB
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse import lowest
+from fenics_contact.collapse.lowest import LOWEST, find_lowest, second_opinion
+from fenics_contact.collapse.strategy import COULOMB
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
+from fenics_contact.results.certificate import state_residuals
 from tests.bank import BANK, PUSH, WEIGHT, block_recipe, coulomb
 from tests.unit.core import load_case
 

@@ -10,8 +10,8 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError, compat
-from fenics_contact.gmsh_reader import ReadLimits, read
-from fenics_contact.mesh import (
+from fenics_contact.geometry.gmsh_reader import ReadLimits, read
+from fenics_contact.geometry.mesh import (
     BODY_IMBALANCE,
     bodies_of_cells,
     extract,

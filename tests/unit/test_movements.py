@@ -21,9 +21,9 @@ from fenics_contact import (
     equilibrium,
     limit_load,
 )
-from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.discretization.discretization import Discretization, typical_sizes
 from fenics_contact.meshing import polygons
+from fenics_contact.results.certificate import state_residuals
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.helpers import STONE, Drawing, coulomb, grid_blocks, mesh_of, node_positions, rotation
 

@@ -8,10 +8,10 @@ import gmsh
 import numpy as np
 import pytest
 
-from fenics_contact.gmsh_reader import GmshContents, read
-from fenics_contact.mesh import gmsh_session
+from fenics_contact.geometry.gmsh_reader import GmshContents, read
+from fenics_contact.geometry.mesh import gmsh_session
+from fenics_contact.geometry.msh_text import text_contents
 from fenics_contact.meshing import arch, buttress, running_bond, wall
-from fenics_contact.msh_text import text_contents
 
 DRAWN = {
     "wall with an opening": lambda: wall([[1.0, -1.0, 1.0], [1.5, 1.5]]),

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact.analysis.other_degree import Counterparts
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.mesh_error.other_degree import Counterparts
 from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
 
 

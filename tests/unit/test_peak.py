@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
-from fenics_contact.analysis.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
-from fenics_contact.analysis.peak import NOT_ASKED, TOO_DEAR, Above, Limits, find_peak, peak_of
-from fenics_contact.analysis.strategy import COULOMB
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.peak import NOT_ASKED, TOO_DEAR, Above, Limits, find_peak, peak_of
+from fenics_contact.collapse.strategy import COULOMB
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
+from fenics_contact.results.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
 from fenics_contact.sweeps.points import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.helpers import mesh_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.planar_cells import anticlockwise, check_apart
+from fenics_contact.geometry.planar_cells import anticlockwise, check_apart
 
 
 def grid(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.reasons import explained
-from fenics_contact.analysis.strategy import Strategy, Task, WorkOptions, interior_point
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.reasons import explained
+from fenics_contact.collapse.strategy import Strategy, Task, WorkOptions, interior_point
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene import SolveOptions
 from fenics_contact.solvers.joint_stiffness import GENERAL

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from fenics_contact import BlockMesh, Load, Scene, compat, limit_load
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.refinement import refine
+from fenics_contact.geometry.refinement import refine
 from tests.bank import coulomb, wall_recipe
 from tests.helpers import STONE, grid_blocks, mesh_of
 

@@ -20,8 +20,11 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
-from fenics_contact.analysis.certificate import Certificate
-from fenics_contact.analysis.history import (
+from fenics_contact.meshing import running_bond
+from fenics_contact.output.files import result_record, strict
+from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.certificate import Certificate
+from fenics_contact.results.history import (
     CollapseState,
     History,
     LoadPath,
@@ -29,11 +32,8 @@ from fenics_contact.analysis.history import (
     Lowest,
     Step,
 )
-from fenics_contact.analysis.joint_values import Contact
-from fenics_contact.analysis.result import Collapse, Result
-from fenics_contact.analysis.rigid_blocks import LimitBounds
-from fenics_contact.meshing import running_bond
-from fenics_contact.output.files import result_record, strict
+from fenics_contact.results.joint_values import Contact
+from fenics_contact.results.result import Collapse, Result
 from tests.helpers import coulomb, notebook_picture, on_ground
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Load
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from tests import bank

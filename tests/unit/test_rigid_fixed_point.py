@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import limit_load
-from fenics_contact.analysis import rigid_fixed_point
-from fenics_contact.analysis.rigid_blocks import RigidBlocks
+from fenics_contact.collapse.rigid_blocks import fixed_point as rigid_fixed_point
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import SolverError
 from tests.bank import BANK, block_recipe

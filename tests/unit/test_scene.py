@@ -21,7 +21,7 @@ from fenics_contact import (
     SolveOptions,
 )
 from fenics_contact.meshing import polygons, wall
-from fenics_contact.toml_tables import from_table, read_toml
+from fenics_contact.scene.toml_tables import from_table, read_toml
 from tests.helpers import PUSH, STONE, coulomb, mesh_of, rectangle
 
 NAN, INF = math.nan, math.inf

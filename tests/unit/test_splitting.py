@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from fenics_contact import Scene, SolverError
-from fenics_contact.analysis.certificate import state_residuals
 from fenics_contact.discretization.discretization import Discretization, typical_sizes
 from fenics_contact.meshing import running_bond, wall
-from fenics_contact.solvers.delassus import JointPoints
-from fenics_contact.solvers.joint_stiffness import SYMMETRIC
-from fenics_contact.solvers.problem import ContactProblem, Scales, State
-from fenics_contact.solvers.splitting import (
+from fenics_contact.results.certificate import state_residuals
+from fenics_contact.solvers.joint_forces.delassus import JointPoints
+from fenics_contact.solvers.joint_forces.splitting import (
     JointForceOptions,
     JointForceSolver,
     alternately,
     at_once,
 )
+from fenics_contact.solvers.joint_stiffness import SYMMETRIC
+from fenics_contact.solvers.problem import ContactProblem, Scales, State
 from tests.helpers import on_ground, tresca
 
 WAYS = (alternately, at_once)

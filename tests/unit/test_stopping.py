@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
-from fenics_contact.analysis.history import CapacityPoint
-from fenics_contact.analysis.stopping import within
+from fenics_contact.collapse.stopping import within
 from fenics_contact.errors import Stopped
 from fenics_contact.limit_load import Monitor
+from fenics_contact.results.history import CapacityPoint
 from fenics_contact.solvers.effort import Effort, Watch
 from fenics_contact.solvers.highs import Beside, solved
 from tests.bank import coulomb, wall_recipe

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.analysis import strategy as attempts
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.strategy import COULOMB, GIVEN, JOINT_FORCES, Task, strategy_of
+from fenics_contact.collapse import strategy as attempts
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import COULOMB, GIVEN, JOINT_FORCES, Task, strategy_of
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import FAR, conditions, load_case, misses, prepared, solved

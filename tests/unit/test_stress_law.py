@@ -14,13 +14,13 @@ import ufl
 from mpi4py import MPI
 
 from fenics_contact import InputError, Load, Material, Scene, SolveOptions, limit_load, sweep
-from fenics_contact.discretization import hinge_nodes
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.stress_law import (
     law_matrix,
     mean_shear_modulus,
     wedge_compliance,
 )
+from fenics_contact.mesh_error import hinge_nodes
 from fenics_contact.meshing import polygons, running_bond
 from fenics_contact.output.fields import cell_stresses
 from tests.bank import PUSH, WEIGHT, coulomb, wall_recipe

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolverError
-from fenics_contact.analysis.certificate import state_residuals
-from fenics_contact.analysis.history import History
-from fenics_contact.analysis.load_case import LoadCase
-from fenics_contact.analysis.result import Collapse
-from fenics_contact.analysis.strategy import (
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import (
     COULOMB,
     Attempt,
     Strategy,
@@ -20,7 +17,10 @@ from fenics_contact.analysis.strategy import (
     WorkOptions,
     interior_point,
 )
-from fenics_contact.analysis.work_control import find_collapse
+from fenics_contact.collapse.work_control import find_collapse
+from fenics_contact.results.certificate import state_residuals
+from fenics_contact.results.history import History
+from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import block_recipe, coulomb, wall_recipe

@@ -1,0 +1,235 @@
+"""Coulomb friction by the fixed point on the friction bound.
+
+    g^{k+1} = g^k + omega^k (F r_N(g^k) - g^k),
+
+where r_N(g) are the normal forces of the state with given friction g (L.A. Mihai, M. Ainsworth,
+Comput. Struct. 88 (2010) 859). The relaxation omega follows the observed contraction by Aitken's
+formula for vectors (B.M. Irons, R.C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275); where the
+iteration cycles, omega is capped, lower and lower.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.errors import SolverError
+from fenics_contact.results.history import History, Step
+from fenics_contact.solvers.interior_point import Solution
+from fenics_contact.solvers.problem import Array, ContactProblem, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class FixedPointOptions:
+    """Numbers of the iteration.
+
+    Attributes:
+        max_iterations: Iterations at most.
+        relaxation: Least and largest omega; the largest falls where the iteration cycles.
+        aligned: Cosine of the angle between changes of one direction: growth, not a cycle.
+        fast: Largest omega there.
+        smaller: A change of the bound counts as smaller below this part of the smallest so far.
+        cycle: Iterations without a smaller one that make a cycle.
+        slowest: Contractions closer to one than this count as this in the estimate of the error.
+        safety: Factor of what secants promise: the slowest direction hides among others.
+        centring: Products of a warm start, in units of the last change of the bound.
+        least_centring: Least products of a warm start.
+        further: Factor of the products where a warm start finds nothing.
+        precision: Tolerance of a state, in units of that change to the power `order`.
+        order: That power.
+        loosest: Largest tolerance of a state.
+        tightest: Smallest tolerance of a state.
+    """
+
+    max_iterations: int = 150
+    relaxation: tuple[float, float] = (0.05, 2.0)
+    aligned: float = 0.9
+    fast: float = 50.0
+    smaller: float = 0.9
+    cycle: int = 6
+    slowest: float = 0.999
+    safety: float = 3.0
+    centring: float = 1e-2
+    least_centring: float = 1e-8
+    further: float = 1e2
+    precision: float = 1e-4
+    order: float = 2.0
+    loosest: float = 1e-4
+    tightest: float = 1e-12
+
+
+OPTIONS = FixedPointOptions()
+
+#: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
+#: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
+#: residuals. Raises `SolverError` where none is found.
+GivenFriction = Callable[[Array, State, float, float], Solution]
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """The iteration for one structure.
+
+    Attributes:
+        problem: The structure.
+        solve: Finds states with given friction.
+        tolerance: On the load factor and on the bound, relative.
+        monitor: Told every iteration.
+        factorizations: Number of factorisations so far.
+        options: Numbers of the iteration.
+    """
+
+    problem: ContactProblem
+    solve: GivenFriction
+    tolerance: float
+    monitor: Callable[[Step], None]
+    factorizations: Callable[[], int]
+    options: FixedPointOptions = OPTIONS
+
+    def run(self, start: State, bound: Array) -> tuple[Solution, History]:
+        """State whose friction bound g is Coulomb's, and the history, which says if it converged.
+
+        Args:
+            start: State to start from.
+            bound: First g at this rank's points, N per metre of thickness.
+
+        Raises:
+            SolverError: If `solve` finds no state for the first bound.
+        """
+        problem = self.problem
+        relaxation = _Relaxation(self.problem.sum, self.options)
+        steps: list[Step] = []
+        change = float(np.inf)
+        converged = False
+        while len(steps) < self.options.max_iterations and not converged:
+            before = self.factorizations()
+            try:
+                solution = self._state(bound, start, change)
+            except SolverError as error:
+                if not steps:
+                    raise
+                _log.info("  fixed point stops: no state for the next bound (%s)", error)
+                break
+            start = solution.state
+            target = problem.bound(start.pressure)
+            change = self._norm(target - bound) / (self._norm(target) or 1.0)
+            omega = relaxation.next(target - bound, change)
+            spent = self.factorizations() - before
+            steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
+            self.monitor(steps[-1])
+            converged = self._converged(steps)
+            bound = np.maximum(bound + omega * (target - bound), 0.0)
+        return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
+
+    def _state(self, bound: Array, start: State, change: float) -> Solution:
+        """State with given bound, as exact as the last change of the bound deserves."""
+        options = self.options
+        tolerance = options.precision * min(change, 1.0) ** options.order
+        tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
+        mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
+        while mu < 1.0:
+            try:
+                return self.solve(bound, start, mu, tolerance)
+            except SolverError:
+                mu *= options.further
+        return self.solve(bound, start, 1.0, tolerance)
+
+    def _norm(self, values: Array) -> float:
+        return float(np.sqrt(self.problem.sum(values**2)))
+
+    def _converged(self, steps: Sequence[Step]) -> bool:
+        """Whether neither bound nor load factor will change by more than the tolerance."""
+        last = steps[-1]
+        if last.bound_change * max(1.0, self._series(steps)) > self.tolerance:
+            return False
+        return self._load_factor_error(steps) <= self.tolerance * abs(last.load_factor)
+
+    def _series(self, steps: Sequence[Step]) -> float:
+        """Sum of all further changes over the last: a geometric series, by changes and secants."""
+        options = self.options
+        contraction = History(tuple(steps)).contraction
+        contraction = min(contraction or 0.5, options.slowest)
+        secant = min(step.secant for step in steps[len(steps) // 2 :])
+        slow = options.safety * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
+        return max(slow, contraction / (1.0 - contraction))
+
+    def _load_factor_error(self, steps: Sequence[Step]) -> float:
+        """Estimate of the error of the load factor from its last changes.
+
+        Changes of one sign are a series of their own, which may creep where the bound converges
+        fast.
+        """
+        options = self.options
+        last = steps[-4:]
+        changes = np.diff([step.load_factor for step in last])
+        if len(changes) == 0:
+            return float(np.inf)
+        largest = float(np.abs(changes).max())
+        if len(changes) == 1:
+            return largest
+        series = largest * self._series(steps)
+        if not (np.all(changes > 0.0) or np.all(changes < 0.0)):
+            return series
+        omega = np.array([step.relaxation for step in last[:-1]])
+        rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
+        secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
+        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
+        return max(series, options.safety * creeps)
+
+
+class _Relaxation:
+    """Irons and Tuck's omega, capped where the iteration cycles.
+
+    Attributes:
+        cycles: How often a cycle was recognised.
+        secant: Change of F r_N - g over that of g, 1 - c for a contraction c.
+    """
+
+    def __init__(self, total: Callable[[Array], float], options: FixedPointOptions) -> None:
+        """Start with omega = 1; `total` sums an array over all ranks."""
+        self._total = total
+        self._options = options
+        self._last: Array | None = None
+        self._omega = 1.0
+        self._cap = options.relaxation[1]
+        self._best = np.inf
+        self._since = 0
+        self.cycles, self.secant = 0, 1.0
+
+    def next(self, difference: Array, change: float) -> float:
+        """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
+        options = self._options
+        last = self._omega
+        aligned = self._last is not None and self._follow(difference, self._last)
+        if change < options.smaller * self._best:
+            self._best = change
+            self._since = 0
+        elif not aligned:
+            self._since += 1
+        if self._since >= options.cycle:
+            self._cap = max(0.5 * min(self._cap, 1.0), options.relaxation[0])
+            self._since = 0
+            self.cycles += 1
+        if self._omega <= 0.0:  # the change points the same way and grew: go on faster
+            self._omega = 2.0 * last
+        cap = options.fast if aligned and self.cycles == 0 else self._cap
+        self._omega = float(np.clip(self._omega, options.relaxation[0], cap))
+        self._last = difference
+        return self._omega
+
+    def _follow(self, difference: Array, last: Array) -> bool:
+        """Set omega by Irons and Tuck; whether the change points where the last one did."""
+        step = difference - last
+        square = self._total(step * step)
+        of_last = self._total(last * last)
+        moved = self._omega**2 * of_last
+        self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
+        if square > 0.0:
+            self._omega = -self._omega * self._total(last * step) / square
+        sizes = self._total(difference**2) * of_last
+        return self._total(difference * last) > self._options.aligned * np.sqrt(sizes)

@@ -1,0 +1,148 @@
+"""One direction of the live load on a structure, as all ways to its collapse see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fenics_contact.collapse.record import Listener, Record
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.discretization.crushing import CrushedEnds
+from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
+from fenics_contact.results.history import Step
+from fenics_contact.solvers.joint_stiffness import JointStiffness
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
+
+#: Sign of the live load by direction.
+SIGNS = {"positive": 1.0, "negative": -1.0}
+#: Displacements expected, in units of the largest movement of a support: mechanisms multiply it.
+MOVED = 10.0
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """A structure under its dead load and one direction of its live load.
+
+    Attributes:
+        discretization: The scene's matrices.
+        problem: The structure with the live load in this direction.
+        blocks: Rigid-block programs of this direction.
+        bonded: Response with all joints closed, to the live load in this direction.
+        scales: Typical sizes on the elastic part of the path.
+        kind: Of factorisation, see `JointStiffness`.
+        monitor: Told every iteration.
+        stiffness: K with joint springs.
+        sign: 1 for the live load as given, -1 for that load reversed.
+        record: What is tried for this load case.
+        crushed: Where joints crush, which `discretization` and `problem` then know by tangents;
+            the bounds of `blocks` have the strengths themselves.
+    """
+
+    discretization: Discretization
+    problem: ContactProblem
+    blocks: RigidBlocks
+    bonded: Bonded
+    scales: Scales
+    kind: str
+    monitor: Callable[[Step], None]
+    stiffness: JointStiffness
+    sign: float = 1.0
+    record: Record = field(default_factory=Record)
+    crushed: CrushedEnds | None = None
+
+    @classmethod
+    def of(
+        cls,
+        discretization: Discretization,
+        bonded: Bonded,
+        sign: float,
+        kind: str,
+        monitor: Callable[[Step], None],
+        listener: Listener | None = None,
+    ) -> LoadCase:
+        """The live load as given (sign 1), like that of `bonded`, or reversed (-1), here only.
+
+        The monitor is told every iteration, the listener every point of a path.
+        """
+        problem = replace(discretization.problem, live=sign * discretization.problem.live)
+        loads = replace(discretization.problem, dead=discretization.elasticity.dead)
+        scales = typical_sizes(loads, bonded)
+        if discretization.scene.dead.movement:
+            moved = MOVED * problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
+            scales = replace(scales, displacement=max(scales.displacement, moved))
+        bonded = replace(bonded, live=sign * bonded.live)
+        blocks = RigidBlocks.of(discretization, sign)
+        stiffness = discretization.stiffness(kind)
+        made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
+        return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, listener))
+
+    def reversed(self) -> LoadCase:
+        """The same structure under the opposite live load."""
+        given = replace(self.bonded, live=self.sign * self.bonded.live)
+        case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
+        origin = self.problem.slip_origin
+        problem = replace(case.problem, slip_origin=origin)
+        record = self.record.reversed()
+        return replace(case, problem=problem, record=record, crushed=self.crushed)
+
+    @property
+    def unrecorded(self) -> LoadCase:
+        """The same with a record of its own, which nobody reads."""
+        return replace(self, record=Record())
+
+    def written(self, state: State) -> State:
+        """A state with its displacements u in place of u - u_d, and the work on these."""
+        if not self.discretization.scene.dead.movement:
+            return state
+        state = self.discretization.with_imposed(state)
+        return replace(state, work=self.problem.dot(self.problem.live, state.displacement))
+
+    @property
+    def bonded_work(self) -> float:
+        """Work of the live load on the bonded structure, times the typical load factor: a unit."""
+        return self.scales.load_factor * self.problem.dot(self.problem.live, self.bonded.live)
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks."""
+        return len(self.discretization.bodies.centre)
+
+    @property
+    def first_pressure(self) -> Array:
+        """Normal forces for the first bound on friction: of the dead load if it causes any."""
+        if self.problem.max(self.bonded.dead_pressure) > 0.0:
+            return self.bonded.dead_pressure
+        return self.bonded.live_pressure
+
+    def scales_at(self, work: float, largest_factor: float = 0.0) -> Scales:
+        """Typical sizes at a work T of the live load; joint forces grow with the largest factor."""
+        displacement = work / self.problem.sum(np.abs(self.problem.live))
+        larger = max(1.0, largest_factor / self.scales.load_factor)
+        return replace(self.scales, displacement=displacement, force=larger * self.scales.force)
+
+    def bonded_state(self, work: float) -> State:
+        """The bonded response to the live load that does work T, with the dead load's pressure."""
+        u = work / self.bonded_work * self.scales.load_factor * self.bonded.live
+        pressure = self.bonded.dead_pressure
+        none = np.zeros_like(pressure)
+        return State(u, self.problem.elastic_part(u), 0.0, pressure, none, work)
+
+    def coulomb(
+        self, work: float, scales: Scales, load_factor: float | None = None
+    ) -> PerturbedKKT:
+        """Conditions of a state with the friction of the scene's laws."""
+        problem = self.problem
+        if not problem.coulomb:
+            return self.given(problem.strength, work, scales, load_factor)
+        return PerturbedKKT.coulomb(problem, self.stiffness, scales, work, load_factor)
+
+    def given(
+        self, bound: Array, work: float, scales: Scales, load_factor: float | None = None
+    ) -> PerturbedKKT:
+        """Conditions of a state with a given bound on friction, N per metre of thickness."""
+        problem = self.problem
+        stiffness = self.stiffness
+        return PerturbedKKT.given_friction(problem, stiffness, scales, bound, work, load_factor)

@@ -1,0 +1,349 @@
+"""Equilibrium states on the way to the collapse: load control, and the capacity curve.
+
+Load control prescribes the load factor and raises it in steps from the dead load, each starting
+from the state before. Where no equilibrium is found the step is shortened, until the last load
+factor with a state of equilibrium and the first without are close. Slip is measured from the
+stress-free state, or from the step before, the dead load first (L.A. Mihai, M. Ainsworth, Comput.
+Struct. 88 (2010) 859). The capacity curve prescribes the work of the live load instead.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import Strategy, Task, next_to, states_along_rising_work
+from fenics_contact.errors import EffortError, SolverError, Stopped
+from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
+from fenics_contact.results.result import Collapse
+from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.solvers.problem import Array, ContactProblem, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class LoadOptions:
+    """How the load factor rises.
+
+    Attributes:
+        first_step: In units of the upper bound, or of the typical load factor if that is less.
+        growth: Factor by which steps grow where the last one was found.
+        width: The limit load is bracketed to this relative width, or the tolerance if larger.
+        largest: Load factors beyond this multiple of the typical one are not looked at.
+        least: The width is relative to this part of the typical load factor at least.
+        far: States that moved this many typical displacements are a mechanism in motion.
+        max_steps: Steps at most.
+        cost: Of all steps at most, in units of one factorisation of the structure.
+        margin: To this multiple of the tolerance the collapse lies between the last load factors.
+        beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
+    """
+
+    first_step: float = 0.25
+    growth: float = 1.5
+    width: float = 1e-4
+    largest: float = 1e3
+    least: float = 1e-3
+    far: float = 1e6
+    max_steps: int = 200
+    cost: float = 2000.0
+    margin: float = 10.0
+    beyond_onset: float = 1.4
+
+
+OPTIONS = LoadOptions()
+
+
+def raise_load(
+    case: LoadCase,
+    strategy: Strategy,
+    options: SolveOptions,
+    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+    start: State | None = None,
+    cost: float = OPTIONS.cost,
+) -> Collapse:
+    """The collapse that `find_collapse` finds from the last state under rising load factors.
+
+    The first state is next to `start`, or else next to the bonded response to the dead load. Steps
+    cost at most `cost` factorisations of the structure.
+    """
+    bounds = case.problem.comm.bcast(case.blocks.classical_bounds())
+    if bounds.lower == np.inf:
+        wedging = case.blocks.wedging()
+        return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
+    upper = np.inf if bounds.upper is None else bounds.upper
+    climb = _Climb(case, strategy, options, upper, start)
+    try:
+        with case.discretization.effort.at_most(cost):
+            climb.run()
+    except EffortError as error:
+        _log.info("  load control: %s", error)
+    except SolverError as error:
+        _log.warning("load control: %s", error)
+        return Collapse("not_converged", float("nan"), case.blocks.bounds)
+    margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
+    end = min(climb.failed, upper) + margin
+    attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
+    found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
+    if found.status != "limit" and case.problem.coulomb:
+        against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
+        if against.status == "limit" and climb.lower - margin <= against.load_factor <= end:
+            found = against
+    if found.load_factor < climb.lower - margin or found.load_factor > end:  # none is neither
+        _log.warning(
+            "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
+            " without equilibrium on the path: another state",
+            *(found.load_factor, climb.lower, climb.failed),
+        )
+    return replace(found, path=LoadPath(tuple(climb.steps), climb.lower, climb.failed))
+
+
+def _against_the_live_load(
+    climb: _Climb,
+    strategy: Strategy,
+    tolerance: float,
+    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
+) -> Collapse:
+    """The collapse next to the last state in which the live load does negative work.
+
+    A live load that relieves sliding joints of their normal forces sets them off; the dead load
+    then moves the blocks, against the live load perhaps. The work of the live load falls on the way
+    there, and that of its reverse rises.
+    """
+    case = climb.case.reversed()
+    last = climb.state
+    state = case.problem.state(last.displacement, -last.load_factor, last.pressure, last.shear)
+    strength = case.discretization.all_points(case.problem.bound(state.pressure))
+    motion = case.blocks.collapse(strength)[1]
+    direction = None if motion is None else case.discretization.rigid_motion(motion)
+    strategy = replace(strategy, attempts=(next_to(state, direction),))
+    found = find_collapse(case, strategy, tolerance).reversed()
+    # The lower end holds where the live load does positive work.
+    return replace(found, program=climb.case.blocks.classical_bounds)
+
+
+def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> LoadPath:
+    """Load factors with and without equilibrium under a load that rises from the dead load.
+
+    Raises:
+        SolverError: If no equilibrium is found under the dead load, or the limit on factorisations
+            is reached before it was found at any other load factor.
+    """
+    upper = case.blocks.limit()
+    climb = _Climb(case, strategy, options, np.inf if upper is None else upper, None)
+    try:
+        climb.run()
+    except EffortError:
+        if not climb.steps:
+            raise
+        climb.failed = np.inf  # where a step was too long there may be a state
+    return LoadPath(tuple(climb.steps), climb.lower, climb.failed)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A state of equilibrium, and the structure with the origin of slip at which it was found."""
+
+    problem: ContactProblem
+    state: State
+
+
+def raise_load_to(
+    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
+) -> Reached:
+    """State of equilibrium at a load factor >= 0, reached in equal steps from the dead load.
+
+    Raises:
+        SolverError: If none is found there, or none on the way.
+    """
+    climb = _Climb(case, strategy, options, np.inf, None)
+    climb.run_to(load_factor, steps)
+    state = climb.state
+    elastic = case.scales.elastic
+    if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
+        scales = replace(case.scales, displacement=elastic)
+        near = replace(case, problem=climb.problem)
+        with suppress(SolverError):
+            task = Task(near, state.work, scales, options.tolerance)
+            state = strategy.equilibrium(task, state, load_factor)
+    return Reached(climb.problem, state)
+
+
+class _Climb:
+    """States at rising load factors.
+
+    Attributes:
+        case: The load case, with the origin of slip.
+        problem: The structure as it was when the last state was found.
+        state: The last state of equilibrium.
+        direction: Displacements of the last step, f_L.v = 1; None with less than two states.
+        steps: States of equilibrium.
+        lower: Largest load factor with a state of equilibrium.
+        failed: Least load factor at which none was found; infinite if none failed.
+    """
+
+    def __init__(
+        self,
+        case: LoadCase,
+        strategy: Strategy,
+        options: SolveOptions,
+        upper: float,
+        start: State | None,
+    ) -> None:
+        self.case = case
+        self._strategy = strategy
+        self._options = options
+        self._upper = upper
+        self._unit = case.problem.sum(np.abs(case.problem.live))
+        none = np.zeros_like(case.first_pressure)
+        bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+        self.state = start or bonded
+        self.problem = case.problem
+        self.direction: Array | None = None
+        self.steps: list[LoadStep] = []
+        self.lower = 0.0
+        self.failed = np.inf
+
+    def run(self) -> None:
+        """Raise the load factor until the limit load lies between two close ones.
+
+        Raises:
+            SolverError: If no equilibrium is found under the dead load.
+            EffortError: If the limit of its cost is reached.
+        """
+        typical = self.case.scales.load_factor
+        width = max(OPTIONS.width, self._options.tolerance)
+        step = OPTIONS.first_step * min(self._upper, typical)
+        target, again = 0.0, False
+        for _ in range(OPTIONS.max_steps):
+            if self._reached(target):
+                if again:  # the step that failed before may have been too long for the solver alone
+                    step = 2.0 * (target - self.lower)
+                    self.failed = np.inf
+                self.lower = target
+                again = False
+                step *= OPTIONS.growth if len(self.steps) > 2 else 1.0
+            elif not self.steps:
+                raise SolverError("no equilibrium was found under the dead load")
+            else:
+                self.failed = target
+                if again:
+                    return
+            end = min(self.failed, self._upper)
+            narrow = width * max(self.lower, OPTIONS.least * typical)
+            if self.lower > OPTIONS.largest * typical or self._upper - self.lower <= narrow:
+                return
+            again = end - self.lower <= narrow
+            target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
+
+    def run_to(self, load_factor: float, steps: int) -> None:
+        """Raise the load factor to a given one; steps are halved where no equilibrium is found.
+
+        Raises:
+            SolverError: If no equilibrium is found there, or none on the way.
+        """
+        whole = self.case.discretization
+        loaded = self.case.problem.max(np.abs(self.case.problem.dead)) > 0.0
+        loaded = loaded or bool(whole.scene.dead.movement)
+        if loaded and not self._reached(0.0):
+            raise SolverError("no equilibrium was found under the dead load")
+        step = load_factor / steps
+        least = OPTIONS.width * load_factor / steps
+        while self.lower < load_factor:
+            target = min(self.lower + step, load_factor)
+            # Equal steps end at the load factor, but for rounding.
+            target = load_factor if load_factor - target < least else target
+            if self._reached(target):
+                self.lower = target
+            elif step > least:
+                step *= 0.5
+            else:
+                where = f"up to a load factor of {self.lower:.6g}, not at {target:.6g}"
+                raise SolverError(f"equilibrium was found {where}")
+
+    def _reached(self, target: float) -> bool:
+        """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
+        case = self.case
+        before = self.state
+        displacement = max(case.scales.displacement, abs(before.work) / self._unit)
+        scales = replace(case.scales, displacement=displacement)
+        task = Task(case, before.work, scales, self._options.tolerance)
+        try:
+            state = self._strategy.equilibrium(task, before, target)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
+            return False
+        if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
+            return False
+        work = case.written(state).work
+        motion = _kept(case, state)
+        self.steps.append(LoadStep(target, work / self._unit, work, motion))
+        _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
+        moved = state.work - before.work
+        if len(self.steps) > 1 and moved > 0.0:
+            self.direction = (state.displacement - before.displacement) / moved
+        self.state = state
+        self.problem = case.problem
+        case.record.passed("rising load factor", target, state.work, lambda: state)
+        if self._options.slip == "load-steps":
+            origin = case.problem.tangential @ state.displacement
+            self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
+        return True
+
+
+def _kept(case: LoadCase, state: State) -> Array | None:
+    """Displacements of a state, where ParaView files of a capacity curve are asked for."""
+    output = case.discretization.scene.output
+    kept = output.paraview and output.capacity
+    return case.written(state).displacement if kept else None
+
+
+def capacity_curve(
+    case: LoadCase,
+    end: Collapse,
+    points: int,
+    monitor: Callable[[int, int, CapacityPoint], None],
+) -> list[CapacityPoint]:
+    """Load factors at rising work up to a collapse and a little beyond, through its peak.
+
+    Slip is measured from the stress-free state. With load control its steps are the points. Points
+    at which no state was found have nan, and are not `converged`. The monitor is told the number
+    of a point that was found, that of all, and the point. A curve that is stopped ends with the
+    last point found.
+    """
+    if end.path is not None:
+        return [CapacityPoint(**vars(step)) for step in end.path.steps]
+    if end.state is None:
+        return []
+    unit = case.problem.sum(np.abs(case.problem.live))
+    # Denser at first, where the path bends.
+    fractions = (np.arange(1, points + 1) / points) ** 1.5
+    works = [float(OPTIONS.beyond_onset * end.state.work * part) for part in fractions]
+    tolerance = case.discretization.scene.solve.tolerance
+    task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
+    found: dict[int, CapacityPoint] = {}
+
+    def point(state: State) -> CapacityPoint:
+        work = case.written(state).work
+        return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))
+
+    try:
+        for number, state in states_along_rising_work(task, works):
+            found[number] = point(state)
+            monitor(number, points, found[number])
+    except Stopped as stop:
+        _log.warning("capacity curve: %s", stop)
+        works = works[: max(found, default=0)]
+    none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
+    curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
+    if end.peak is not None and end.peak.state is not None:
+        curve.append(point(end.peak.state))
+    return sorted(curve, key=lambda point: point.work)

@@ -1,0 +1,809 @@
+"""Limit loads of rigid blocks as linear programs: bounds on, and a check of, the elastic ones.
+
+    max lambda   subject to   R^T (f_D + lambda f_L + B_N^T r_N + B_T^T r_T) = 0   (every body),
+                              r_N >= 0,   |r_T| <= F r_N + g.
+
+With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
+multipliers of equilibrium are the rigid motions of a collapse (R.K. Livesley, Int. J. Numer. Meth.
+Eng. 12 (1978) 1853). With Coulomb friction it is the limit load for associative slip, an upper
+bound; without friction it is a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+
+HiGHS may leave open whether a program has a solution. Then the least missing forces are asked for,
+
+    min |s|_1   subject to   R^T (f + B_N^T r_N + B_T^T r_T) + s = 0,   r_N, r_T as above,
+
+which have an answer: f = f_D tells whether the dead load has an equilibrium, f = f_L with g = 0
+whether nothing limits the live load. The multipliers of missing forces are motions of the blocks
+by which the loads do work and no joint resists (Farkas' lemma): how the blocks fall.
+
+On a straight face between two bodies only the resultants matter: the normal forces at its two ends,
+with their friction, and one shear force by given strengths are enough, whatever the mesh. Each side
+carries them where its nodes are: across a gap these are two lines, as far apart all along.
+
+Where joints crush (`crushing`), the moment of a face is at most m(N), a concave function. A program
+is solved again with its tangents at the forces found, until no face is beyond its own or the value
+settles (J.E. Kelley, J. Soc. Ind. Appl. Math. 8 (1960) 703). It falls to that with crushing, which
+is associative, and never below it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
+from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
+from fenics_contact.discretization.crushing import Crushing, strength_of
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.faces import COLLINEAR, Faces, straight_faces
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.solvers.highs import Beside, solved
+from fenics_contact.solvers.problem import Array
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class ProgramOptions:
+    """Numbers of the linear programs.
+
+    Attributes:
+        feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
+        iterations: At most, for each row and column.
+        rounding: Missing forces in the same units, summed, that count as none.
+        crushed: Moments beyond m(N) that count as none, in these units times the face's length.
+        rounds: Programs at most for the tangents of m(N).
+        settled: The value of a program is that with all tangents if so many more rounds in a row
+            change it by less than `feasibility`. Forces that no mechanism needs may go on changing.
+        parts: Parts k of the strength with which the dead load is seen to stand: what is tried.
+        large: Unknowns above which a program is solved in a process of its own: a second or more.
+    """
+
+    feasibility: float = 1e-10
+    iterations: int = 50
+    rounding: float = 1e-8
+    crushed: float = 1e-9
+    rounds: int = 60
+    settled: int = 3
+    parts: tuple[float, ...] = (0.5, 0.2, 0.05, 0.01, 0.001)
+    large: int = 5000
+
+
+OPTIONS = ProgramOptions()
+
+#: The interior point method is ten times as fast as the simplex method on large walls.
+FIRST_METHOD = "highs-ipm"
+
+#: Cost, columns, right hand side, and limits of the unknowns, of a linear program.
+Given = tuple[Array, Any, Array, list[Any]]
+
+
+@dataclass(frozen=True)
+class _Optimum:
+    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points.
+
+    `exact` says whether these forces are within the strength of all joints that crush.
+    """
+
+    factor: float | None = None
+    motion: Array | None = None
+    pressure: Array | None = None
+    exact: bool = True
+
+
+@dataclass(frozen=True)
+class _Program:
+    """Equilibrium E x + f_D + lambda f_L = 0 of the bodies in their free motions.
+
+    The unknowns x are, at both ends of every face, multiples of the edges (1, F) and (1, -F) of
+    Coulomb's cone, one of them where F = 0; then the shear force that a face's strength bounds.
+    """
+
+    joints: Joints
+    bodies: RigidBodies
+    faces: Faces
+    crushing: Crushing | None = None
+
+    @cached_property
+    def _ends(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Ends of faces; those of them with friction."""
+        return self.faces.ends.T.ravel(), np.flatnonzero(np.tile(self.faces.friction, 2))
+
+    @cached_property
+    def _used(self) -> npt.NDArray[np.bool_]:
+        """Motions that supports leave free, among three of every body."""
+        return np.any(self.bodies.free != 0.0, axis=1).ravel()
+
+    @cached_property
+    def forces(self) -> Any:
+        """E, sparse."""
+        from scipy.sparse import diags, hstack
+
+        (ends, rough), whole = self._ends, (self.joints, self.bodies)
+        normal = relative_motions(*whole, ends, self.joints.normal).T
+        shear = relative_motions(*whole, ends, self.joints.tangent).T.tocsc()
+        sliding = shear @ diags(np.tile(self.faces.friction, 2))
+        given = shear[:, : len(self.faces.ends)]
+        columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], given])
+        return columns.tocsr()[self._used]
+
+    def load(self, resultants: Array) -> Array:
+        """A load in the rows of E, from its resultants on the bodies, shape (bodies, 3)."""
+        return np.einsum("bmk,bm->bk", self.bodies.free, resultants).ravel()[self._used]
+
+    def limits(self, unit: float) -> list[tuple[float | None, float | None]]:
+        """Least and largest x, forces in a unit; an infinite one leaves the strengths out.
+
+        Then faces that crush carry nothing.
+        """
+        ends, rough = self._ends
+        strength = self.faces.strength / unit
+        most: list[float | None] = [None] * (len(ends) + len(rough))
+        if self.crushing is not None:
+            carried = np.tile(np.where(self.crushing.given, self.crushing.carried / unit, -1.0), 2)
+            most = [one if one >= 0.0 else None for one in [*carried, *carried[rough]]]
+        return [(0.0, one) for one in most] + [*zip(-strength, strength, strict=True)]
+
+    @cached_property
+    def normal(self) -> Any:
+        """Matrix that gives the normal forces at first and second ends of faces from x."""
+        from scipy.sparse import csr_matrix, hstack, identity
+
+        ends, rough = self._ends
+        each = identity(len(ends), format="csc")
+        return hstack([each, each[:, rough], csr_matrix((len(ends), len(self.faces.ends)))]).tocsr()
+
+    def missed_tangents(self, x: Array, unit: float) -> tuple[Any, Array]:
+        """Tangents A x <= b of m(N), at the forces x in a unit, of faces that are beyond theirs."""
+        from scipy.sparse import diags
+
+        crushing = self.crushing
+        count = len(self.faces.ends)
+        if crushing is None or np.isinf(unit):
+            return self.normal[:0], np.empty(0)
+        pressed = unit * (self.normal @ x).reshape(2, count)
+        place = crushing.place[self.faces.ends].T
+        force = pressed.sum(axis=0)
+        beyond, side = crushing.excess(force, np.sum(pressed * place, axis=0))
+        scale = unit * np.where(crushing.given, crushing.length, 1.0)
+        face = np.flatnonzero(beyond > OPTIONS.crushed * scale)
+        couple, inner = crushing.tangent(force, side)
+        lever = (unit / scale * side * (place - inner))[:, face]
+        both = (self.normal[face + start] for start in (0, count))
+        first, second = (diags(arm) @ each for arm, each in zip(lever, both, strict=True))
+        return (first + second).tocsr(), (couple / scale)[face]
+
+    def point_forces(self, x: Array) -> Array:
+        """Normal and shear forces at the ends of faces, as an array of all points (2, points)."""
+        ends, rough = self._ends
+        forward, edges, bound = np.split(x, [len(ends), len(ends) + len(rough)])
+        backward = np.bincount(rough, edges, len(ends)).astype(float)
+        shear = np.tile(self.faces.friction, 2) * (forward - backward)
+        shear[: len(bound)] += bound
+        count = len(self.joints.length)
+        return np.stack([np.bincount(ends, f, count) for f in (forward + backward, shear)])
+
+    def pressing(self, weights: Array) -> Array:
+        """Weighted sum of the faces' normal forces, as coefficients of x."""
+        _, rough = self._ends
+        ends = np.tile(weights, 2)
+        return np.concatenate([ends, ends[rough], np.zeros(len(weights))])
+
+    def face_forces(self, x: Array) -> Array:
+        """Normal forces of the faces, in the unit of x."""
+        ends, rough = self._ends
+        forward, edges, _ = np.split(x, [len(ends), len(ends) + len(rough)])
+        normal = forward + np.bincount(rough, edges, len(ends))
+        return np.asarray(normal.reshape(2, -1).sum(axis=0))
+
+    def motions(self, multipliers: Array) -> Array:
+        """Rigid motions (a, b, c) of all bodies from multipliers of equilibrium."""
+        motion = np.zeros(len(self._used))
+        motion[self._used] = multipliers
+        motion = np.einsum("bmk,bk->bm", self.bodies.free, motion.reshape(-1, 3))
+        motion[:, 2] /= self.bodies.size
+        return motion
+
+
+class RigidBlocks:
+    """The linear programs of one structure, solved on rank 0."""
+
+    @classmethod
+    def of(cls, whole: Discretization, sign: float = 1.0) -> RigidBlocks:
+        """Those of a discretised scene, with its live load or the reverse of it (sign -1)."""
+        joints = whole.original.joints
+        bodies = whole.original.bodies
+        bodies = replace(bodies, live=sign * bodies.live)
+        faces = straight_faces(joints, joints.shear_strength)
+        crushing = Crushing.of(joints, strength_of(whole.original), faces.of_point)
+        patient = whole.effort.wait
+        return cls(joints, bodies, whole.scene.comm, faces, crushing, patient)
+
+    def __init__(
+        self,
+        joints: Joints,
+        bodies: RigidBodies,
+        comm: MPI.Comm,
+        faces: Faces | None = None,
+        crushing: Crushing | None = None,
+        patient: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Take all joint points, the bodies' motions and loads, and the ranks to share results.
+
+        Faces have the friction of the scene where none are given, and crush where they may.
+        `patient` is called now and then on rank 0 while a large program is solved, and may raise
+        `Stopped`.
+        """
+        faces = faces or straight_faces(joints, joints.shear_strength)
+        self._joints = joints
+        self._bodies = bodies
+        self._comm = comm
+        self._patient = patient
+        self._begun: Beside | None = None
+        self._program = _Program(joints, bodies, faces, crushing)
+        self._tangents: _Program | None = None
+        dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
+        self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
+        self._load = self._force / live if live else 1.0
+
+    @cached_property
+    def frictionless(self) -> RigidBlocks:
+        """The same blocks without friction."""
+        none = np.zeros_like(self._program.faces.friction)
+        faces = replace(self._program.faces, friction=none, strength=none)
+        whole = self._joints, self._bodies, self._comm
+        return RigidBlocks(*whole, faces, self.crushing, self._patient)
+
+    @property
+    def crushing(self) -> Crushing | None:
+        """Strengths of the faces; None where there are none."""
+        return self._program.crushing
+
+    def limit(self) -> float | None:
+        """Largest load factor: infinite where nothing limits it, None without equilibrium.
+
+        Coulomb's friction is taken as associative.
+        """
+        return self._on_root(lambda: self._limit)
+
+    def begin(self) -> None:
+        """Begin to solve for the limit beside other work, if the program is large; on rank 0."""
+        if self._comm.rank == 0 and self._is_large:
+            given = self._largest_program(self._program)
+            self._begun = Beside(*_arguments(*given, FIRST_METHOD))
+
+    def limit_so_far(self) -> float | None:
+        """The limit, on this rank alone, if it is known or takes no time; else None."""
+        begun = self._begun is not None and self._begun.is_solved
+        if begun or "_upper" in vars(self) or not self._is_large:
+            return self._upper
+        return None
+
+    @cached_property
+    def _upper(self) -> float | None:
+        """The limit to be shown."""
+        return self._shown()
+
+    @property
+    def _is_large(self) -> bool:
+        """Whether the program takes longer than to start a process for it."""
+        return len(self._program.limits(1.0)) > OPTIONS.large
+
+    def stands(self) -> bool:
+        """Whether the dead load alone has an equilibrium."""
+        return self.fall() is None
+
+    def fall(self, load_factor: float = 0.0) -> Array | None:
+        """Rigid motions (a, b, c) of the bodies by which the loads fall; None if they stand.
+
+        Shape (bodies, 3), about their centres. No joint resists them, with associative friction:
+        they prove that there is no equilibrium under the dead load and this multiple of the live
+        load.
+        """
+        if load_factor == 0.0:
+            return self._on_root(lambda: self._fall)
+        return self._on_root(lambda: self._fall_under(load_factor))
+
+    def wedging(self) -> Array | None:
+        """Forces (normal, shear) at all joint points that balance the live load alone, or None.
+
+        Shape (2, points), N/m for a load factor of 1, on all ranks. Any multiple of them may be
+        added, with associative friction, so that nothing limits the load.
+        """
+        return self._on_root(lambda: self._wedging(self._program))
+
+    def collapse(self, strength: Array) -> tuple[float | None, Array | None]:
+        """Limit load as `limit` gives it, and collapse mode, with given friction.
+
+        The mode consists of the bodies' rigid motions (a, b, c) about their centres, shape
+        (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` bounds the
+        shear forces at all joint points, N/m, on all ranks.
+        """
+        program = self._tangents or self._program
+        faces = straight_faces(program.joints, strength)
+        faces = replace(faces, friction=np.zeros_like(faces.friction))
+        found = self._on_root(lambda: self._largest(replace(program, faces=faces)))
+        return found.factor, found.motion
+
+    def with_tangents(self, joints: Joints, force: Array) -> RigidBlocks:
+        """These programs, but for `collapse` with tangents in place of the joints' strengths.
+
+        Args:
+            joints: With points at the places of the tangents.
+            force: Normal forces at the points of these programs that are part of the dead load.
+        """
+        every = np.arange(len(force))
+        moved = relative_motions(self._joints, self._bodies, every, self._joints.normal)
+        loaded = (moved.T @ force).reshape(-1, 3)
+        dead = self._bodies.dead + np.einsum("bmk,bk->bm", self._bodies.free, loaded)
+        bodies = replace(self._bodies, dead=dead)
+        new = copy(self)
+        new._tangents = _Program(joints, bodies, straight_faces(joints, joints.shear_strength))
+        return new
+
+    def associative_pressure(self) -> Array | None:
+        """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
+
+        They act at the ends of straight faces; None unless the load factor is finite.
+        """
+        return self.associative_collapse()[0]
+
+    def associative_collapse(self) -> tuple[Array | None, Array | None]:
+        """These forces, and the rigid motions as `collapse` gives them."""
+        found = self._on_root(lambda: self._optimum)
+        return found.pressure, found.motion
+
+    def turning(self, motion: Array) -> npt.NDArray[np.bool_]:
+        """Joint points at which the two sides turn against each other in rigid motions."""
+        rotation = np.append(motion[:, 2], 0.0)  # the last one: rigid ground
+        relative = np.abs(np.diff(rotation[self._joints.bodies], axis=1)).ravel()
+        return np.asarray(relative > COLLINEAR * relative.max(initial=0.0))
+
+    def bounds(self) -> LimitBounds:
+        """The bracket, its lower end as in `lower_end` where that is better than no friction.
+
+        Solved on this rank alone, once, where and when it is shown.
+        """
+        return self._bounds
+
+    def proved_lower(self) -> float | None:
+        """The lower end of `bounds`, on all ranks."""
+        return self._on_root(lambda: self._bounds.lower)
+
+    def classical_bounds(self) -> LimitBounds:
+        """Drucker's bounds, without friction and with associative friction; else as `bounds`.
+
+        A program that fails leaves its bound unknown: by then there is a result to be shown.
+        """
+        return self._classical_bounds
+
+    @cached_property
+    def _bounds(self) -> LimitBounds:
+        bounds = self._classical_bounds
+        stands = bounds.lower is not None or self._fall is None
+        if bounds.upper is None or bounds.meet or not stands or self.crushing is not None:
+            return bounds  # with tangents the programs bound limit loads from above only
+        lower = lower_end(self, bounds.upper)
+        if bounds.lower is not None:
+            lower = max(lower, bounds.lower)
+        return bounds if lower == -np.inf else replace(bounds, lower=min(lower, bounds.upper) + 0.0)
+
+    @cached_property
+    def _classical_bounds(self) -> LimitBounds:
+        bare = self.frictionless._fall is None
+        stands = bare or self._fall is None
+        lower = self.frictionless._shown() if bare else None
+        if lower is not None and not self.frictionless._optimum.exact:
+            lower = 0.0 if self.frictionless._within_strength(0.0) else None  # it may be less
+        lower = None if lower is None else max(lower, 0.0)
+        return LimitBounds(lower, self._upper if stands else np.inf, lower)
+
+    @property
+    def friction(self) -> Array:
+        """Coulomb's coefficients of the faces, shape (faces,)."""
+        return self._program.faces.friction
+
+    @property
+    def strength(self) -> Array:
+        """Given bounds on the shear forces of the faces, N/m, shape (faces,)."""
+        return self._program.faces.strength
+
+    def of_faces(self, values: Array) -> Array:
+        """Sums over the joint points of every face, shape (faces,)."""
+        faces = self._program.faces
+        return np.bincount(faces.of_point, values, len(faces.ends)).astype(float)
+
+    def rigid_state(self, pressure: Array) -> RigidState:
+        """Where `rigid_fixed_point` leads from normal forces at all joint points, N/m.
+
+        Raises:
+            SolverError: If it does not settle.
+        """
+        return self._on_root(lambda: rigid_fixed_point(self, pressure))
+
+    @property
+    def unit(self) -> float:
+        """Force that is 1 in the programs, N/m: of the largest dead load."""
+        return self._force
+
+    @property
+    def equations(self) -> int:
+        """Number of equations of equilibrium."""
+        return int(self._program.forces.shape[0])
+
+    def given_friction(self, strength: Array, iterations: int) -> GivenFriction:
+        """Limit load where the shear forces of the faces have given bounds, on this rank alone.
+
+        Let x be what HiGHS finds, s = A x - b what it misses, and y the multipliers. As a function
+        of b the limit load is concave with the slope y: it is not less than lambda - |y|.|s|.
+
+        Args:
+            strength: Bounds, N/m, shape (faces,).
+            iterations: Of HiGHS, at most.
+
+        Raises:
+            SolverError: If HiGHS finds no answer in as many iterations.
+        """
+        self._patient()
+        faces = replace(self._bare.faces, strength=strength)
+        program = replace(self._bare, faces=faces)
+        columns, right = self._bare_equilibrium
+        limits = [(None, None), *program.limits(self._force)]
+        cost = -np.eye(1, len(limits)).ravel()
+        pressure = np.zeros(len(self._joints.length))
+        answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
+        if answer.status == 0:
+            pressure = program.point_forces(answer.x[1:] * self._force)[0]
+            x = np.clip(answer.x, *_ends_of(limits))
+            multipliers = answer.eqlin.marginals
+            lost = np.abs(multipliers) @ np.abs(columns @ x - right)
+            factor = float(x[0] - lost) * self._load
+        elif answer.status == 1:
+            raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        else:
+            missing, multipliers, _ = _least_missing(columns, right, limits)
+            factor = -np.inf if missing > OPTIONS.rounding else np.inf
+            if factor > 0.0 and self._wedging(program) is None:
+                raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        slip = np.abs(columns.T @ multipliers)[-len(strength) :]
+        return GivenFriction(factor, slip, pressure, int(answer.nit))
+
+    def least_forces(
+        self, weights: Array, factors: tuple[float, float], iterations: int
+    ) -> LeastForces:
+        """Least weighted sums of normal forces of faces, with associative friction.
+
+        Solved on this rank alone, as one program. With the multipliers y a sum is not less than
+        b.y + min r.x over all x within their bounds, r = c - A^T y, whatever HiGHS' tolerance;
+        unbounded x are held to be no larger than the largest found.
+
+        Args:
+            weights: Of the faces, not negative, shape (sums, faces).
+            factors: Least and largest load factor.
+            iterations: Of HiGHS, at most.
+
+        Raises:
+            SolverError: If HiGHS finds no answer in as many iterations.
+        """
+        from scipy.sparse import block_diag
+
+        self._patient()
+        program = self._program
+        count = len(weights)
+        columns, right = self._whole_equilibrium
+        low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)
+        limits = [(low, high), *program.limits(self._force)]
+        cost = np.array([[0.0, *program.pressing(one)] for one in weights])
+        whole = block_diag([columns] * count, "csr")
+        options = {"maxiter": iterations}
+        rights = np.tile(right, count)
+        answer = _answer(cost.ravel(), whole, rights, limits * count, "highs-ds", options)
+        spent = int(answer.nit)
+        if answer.status == 2 and _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
+            return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
+        if answer.status != 0:
+            raise SolverError(f"rigid-block linear program failed: {answer.message}")
+        x, multipliers = (v.reshape(count, -1) for v in (answer.x, answer.eqlin.marginals))
+        largest = float(np.abs(x).max())
+        rest = cost - multipliers @ columns
+        least, most = np.nan_to_num(_ends_of(limits), posinf=largest, neginf=-largest)
+        values = multipliers @ right + np.minimum(rest * least, rest * most).sum(axis=1)
+        normal = np.array([program.face_forces(one[1:]) for one in x])
+        factors_found = x[:, 0] * self._load
+        return LeastForces(values * self._force, factors_found, normal * self._force, spent)
+
+    @cached_property
+    def _bare(self) -> _Program:
+        """The program with given friction."""
+        none = np.zeros_like(self.friction)
+        return replace(self._program, faces=replace(self._program.faces, friction=none))
+
+    @cached_property
+    def _bare_equilibrium(self) -> tuple[Any, Array]:
+        return self._equilibrium(self._bare)
+
+    @cached_property
+    def _whole_equilibrium(self) -> tuple[Any, Array]:
+        return self._equilibrium(self._program)
+
+    def _equilibrium(self, program: _Program) -> tuple[Any, Array]:
+        """Columns and right side of equilibrium in (lambda, x), in units of force and load."""
+        from scipy.sparse import hstack
+
+        loads = -program.bodies.dead, program.bodies.live
+        right, live = (program.load(load) / self._force for load in loads)
+        return hstack([self._load * live[:, None], program.forces]).tocsr(), right
+
+    def _shown(self) -> float | None:
+        """A load factor to be shown, no -0.0; None if the program fails."""
+        try:
+            factor = self._limit
+        except (SolverError, Stopped) as error:
+            _log.warning("a bound on the load factor is not known: %s", error)
+            return None
+        return None if factor is None else factor + 0.0
+
+    @cached_property
+    def _limit(self) -> float | None:
+        """Load factor, solved for on this rank alone."""
+        return self._optimum.factor
+
+    @cached_property
+    def _optimum(self) -> _Optimum:
+        """Limit state, solved for on this rank alone."""
+        return self._largest(self._program)
+
+    @cached_property
+    def _fall(self) -> Array | None:
+        """Motions by which the dead load falls, solved for on this rank alone."""
+        return self._fall_under(0.0)
+
+    def _fall_under(self, load_factor: float) -> Array | None:
+        """Motions by which the loads fall, solved for on this rank alone."""
+        program = self._program
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        limits = program.limits(unit)
+        # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
+        plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
+        none = np.zeros(len(limits))
+        tangents = _Tangents(program, unit)
+        if program.crushing is not None:
+            if self._within_strength(load_factor):
+                return None
+        elif tangents.answer(none, program.forces, right, limits, "highs-ds", plain).status == 0:
+            return None
+        missing, multipliers, _ = _least_missing(program.forces, right, limits, tangents)
+        return program.motions(-multipliers) if missing > OPTIONS.rounding else None
+
+    def _within_strength(self, load_factor: float) -> bool:
+        """Whether loads were seen to stand within the strength of joints that crush.
+
+        Forces are sought with N <= k f_c L and |M| <= (1 - k) N L / 2, which is less than m(N).
+        """
+        from scipy.sparse import diags, vstack
+
+        program = self._program
+        crushing = self._program.crushing
+        if crushing is None:
+            return False
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        count = len(crushing.strength)
+        given = np.flatnonzero(crushing.given)
+        first = program.normal[:count]
+        second = program.normal[count:]
+        limits = program.limits(unit)
+        none = np.zeros(program.forces.shape[1])
+        for part in OPTIONS.parts:
+            whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
+            rows = [second - first - whole, first - second - whole, (first + second)[given]]
+            most = np.concatenate([np.zeros(2 * count), part * crushing.carried[given] / unit])
+            under = (
+                none,
+                program.forces,
+                right,
+                limits,
+                "highs-ds",
+                None,
+                vstack(rows).tocsr(),
+                most,
+            )
+            answer = _answer(*under)
+            if answer.status == 0 and not len(program.missed_tangents(answer.x, unit)[1]):
+                return True
+        return False
+
+    def _wedging(self, program: _Program) -> Array | None:
+        """Forces that balance the live load alone, N/m for a load factor of 1: small and few."""
+        unit = self._force / self._load
+        limits = program.limits(np.inf)
+        right = -program.load(self._bodies.live) / unit
+        missing, _, x = _least_missing(program.forces, right, limits)
+        if missing > OPTIONS.rounding:
+            return None
+        least = _answer(np.ones(len(limits)), program.forces, right, limits, "highs-ds")
+        return program.point_forces(unit * (least.x if least.status == 0 else x))
+
+    def _largest_program(self, program: _Program) -> Given:
+        """Cost, columns, right hand side and limits of the largest load factor."""
+        columns, right = self._equilibrium(program)
+        limits = [(None, None), *program.limits(self._force)]
+        return -np.eye(1, len(limits)).ravel(), columns, right, limits
+
+    def _largest(self, program: _Program) -> _Optimum:
+        """The largest load factor of a program."""
+        _, columns, right, limits = given = self._largest_program(program)
+        tangents = _Tangents(program, self._force, first=1)
+        for method in (FIRST_METHOD, "highs-ds"):
+            if program.crushing is None:
+                answer = self._answer_beside(program, given, method)
+                tangents.complete = answer.status == 0
+            else:
+                answer = tangents.answer(*given, method)
+            if answer.status == 0:
+                factor = float(answer.x[0]) * self._load
+                multipliers = answer.eqlin.marginals
+                work = float(program.load(program.bodies.live) @ multipliers)
+                motion = program.motions(multipliers) / work if work else None
+                pressure = program.point_forces(answer.x[1:] * self._force)[0]
+                return _Optimum(factor, motion, pressure, tangents.complete)
+        if _least_missing(columns, right, limits, tangents)[0] > OPTIONS.rounding:
+            return _Optimum(None)
+        if self._wedging(program) is not None:
+            return _Optimum(np.inf)
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+
+    def _answer_beside(self, program: _Program, given: Given, method: str) -> Any:
+        """HiGHS' answer, from a process of its own if the program is large."""
+        if not self._is_large:
+            return _answer(*given, method)
+        is_begun = program is self._program and method == FIRST_METHOD
+        begun, self._begun = (self._begun, None) if is_begun else (None, self._begun)
+        answer = (begun or Beside(*_arguments(*given, method))).answer(self._patient)
+        return _answer(*given, method) if answer is None else answer
+
+    def _on_root(self, solve: Callable[[], Any]) -> Any:
+        """What a function returns on rank 0, on all ranks; its `SolverError` or `Stopped` too."""
+        answer: Any = None
+        failure: SolverError | Stopped | None = None
+        if self._comm.rank == 0:
+            try:
+                answer = solve()
+            except (SolverError, Stopped) as error:
+                failure = type(error)(str(error))
+        answer, failure = self._comm.bcast((answer, failure))
+        if failure is not None:
+            raise failure
+        return answer
+
+
+def _ends_of(limits: list[Any]) -> Array:
+    """Least and largest values of unknowns, infinite where there is none, shape (2, unknowns)."""
+    ends = [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in limits]
+    return np.array(ends).T
+
+
+class _Tangents:
+    """Tangents of m(N), collected where the forces of answers are beyond their faces' strength.
+
+    Attributes:
+        complete: Whether the forces of the last answer are beyond no face's strength.
+    """
+
+    def __init__(self, program: _Program, unit: float, first: int = 0) -> None:
+        """None so far; `first` is the place of the program's unknowns x, in a unit of force."""
+        self._program = program
+        self._unit = unit
+        self._first = first
+        self.complete = False
+        self._rows, self._rights = program.missed_tangents(np.zeros(program.forces.shape[1]), unit)
+
+    def answer(
+        self,
+        cost: Array,
+        columns: Any,
+        right: Array,
+        limits: list[Any],
+        method: str,
+        options: dict[str, Any] | None = None,
+    ) -> Any:
+        """HiGHS' answer with all tangents that matter; its status is 0 where it has one.
+
+        `complete` says whether its forces are beyond none.
+
+        Raises:
+            SolverError: If there is no end of tangents.
+        """
+        from scipy.sparse import csr_matrix, hstack, vstack
+
+        stop = self._first + self._program.forces.shape[1]
+        after = len(limits) - stop
+        values = [np.inf]
+        for _ in range(OPTIONS.rounds):
+            parts = (csr_matrix((len(self._rights), n)) for n in (self._first, after))
+            before, behind = parts
+            rows = hstack([before, self._rows, behind]).tocsr()
+            most = (rows, self._rights) if len(self._rights) else (None, None)
+            answer = _answer(cost, columns, right, limits, method, options, *most)
+            if answer.status != 0:
+                return answer
+            x = answer.x[self._first : stop]
+            more, rights = self._program.missed_tangents(x, self._unit)
+            self.complete = not len(rights)
+            values = [*values, float(answer.fun)]
+            change = np.ptp(values[-1 - OPTIONS.settled :])
+            if self.complete or change <= OPTIONS.feasibility * max(abs(answer.fun), 1.0):
+                return answer
+            self._rows = vstack([self._rows, more]).tocsr()
+            self._rights = np.concatenate([self._rights, rights])
+        raise SolverError("rigid-block linear program with crushing: no end of tangents")
+
+
+def _least_missing(
+    columns: Any, right: Array, limits: list[Any], tangents: _Tangents | None = None
+) -> tuple[float, Array, Array]:
+    """Least sum of forces missing to equilibrium, its multipliers, and the unknowns.
+
+    Raises:
+        SolverError: If HiGHS finds no answer.
+    """
+    from scipy.sparse import eye, hstack
+
+    rows, unknowns = columns.shape
+    missing = eye(rows, format="csr")
+    cost = np.concatenate([np.zeros(unknowns), np.ones(2 * rows)])
+    limits = [*limits, *[(0.0, None)] * (2 * rows)]
+    for method in ("highs-ds", "highs-ipm"):
+        all_columns = hstack([columns, missing, -missing])
+        about = cost, all_columns, right, limits, method
+        answer = _answer(*about) if tangents is None else tangents.answer(*about)
+        if answer.status == 0:
+            return float(answer.fun), answer.eqlin.marginals, answer.x[:unknowns]
+    raise SolverError(f"rigid-block linear program failed: {answer.message}")
+
+
+def _answer(
+    cost: Array,
+    columns: Any,
+    right: Array,
+    limits: list[Any],
+    method: str,
+    options: dict[str, Any] | None = None,
+    rows: Any = None,
+    most: Array | None = None,
+) -> Any:
+    """HiGHS' answer with the least cost; its status is 0 where it has one.
+
+    Besides equilibrium, rows times the unknowns may be `most`.
+    """
+    return solved(*_arguments(cost, columns, right, limits, method, options, rows, most))
+
+
+def _arguments(
+    cost: Array,
+    columns: Any,
+    right: Array,
+    limits: list[Any],
+    method: str,
+    options: dict[str, Any] | None = None,
+    rows: Any = None,
+    most: Array | None = None,
+) -> tuple[Any, ...]:
+    """Arguments of scipy's `linprog`."""
+    names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
+    size = sum(columns.shape) + (0 if most is None else len(most))
+    steps = OPTIONS.iterations * size  # HiGHS may go round in circles
+    options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
+    return cost, rows, most, columns, right, limits, method, None, options

@@ -1,0 +1,120 @@
+"""The state under a given multiple of the live load, verified from the problem itself.
+
+K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   lambda given,   the joints' laws as ever.
+
+The load factor rises from the dead load to the one given, in as few steps as find equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from fenics_contact.collapse.crushed import CrushedJoints, settle, strengths
+from fenics_contact.collapse.least_forces import least_forces
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_control import Reached, raise_load_to
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.collapse.strategy import Strategy
+from fenics_contact.discretization.crushing import CrushedEnds
+from fenics_contact.errors import SolverError
+from fenics_contact.results.certificate import TOLERANCES, state_residuals
+from fenics_contact.results.joint_values import JointValues, joint_values
+from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.solvers.problem import State
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """State at a given load factor.
+
+    Attributes:
+        status: "equilibrium" if it is verified; "no_equilibrium" if rigid blocks with associative
+            friction prove that there is none, see `without_equilibrium`; else "not_converged".
+        load_factor: As asked for.
+        state: State found, in the supports' coordinates; None if there is none.
+        joint_values: Forces, openings and slips of the joints; its rates are those of a motion
+            along the displacements.
+        residuals: What the state misses of equilibrium and joint laws, by name, relative.
+        reason: Why there is no verified state, for people.
+    """
+
+    status: str
+    load_factor: float
+    state: State | None = None
+    joint_values: JointValues | None = None
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    reason: str = ""
+
+
+def without_equilibrium(
+    blocks: RigidBlocks, load_factor: float, sign: float
+) -> ServiceState | None:
+    """The answer for a load that rigid blocks with associative friction prove to be too large.
+
+    None if they carry it. No matrix is factored.
+
+    Args:
+        blocks: Rigid-block programs of one direction of the live load.
+        load_factor: Not negative.
+        sign: 1 for the live load as given, -1 for that load reversed.
+    """
+    if blocks.fall(load_factor) is None:
+        return None
+    reason = "with associative friction rigid blocks do not stand under the dead load alone"
+    if blocks.stands():
+        upper = blocks.limit()
+        most = "do not stand" if upper is None else f"carry {sign * upper:.6g} at most"
+        reason = f"with associative friction rigid blocks {most}"
+    return ServiceState("no_equilibrium", sign * load_factor, reason=reason)
+
+
+def service_state(
+    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
+) -> ServiceState:
+    """State of a load case at a load factor >= 0, reached in steps from the dead load."""
+    crushed = None
+    try:
+        if case.blocks.crushing is None:
+            reached = raise_load_to(case, strategy, options, load_factor, steps)
+        else:
+            reached, crushed, _ = settle(
+                case,
+                CrushedEnds.none(case.blocks.crushing),
+                lambda one, near: raise_load_to(one, strategy, options, load_factor, steps),
+            )
+    except SolverError as error:
+        return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
+    found = _verified(case, reached, crushed)
+    if crushed is not None:
+        crushed.close()
+    return found
+
+
+def _verified(case: LoadCase, reached: Reached, crushed: CrushedJoints | None) -> ServiceState:
+    """A state held against the problem in which it was found, in the user's sign of the load."""
+    problem = reached.problem
+    state = reached.state
+    larger = max(1.0, state.load_factor / case.scales.load_factor)
+    sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
+    scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
+    residuals = state_residuals(problem, state, scales)
+    if crushed is not None:
+        residuals["crushing"] = crushed.missed(strengths(case), state)
+        problem = case.problem
+        state = crushed.state_on_joints(state)
+    missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
+    sign = case.sign
+    written = case.written(state)
+    whole = case.discretization
+    values = joint_values(problem, whole, state, state.displacement)
+    if crushed is None:  # else forces at a corner are bound by the strength of their faces
+        values = least_forces(whole, values)
+    return ServiceState(
+        "not_converged" if missed else "equilibrium",
+        sign * state.load_factor,
+        replace(written, load_factor=sign * state.load_factor, work=sign * written.work),
+        values,
+        residuals,
+        f"not verified: {', '.join(missed)}" if missed else "",
+    )

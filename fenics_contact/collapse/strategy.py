@@ -1,0 +1,549 @@
+"""Which solver is tried when: the one list, at the end of this file.
+
+An attempt looks for the state of a load case at one work T of its live load, and raises
+`SolverError` where it finds none. A method is a tuple of attempts; the next one is tried where the
+one before found nothing (`work_control`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial, wraps
+from typing import Concatenate, ParamSpec
+
+import numpy as np
+
+from fenics_contact.collapse import coulomb
+from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions, GivenFriction
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.errors import EffortError, SolverError
+from fenics_contact.results.certificate import state_residuals
+from fenics_contact.results.history import History, Step
+from fenics_contact.scene.scene import Scene
+from fenics_contact.solvers.arclength import (
+    FALLING_PRODUCTS,
+    RISING_WORK,
+    Continuation,
+    PathPoint,
+)
+from fenics_contact.solvers.block_modes import BlockModes
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
+from fenics_contact.solvers.joint_forces.delassus import JointPoints
+from fenics_contact.solvers.joint_forces.splitting import (
+    JointForceSolver,
+    ProximalStep,
+    alternately,
+    at_once,
+)
+from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, JointStiffness
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.problem import Array, Scales, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """Products along the paths, in units of force times elastic displacement.
+
+    Attributes:
+        rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
+            larger ones miss low collapse states.
+        few: Blocks from which on products are larger: paths of large walls turn back more often.
+        many: They grow like this power of the number of blocks.
+        ends: Where the interior point method is tried; the first is where block modes are left.
+        finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
+    """
+
+    rising_work: float = 1e-2
+    few: int = 100
+    many: float = 0.8
+    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
+    finish: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
+    )
+
+
+OPTIONS = PathOptions()
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """Interior point method from a state next to the one sought.
+
+    Attributes:
+        products: Where it starts, in units of force times elastic displacement: what is tried.
+        from_afar: What is tried after that, in units of force times displacement.
+        tolerances: How exact the state has to be.
+        options: When the method stops.
+    """
+
+    products: tuple[float, ...] = (3e-2, 3e-4)
+    from_afar: tuple[float, ...] = (1.0,)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    options: InteriorPointOptions = field(default_factory=InteriorPointOptions)
+
+
+WARM = WarmStart()
+
+
+@dataclass(frozen=True)
+class HighFrictionOptions:
+    """From a state with lower friction to one with the scene's.
+
+    Attributes:
+        lower: Coefficient from which on paths are lost at points that slide under little pressure.
+        change: Of the friction bound on block modes, relative, at which it has followed.
+        on_modes: Iterations of the bound on block modes at most.
+        between: Those on the structure between two tries with friction in the equations.
+        direct: Cost of the first such try at most, in units of one factorisation.
+        warm: The other tries.
+    """
+
+    lower: float = 1.0
+    change: float = 1e-3
+    on_modes: int = 30
+    between: int = 20
+    direct: float = 100.0
+    warm: WarmStart = WarmStart(
+        (1e-3, 1e-5, 1e-7), (), Tolerances(), InteriorPointOptions(window=6)
+    )
+
+
+HIGH_FRICTION = HighFrictionOptions()
+
+
+@dataclass(frozen=True)
+class Task:
+    """What an attempt is asked for.
+
+    Attributes:
+        case: The load case.
+        work: T, N m per metre of thickness.
+        scales: Typical sizes at that work.
+        tolerance: On the load factor, relative.
+        last: A state at less work, if there is one.
+    """
+
+    case: LoadCase
+    work: float
+    scales: Scales
+    tolerance: float
+    last: State | None = None
+
+    def mu(self, products: float) -> float:
+        """Products in units of force times displacement, given those by elastic displacement."""
+        return products * self.scales.elastic_part
+
+    @property
+    def rising_mu(self) -> float:
+        """Products while the work rises."""
+        larger = max(1.0, self.case.block_count / OPTIONS.few) ** OPTIONS.many
+        return self.mu(OPTIONS.rising_work * larger)
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exact the state has to be for the load factor."""
+        if not self.case.problem.coulomb:
+            return Tolerances()  # converges to rounding at once
+        residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
+        return Tolerances(residual, 5e-2 * self.tolerance)
+
+    @property
+    def kkt(self) -> PerturbedKKT:
+        """Conditions of the state."""
+        return self.case.coulomb(self.work, self.scales)
+
+
+Answer = tuple[Solution, History]
+Attempt = Callable[[Task], Answer]
+Minimiser = Callable[[ProximalStep, Array], Array]
+_Given = ParamSpec("_Given")
+
+#: Continuation of conditions `PerturbedKKT`; to replace the method, replace it here.
+falling = partial(Continuation, path=FALLING_PRODUCTS)
+rising = partial(Continuation, path=RISING_WORK)
+
+
+def monolithic(
+    solve: Callable[Concatenate[Task, _Given], Solution],
+) -> Callable[Concatenate[Task, _Given], Answer]:
+    """An attempt without iterations on the friction bound: its history has one step."""
+
+    @wraps(solve)
+    def attempt(task: Task, *args: _Given.args, **options: _Given.kwargs) -> Answer:
+        count = task.case.discretization.factorizations
+        before = count()
+        solution = solve(task, *args, **options)
+        step = Step(solution.state.load_factor, 0.0, 1.0, count() - before)
+        task.case.monitor(step)
+        return solution, History((step,), 0, "monolithic", True)
+
+    return attempt
+
+
+# ---- monolithic attempts: friction is in the equations
+
+
+@monolithic
+def interior_point(task: Task) -> Solution:
+    """State by the interior point method from the bonded response."""
+    start = task.case.bonded_state(task.work)
+    return solve_interior_point(task.kkt, start, 1.0, task.tolerances)
+
+
+@monolithic
+def further_along_rising_work(task: Task) -> Solution:
+    """State by continuation of the structure from the last state, as the work rises."""
+    if task.last is None:
+        raise SolverError("no state at less work")
+    path = rising(task.kkt, passed=task.case.record.along("structure, rising work"))
+    point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
+    return to_end(task, point.state, point.mu)
+
+
+@monolithic
+def along_falling_products(task: Task) -> Solution:
+    """State by continuation of the structure from products of 1 under the whole work."""
+    return to_end(task, task.case.bonded_state(task.work), 1.0)
+
+
+@monolithic
+def along_block_modes(task: Task) -> Solution:
+    """State by continuation in block modes: the work rises to T, then the products fall."""
+    case = task.case
+    modes = case.discretization.block_modes.changed(case.problem)
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        point = _end_of_modes(task, modes, stiffness, "block modes")
+    return to_end(task, modes.prolonged(point.state), point.mu)
+
+
+@monolithic
+def through_lower_friction(task: Task) -> Solution:
+    """State next to one with friction of at most 1, as the bound on friction follows.
+
+    Friction above what joint forces ask for changes nothing, but where nearly open joints slide the
+    shear force changes F times as fast as the normal force, and paths turn back again and again.
+
+    Raises:
+        SolverError: If the scene has no higher friction, or no state is found.
+    """
+    case = task.case
+    options = HIGH_FRICTION
+    problem = task.case.problem
+    if problem.max(problem.friction) <= options.lower:
+        raise SolverError(f"no friction is above {options.lower:g}")
+    modes = case.discretization.block_modes.changed(problem)
+    lower = modes.changed(replace(problem, friction=np.minimum(problem.friction, options.lower)))
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        start = _end_of_modes(task, lower, stiffness, "block modes, lower friction").state
+        of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
+        start = _followed(replace(task, case=of_modes), start, options.on_modes).state
+    start = modes.prolonged(start)
+    try:
+        with case.discretization.effort.at_most(options.direct):
+            return to_end(task, start, task.mu(OPTIONS.ends[0]))
+    except SolverError as error:
+        _log.info("  friction in the equations: %s", error)
+    while True:  # until the limit of the attempt
+        start = _followed(task, start, options.between).state
+        try:
+            return _warm(task, task.kkt, start, options.warm)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  friction in the equations: %s", error)
+
+
+def _end_of_modes(task: Task, modes: BlockModes, stiffness: JointStiffness, name: str) -> PathPoint:
+    """The end of the path in block modes: the work rises to T, then the products fall.
+
+    In the record the path has a name.
+    """
+    case = task.case
+    kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
+    start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
+    on_the_way = partial(case.record.along, prolonged=modes.prolonged)
+    path = rising(kkt, passed=on_the_way(f"{name}, rising work"))
+    point = path.follow(path.begin(start, task.rising_mu), task.work)
+    path = falling(kkt, passed=on_the_way(f"{name}, falling products"))
+    return path.follow(point, task.mu(OPTIONS.ends[0]))
+
+
+def _followed(task: Task, start: State, iterations: int) -> Solution:
+    """State after some iterations of the friction bound from that of another state."""
+    options = replace(coulomb.OPTIONS, max_iterations=iterations)
+    count = task.case.discretization.factorizations
+    problem = task.case.problem
+    solve = _interior_point(task)
+    told = task.case.monitor, count, options
+    fixed_point = FixedPoint(problem, solve, HIGH_FRICTION.change, *told)
+    return fixed_point.run(start, problem.bound(np.maximum(start.pressure, 0.0)))[0]
+
+
+def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
+    """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
+
+    @monolithic
+    def next_to_another_state(task: Task) -> Solution:
+        if direction is None:
+            raise SolverError("no direction in which to go on")
+        u = state.displacement + (task.work - state.work) * direction
+        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
+        return _warm(task, task.kkt, moved, warm)
+
+    return next_to_another_state
+
+
+def coulomb_equilibrium(
+    task: Task, start: State, load_factor: float, warm: WarmStart = WARM
+) -> State:
+    """State at a prescribed load factor next to another one, or `SolverError`."""
+    kkt = task.case.coulomb(start.work, task.scales, load_factor)
+    return _warm(task, kkt, start, warm).state
+
+
+def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
+    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
+    path = rising(task.kkt)
+    start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
+    point = path.begin(start, task.rising_mu)
+    for number, work in enumerate(works, 1):
+        try:
+            point = path.follow(point, work)
+            yield number, to_end(replace(task, work=work), point.state, point.mu).state
+        except SolverError as error:
+            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+
+
+def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
+    """State at the work of a task next to another one at that work, or `SolverError`."""
+    return _warm(task, task.kkt, start, warm).state
+
+
+def to_end(task: Task, state: State, mu: float, kkt: PerturbedKKT | None = None) -> Solution:
+    """The state at the end of the central path, from a point near it, or `SolverError`.
+
+    The path is that of the structure where no other conditions are given.
+    """
+    kkt = replace(task.kkt if kkt is None else kkt, work=state.work)
+    path = falling(kkt, passed=task.case.record.along("structure, falling products"))
+    point = path.begin(state, mu)
+    for end in OPTIONS.ends:
+        point = path.follow(point, task.mu(end))
+        try:
+            return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart) -> Solution:
+    """Solution next to a state, or else from afar."""
+    for mu in (*map(task.mu, warm.products), *warm.from_afar):
+        try:
+            return solve_interior_point(kkt, start, mu, warm.tolerances, warm.options)
+        except SolverError as error:
+            failed = error
+    raise failed
+
+
+# ---- attempts by the fixed point on the friction bound
+
+
+def fixed_point(task: Task, first: Array | None = None) -> Answer:
+    """State by the fixed point from a first bound, by the interior point method.
+
+    By default that bound is F times the dead load's normal forces, N per metre of thickness.
+    """
+    bound = task.case.problem.bound(task.case.first_pressure) if first is None else first
+    return _iterated(task, _interior_point(task), task.case.bonded_state(task.work), bound)
+
+
+def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
+    """State at a prescribed load factor next to another one, or `SolverError`."""
+    bound = task.case.problem.bound(np.maximum(start.pressure, 0.0))
+    solution, history = _iterated(task, _interior_point(task, load_factor), start, bound)
+    if not history.converged:
+        raise SolverError("the fixed point on the friction bound does not converge")
+    return solution.state
+
+
+def _interior_point(task: Task, load_factor: float | None = None) -> GivenFriction:
+    """States with given friction, under the work of the task or a load factor."""
+
+    def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
+        work = task.work if load_factor is None else start.work
+        kkt = task.case.given(bound, work, task.scales, load_factor)
+        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
+
+    return solve
+
+
+def _iterated(
+    task: Task,
+    solve: GivenFriction,
+    start: State,
+    bound: Array,
+    options: FixedPointOptions = coulomb.OPTIONS,
+    more: Callable[[], int] = lambda: 0,
+) -> Answer:
+    """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
+    case = task.case
+
+    def count() -> int:
+        return case.discretization.factorizations() + more()
+
+    told = case.monitor, count, options
+    return FixedPoint(case.problem, solve, task.tolerance, *told).run(start, bound)
+
+
+def joint_forces(task: Task, minimise: Minimiser) -> Answer:
+    """State by the fixed point on the friction bound, states with given friction by joint forces.
+
+    Each digit of theirs costs sweeps: they are exact to first order in the change of the bound.
+    `minimise` goes over normal and shear forces `alternately` or `at_once`.
+    """
+    case = task.case
+    rows = task.case.discretization.operators
+    points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
+    options = FixedPointOptions(precision=1e-2, order=1.0, loosest=0.1, tightest=1e-9)
+    with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
+
+        def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
+            if not case.problem.coulomb:
+                tolerance = options.tightest
+            found = solver.solve(bound, task.work, start, task.scales, tolerance)
+            return Solution(*found, 1)
+
+        start = case.bonded_state(task.work)
+        bound = case.problem.bound(case.first_pressure)
+        solution, history = _iterated(
+            task, solve, start, bound, options, lambda: solver.factorizations
+        )
+        return solution, replace(history, splitting=solver.history)
+
+
+# ---- the list
+
+
+def name_of(attempt: Attempt) -> str:
+    """Name of an attempt: that of its function, in words."""
+    name: str = getattr(attempt, "func", attempt).__name__
+    return name.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class WorkOptions:
+    """How the work grows.
+
+    Attributes:
+        first: First work, in units of that on the bonded structure.
+        first_of_many: The same per square of the number of blocks, if that is more: large walls
+            are still far from their plateau.
+        growth: Factor from one work to the next.
+        largest: Largest work, in units of the first.
+        missing: Works in a row without a state after which none is looked for.
+        gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
+            load factor still changes by 10 to 40 times as much.
+        change: Of the load factor of one state with more work, at most, in units of its gap.
+        unlimited: A load factor that grows like this power of the work is not limited.
+        on_line: Nor is one of this part of that under the live load alone, at the same work: limit
+            loads are far below it, as works are many times that on the bonded structure.
+        attempt: Cost of one attempt at most, in units of one factorisation of the structure.
+        cost: That of all states of one collapse.
+        exact: Tolerance on the load factor for which the first work is large enough.
+    """
+
+    first: float = 300.0
+    first_of_many: float = 0.2
+    growth: float = 10.0
+    largest: float = 1e10
+    missing: int = 4
+    gap: float = 2.5e-2
+    change: float = 100.0
+    unlimited: float = 0.9
+    on_line: float = 0.5
+    attempt: float = 300.0
+    cost: float = 500.0
+    exact: float = 1e-6
+
+    def begin(self, blocks: int, tolerance: float) -> float:
+        """First work for so many blocks, in units of that on the bonded structure.
+
+        The plateau is the nearer the larger the work, and the longer the path. Beside `exact`, a
+        looser tolerance asks for less of both.
+        """
+        part = min(1.0, (self.exact / tolerance) ** 0.5)
+        return max(self.first, self.first_of_many * blocks**2 * part)
+
+
+#: Iterations on the bound, which a user may ask for, take some 10 states with given friction.
+ITERATED = WorkOptions(attempt=1500.0, cost=3000.0)
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How states of one kind of scene are found.
+
+    Attributes:
+        attempts: States at a prescribed work: what is tried, in order.
+        kind: Of factorisation, see `JointStiffness`.
+        further: State from one at less work, tried first where there is one; None: nothing.
+        once: What is tried after the attempts, at the first work where they find nothing.
+        equilibrium: State at a prescribed load factor, next to another one.
+        work: How the work grows.
+    """
+
+    attempts: tuple[Attempt, ...]
+    kind: str
+    further: Attempt | None = None
+    once: tuple[Attempt, ...] = ()
+    equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
+    work: WorkOptions = WorkOptions()
+
+
+#: Methods on joint forces, the same with Coulomb and with given friction.
+JOINT_FORCES: dict[str, Strategy] = {
+    name: Strategy(
+        (partial(joint_forces, minimise=minimise),),
+        SYMMETRIC,
+        equilibrium=fixed_point_equilibrium,
+        # States far along the mode take many steps.
+        work=replace(ITERATED, first=100.0, first_of_many=0.0, gap=1.0),
+    )
+    for name, minimise in (("splitting", alternately), ("active-set", at_once))
+}
+
+#: By method: with Coulomb friction, where the bound on friction depends on the pressure.
+COULOMB: dict[str, Strategy] = {
+    "auto": Strategy(
+        (along_block_modes,),
+        GENERAL,
+        further_along_rising_work,
+        once=(through_lower_friction, along_falling_products, interior_point),
+    ),
+    "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
+    "fixed-point": Strategy(
+        (fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium, work=ITERATED
+    ),
+    **JOINT_FORCES,
+}
+
+#: With given friction, or none, the problem is convex and the interior point method finds it.
+GIVEN = Strategy((interior_point,), SYMMETRIC)
+
+
+def strategy_of(scene: Scene) -> Strategy:
+    """How states of a scene are found."""
+    laws = [*scene.joints.values(), *scene.foundations.values()]
+    if any(law.friction for law in laws):
+        return COULOMB[scene.solve.method]
+    return JOINT_FORCES.get(scene.solve.method, GIVEN)

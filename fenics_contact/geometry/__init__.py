@@ -1,0 +1,1 @@
+"""Blocks as meshes: drawings, builders, gmsh files, refinement."""

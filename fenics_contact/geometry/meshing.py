@@ -1,0 +1,529 @@
+"""gmsh builders: walls in courses, arches, and blocks given by their corners.
+
+Every builder returns `gmsh.model`, meshed; it replaces an earlier model of the same name, so that
+drawing many does not fill the memory. Arguments in common: `size`, the largest length of an element
+along the sides, m, and `quadrilaterals`, for quadrilateral cells in place of triangles. Builders
+raise `InputError` for sizes or numbers that are not positive.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.mesh import Array, Flags, Indices, extract, gmsh_session
+from fenics_contact.geometry.planar_cells import connected, sides_of
+
+Segments = Mapping[str, Sequence[npt.ArrayLike]]
+Polygons = list[Array]
+
+#: Corners closer than this, relative to the size of the drawing, are the same point: drawings come
+#: with six or more digits.
+COINCIDENT = 1e-6
+
+
+def model_from_arrays(
+    points: npt.ArrayLike,
+    cells: Mapping[str, npt.ArrayLike],
+    facets: Mapping[str, npt.ArrayLike],
+    name: str = "blocks",
+) -> Any:
+    """Make a gmsh model with named physical groups out of arrays.
+
+    Args:
+        points: Coordinates, shape (points, 2).
+        cells: Nodes of the cells by group name, each of shape (cells, 3) or (cells, 4).
+        facets: Nodes of facets by group name, each of shape (facets, 2).
+        name: Name of the model.
+    """
+    coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
+    with gmsh_session() as gmsh:
+        model = _new_model(gmsh, name)
+        first = 1
+        for dim, groups in ((2, cells), (1, facets)):
+            for group, members in groups.items():
+                table = np.asarray(members, dtype=np.int64)
+                if not table.size:
+                    continue
+                entity = model.addDiscreteEntity(dim)
+                if first == 1:  # all nodes are classified on the first entity
+                    model.mesh.addNodes(dim, entity, [], coordinates.ravel())
+                kind = table.shape[1] - 1  # gmsh's number of a line, triangle, quadrilateral
+                tags = np.arange(first, first + len(table))
+                first += len(table)
+                model.mesh.addElementsByType(entity, kind, tags, table.ravel() + 1)
+                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        return model
+
+
+def _new_model(gmsh: Any, name: str) -> Any:
+    """An empty model in place of those of the same name."""
+    while name in gmsh.model.list():
+        gmsh.model.setCurrent(name)
+        gmsh.model.remove()
+    gmsh.model.add(name)
+    return gmsh.model
+
+
+def wall(
+    courses: Sequence[Sequence[float]],
+    block: tuple[float, float] = (0.4, 0.175),
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a wall laid in courses.
+
+    The groups are "blocks" (all cells) and, of facets, "base", "top", "left", "right" (outline),
+    "bed" and "head" (both sides of horizontal and vertical joints), "opening" (other free edges).
+
+    Args:
+        courses: Block lengths of every course in units of the block, bottom first; a negative
+            number is a void of that length.
+        block: Length and height of one block, m.
+        elements: Number of elements along half a block.
+        quadrilaterals: In place of triangles.
+    """
+    length, height = block
+    if length <= 0.0 or height <= 0.0 or elements < 1:
+        raise InputError("wall: block sizes and elements must be positive")
+    ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
+    if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
+        raise InputError("wall: every course needs lengths other than zero")
+    rectangles = _rectangles(courses, ends, block)
+    step = 0.5 * length / elements
+    on_grid = np.concatenate(ends) * 2.0 * elements
+    if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
+        steps = (step, height / max(1, round(height / step)))
+        divide = _quadrilaterals if quadrilaterals else _triangles
+        points, cells = _grid_wall(rectangles, steps, divide)
+    else:
+        outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
+        free = polygons(outlines, step, quadrilaterals=quadrilaterals)
+        mesh = extract(free, "the wall")
+        free.remove()
+        points = mesh.points
+        cells = mesh.cells
+    return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
+
+
+def _rectangles(
+    courses: Sequence[Sequence[float]], ends: Sequence[Array], block: tuple[float, float]
+) -> list[tuple[float, float, float, float]]:
+    """Corners (x0, y0, x1, y1) of the blocks of a wall, m."""
+    length, height = block
+    rectangles = [
+        (left * length, level * height, right * length, (level + 1) * height)
+        for level, (row, course) in enumerate(zip(ends, courses, strict=True))
+        for left, right, size in zip(row[:-1], row[1:], course, strict=True)
+        if size > 0.0
+    ]
+    if not rectangles:
+        raise InputError("wall: there is no block, all lengths are negative")
+    return rectangles
+
+
+def running_bond(
+    bricks: int,
+    courses: int,
+    block: tuple[float, float] = (0.4, 0.2),
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a `wall` in running bond with half bricks at the ends of every second course.
+
+    The wall is `bricks` long and `courses` high; the other arguments are those of `wall`.
+    """
+    if bricks < 1 or courses < 1:
+        raise InputError("running_bond: give at least one brick and one course")
+    rows = ([1.0] * bricks, [0.5] + [1.0] * (bricks - 1) + [0.5])
+    return wall([rows[level % 2] for level in range(courses)], block, elements, quadrilaterals)
+
+
+def _grid_wall(
+    rectangles: Sequence[tuple[float, float, float, float]],
+    steps: tuple[float, float],
+    divide: Callable[[Indices], Indices],
+) -> tuple[Array, Indices]:
+    """Points and cells of rectangles (x0, y0, x1, y1) on one grid."""
+    points: list[Array] = []
+    cells = []
+    count = 0
+    for x0, y0, x1, y1 in rectangles:
+        nx = round((x1 - x0) / steps[0])
+        ny = round((y1 - y0) / steps[1])
+        x, y = np.meshgrid(np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1))
+        points.append(np.column_stack([x.ravel(), y.ravel()]))
+        cells.append(divide(count + np.arange(x.size).reshape(x.shape)))
+        count += x.size
+    return np.concatenate(points), np.concatenate(cells)
+
+
+def _quadrilaterals(grid: Indices) -> Indices:
+    """Cells of a grid of nodes, anticlockwise from the lower left, shape (cells, 4)."""
+    corners = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
+    return np.stack(corners, axis=2).reshape(-1, 4)
+
+
+def _triangles(grid: Indices) -> Indices:
+    """Triangles of a grid of nodes; diagonals alternate so that no side is preferred."""
+    row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))
+    rising = ((row + column) % 2 == 0).reshape(-1, 1)
+    pairs = np.where(rising, [0, 1, 2, 0, 2, 3], [0, 1, 3, 1, 2, 3])
+    return np.take_along_axis(_quadrilaterals(grid), pairs, axis=1).reshape(-1, 3)
+
+
+def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
+    """Sort the blocks' facets into joints (two coincide) and the outline of the wall."""
+    from scipy.spatial import cKDTree
+
+    facets = np.sort(sides_of(cells), axis=1)
+    facets, count = np.unique(facets, axis=0, return_counts=True)
+    facets = facets[count == 1]  # of one cell only: blocks share no nodes
+    ends = points[facets]
+    middle = ends.mean(axis=1)
+    near = 1e-6 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()
+    joint = np.zeros(len(facets), dtype=bool)
+    joint[cKDTree(middle).query_pairs(near, output_type="ndarray").ravel()] = True
+    level = np.abs(ends[:, 1, 1] - ends[:, 0, 1]) <= near
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    (left, base), (right, top) = (middle <= low + near).T, (middle >= high - near).T
+    masks = {"bed": joint & level, "head": joint & ~level}
+    masks |= {"base": ~joint & level & base, "top": ~joint & level & top}
+    masks |= {"left": ~joint & ~level & left, "right": ~joint & ~level & right}
+    masks["opening"] = ~np.any(list(masks.values()), axis=0)
+    return {name: facets[mask] for name, mask in masks.items()}
+
+
+def polygons(
+    outlines: Sequence[npt.ArrayLike],
+    size: float | Sequence[float] | None = None,
+    names: Sequence[str] | None = None,
+    groups: Segments | None = None,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh straight-sided blocks given by their corners.
+
+    Where a corner of one block lies on the side of another (a T-joint) that side gets a node
+    there, and shared stretches are divided alike, so that facets on both sides coincide. With a
+    size for every block they are meshed one by one, and nodes of joints do not match. Corners
+    within `COINCIDENT` of each other become one. Sides are also divided at the ends of segments.
+
+    Args:
+        outlines: Corners of every block in order, either way round, each of shape (corners, 2), m.
+        size: Of elements, one for all or one for every block; by default a quarter of the side of
+            a square of the blocks' mean area.
+        names: Two-dimensional group of every block; by default "blocks" for all.
+        groups: Segments ((x0, y0), (x1, y1)) by name of the group of all sides that lie on them; by
+            default, "base" is what lies at the lowest level of the drawing.
+        quadrilaterals: In place of triangles.
+
+    Raises:
+        InputError: If a block has fewer than three corners or no area, crosses itself, or a group
+            has no side.
+    """
+    blocks = _checked(outlines, size, names)
+    names = ["blocks"] * len(blocks) if names is None else names
+    groups = lowest_level(blocks) if groups is None else groups
+    sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
+    divided, near = divided_outlines(blocks, groups)
+    if isinstance(size, Sequence):  # every block without the corners of others
+        divided = [divided_outlines([block], {})[0][0] for block in blocks]
+    # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
+    halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
+    with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
+        model = _new_model(gmsh, "polygons")
+        _draw(model, divided, names, groups, sizes, near)
+        model.mesh.generate(2)
+    return model
+
+
+def _checked(
+    outlines: Sequence[npt.ArrayLike],
+    size: float | Sequence[float] | None,
+    names: Sequence[str] | None,
+) -> list[Array]:
+    """Corners of every block, or `InputError`; arguments as those of `polygons`."""
+    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
+    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
+        raise InputError("polygons: give at least one block, and a positive size")
+    for number, problem in enumerate(map(outline_problem, blocks)):
+        if problem:
+            raise InputError(f"polygons: block {number} {problem}")
+    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
+        if given is not None and len(given) != len(blocks):
+            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
+    return blocks
+
+
+def _draw(
+    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, sizes: Array, near: float
+) -> None:
+    """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
+    geo = model.geo
+    surfaces: dict[str, list[int]] = {name: [] for name in names}
+    on_group: dict[str, list[int]] = {name: [] for name in groups}
+    for block, block_name, size in zip(blocks, names, sizes, strict=True):
+        points = [geo.addPoint(x, y, 0.0) for x, y in block]
+        ends = np.roll(block, -1, axis=0)
+        lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
+        for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):
+            # Both blocks of a joint must come to the same number, whatever their rounding.
+            geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
+        surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
+        for name, segments in groups.items():
+            on_group[name] += np.array(lines)[sides_on(block, segments, near)].tolist()
+    geo.synchronize()
+    for dim, members in ((2, surfaces), (1, on_group)):
+        for name, tags in members.items():
+            if not tags:
+                raise InputError(f"polygons: no side of a block lies on group '{name}'")
+            model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
+
+
+def default_size(blocks: Polygons) -> float:
+    """A quarter of the side of a square of the blocks' mean area, m."""
+    return 0.25 * float(np.sqrt(np.mean([abs(_area(block)) for block in blocks])))
+
+
+def lowest_level(blocks: Polygons) -> Segments:
+    """The group "base" as a segment along the lowest level of blocks."""
+    corners = np.concatenate(blocks)
+    low = corners.min(axis=0)
+    high = corners.max(axis=0)
+    return {"base": [(low, (high[0], low[1]))]}
+
+
+def outline_problem(corners: Array) -> str:
+    """What keeps corners from being the outline of a block; empty if nothing does."""
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+        return "needs at least three corners (x, y)"
+    if not np.all(np.isfinite(corners)):
+        return "has a corner that is not finite"
+    if abs(_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+        return "has no area; check its corners"
+    crossing = _crossing(corners)
+    return "" if crossing is None else "crosses itself at ({:g}, {:g})".format(*crossing)
+
+
+def _crossing(corners: Array) -> Array | None:
+    """Where two sides of an outline meet that are not neighbours, or a side turns back."""
+    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
+    start = corners
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.linalg.norm(along, axis=1)
+    start = start[length > near]
+    along = along[length > near]
+    count = len(start)
+    one, two = np.triu_indices(count, 1)
+    following = (two == one + 1) | ((one == 0) & (two == count - 1))
+    first, second = np.where((one == 0) & (two == count - 1), (two, one), (one, two))
+    turn = _cross(along[first], along[second])
+    cosine = np.sum(along[first] * along[second], axis=1)
+    back = following & (np.abs(turn) <= COINCIDENT * np.abs(cosine)) & (cosine < 0.0)
+    if np.any(back):
+        return start[second[back][0]]
+    one = one[~following]
+    two = two[~following]
+    between = start[two] - start[one]
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel sides have no crossing
+        turn = _cross(along[one], along[two])
+        at = np.stack([_cross(between, along[k]) / turn for k in (two, one)])
+    slack = near / np.stack([np.linalg.norm(along[k], axis=1) for k in (one, two)])
+    meet = np.flatnonzero(np.all((at >= -slack) & (at <= 1.0 + slack), axis=0))[:1]
+    points = start[one[meet]] + at[0, meet, None] * along[one[meet]]
+    return points[0] if len(meet) else None
+
+
+def _cross(first: Array, second: Array) -> Array:
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+
+
+def _area(corners: Array) -> float:
+    """Area of a polygon, negative if its corners run clockwise."""
+    x, y = (corners - corners[0]).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
+    """Which points lie on a segment, its ends included."""
+    start, end = np.asarray(segment, dtype=float)
+    if np.all(start == end):
+        return np.zeros(len(points), dtype=bool)
+    x, y = (end - start) / np.linalg.norm(end - start)
+    along, across = ((points - start) @ np.array([[x, -y], [y, x]])).T
+    return (np.abs(across) <= near) & (along >= -near) & (along <= np.hypot(*(end - start)) + near)
+
+
+def sides_on(outline: Array, segments: Sequence[npt.ArrayLike], near: float) -> Flags:
+    """Which sides of an outline, by their first corner, lie on segments."""
+    sides = np.zeros(len(outline), dtype=bool)
+    for segment in segments:
+        on = _on_segment(outline, segment, near)
+        sides |= on & np.roll(on, -1)
+    return sides
+
+
+def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, float]:
+    """Outlines anticlockwise, with a corner wherever another block or a segment ends on a side.
+
+    Corners within the distance `near`, m, which is returned too, are moved onto each other.
+    """
+    ends = [np.reshape(segment, (2, 2)) for some in groups.values() for segment in some]
+    corners = np.concatenate(outlines)
+    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
+    corners = _snapped(np.concatenate([corners, *ends]), near)
+    blocks = []
+    for part in np.split(corners, np.cumsum([len(outline) for outline in outlines]))[:-1]:
+        block = part[np.linalg.norm(part - np.roll(part, 1, axis=0), axis=1) > near]
+        if len(block) < 3:
+            raise InputError(
+                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) is too small to be drawn"
+            )
+        block = block if _area(block) > 0.0 else block[::-1]
+        blocks.append(_with_t_joints(block, corners, near))
+    return blocks, near
+
+
+def _snapped(points: Array, near: float) -> Array:
+    """Points, of which those that are near each other have the place of the first of them."""
+    from scipy.spatial import cKDTree
+
+    label = connected(cKDTree(points).query_pairs(near, output_type="ndarray"), len(points))
+    _, first = np.unique(label, return_index=True)
+    return points[first[label]]
+
+
+def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
+    """An outline with the corners of all blocks that lie on its sides inserted."""
+    low = outline.min(axis=0) - near
+    high = outline.max(axis=0) + near
+    corners = corners[np.all((corners >= low) & (corners <= high), axis=1)]
+    pieces = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        length = np.linalg.norm(end - start)
+        on_side = corners[_on_segment(corners, (start, end), near)]
+        along = (on_side - start) @ (end - start) / length
+        order = np.argsort(along)
+        on_side = on_side[order]
+        along = along[order]
+        inside = (along > near) & (along < length - near)
+        inside &= np.diff(along, prepend=-np.inf) > near
+        pieces += [start[None], on_side[inside]]
+    return np.concatenate(pieces)
+
+
+def arch(
+    voussoirs: int,
+    thickness: float,
+    radius: float = 1.0,
+    embrace: float = 180.0,
+    elements: int = 2,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh an arch of equal voussoirs with straight sides and radial joints.
+
+    The corners lie at radius -+ thickness / 2. The groups are "blocks", and of facets "springings"
+    (both ends, to stand on rigid ground), "extrados" and "intrados".
+
+    Args:
+        voussoirs: Number of blocks.
+        thickness: Of the ring, m.
+        radius: Of the middle of the ring, m.
+        embrace: Angle between the springings, degrees, at most 360.
+        elements: Number of elements through the thickness.
+        quadrilaterals: In place of triangles.
+
+    Raises:
+        InputError: If the thickness reaches the centre.
+    """
+    if voussoirs < 1 or elements < 1 or not 0.0 < embrace <= 360.0:
+        raise InputError("arch: voussoirs, elements and embrace must be positive")
+    if not 0.0 < thickness < 2.0 * radius:
+        raise InputError("arch: the thickness must lie between 0 and twice the radius")
+    half = 0.5 * np.radians(embrace)
+    angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
+    ray = np.column_stack([np.cos(angles), np.sin(angles)])
+    inner = (radius - 0.5 * thickness) * ray
+    outer = (radius + 0.5 * thickness) * ray
+    groups = {
+        "springings": [(inner[0], outer[0]), (inner[-1], outer[-1])],
+        "intrados": list(itertools.pairwise(inner)),
+        "extrados": list(itertools.pairwise(outer)),
+    }
+    blocks = blocks_between(inner, outer)
+    return polygons(blocks, thickness / elements, None, groups, quadrilaterals)
+
+
+def blocks_between(low: Array, high: Array) -> Polygons:
+    """Blocks in a row between two lines, each of shape (blocks + 1, 2): four corners of each."""
+    return list(np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
+
+
+def wedge(
+    half_angle: float,
+    height: float = 0.5,
+    length: float = 3.0,
+    size: float = 0.25,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a symmetric wedge, tip down, between two blocks that stand on the ground.
+
+    The groups are "blocks" and "wedge", and of facets "base" (under the blocks), "top" (of the
+    wedge) and "flanks" (both sides of the joints).
+
+    `half_angle` is half the angle at the tip, degrees, `height` that of wedge and blocks, m, and
+    `length` that of a block along the ground, m, at least half the width of the wedge.
+    """
+    half = height * np.tan(np.radians(half_angle)) if 0.0 < half_angle < 90.0 else np.inf
+    if height <= 0.0 or not 0.0 < half < length:
+        raise InputError("wedge: the sizes must be positive and the wedge narrower than the blocks")
+    left = (-half, height)
+    right = (half, height)
+    tip = (0.0, 0.0)
+    start = (-length, 0.0)
+    end = (length, 0.0)
+    blocks = [[start, tip, left, (-length, height)], [tip, end, (length, height), right]]
+    blocks.append([tip, right, left])
+    flanks = [(tip, left), (tip, right)]
+    groups = {"base": [(start, end)], "top": [(left, right)], "flanks": flanks}
+    return polygons(blocks, size, ["blocks", "blocks", "wedge"], groups, quadrilaterals)
+
+
+def buttress(
+    courses: int,
+    wall_width: float = 1.0,
+    foot: float = 1.0,
+    height: float = 0.5,
+    size: float = 0.25,
+    quadrilaterals: bool = False,
+) -> Any:
+    """Mesh a wall in courses with a buttress of raking courses that leans on it.
+
+    The buttress is a triangle on the right of the wall, cut by level joints. The groups are "wall"
+    and "buttress", and of facets "base", "left" (the wall's free face) and "back" (both sides of
+    the joint between wall and buttress).
+
+    There are `courses` of either, each `height` high; `wall_width` and `foot` are the widths of the
+    wall and of the buttress at the ground, m.
+    """
+    if courses < 1 or min(wall_width, foot, height) <= 0.0:
+        raise InputError("buttress: courses and sizes must be positive")
+    total = courses * height
+    blocks: list[list[tuple[float, float]]] = []
+    for low, high in itertools.pairwise(height * np.arange(courses + 1)):
+        blocks.append([(0.0, low), (wall_width, low), (wall_width, high), (0.0, high)])
+        right, above = (wall_width + foot * (1.0 - level / total) for level in (low, high))
+        corners = [(wall_width, low), (right, low), (above, high), (wall_width, high)]
+        blocks.append(corners if high < total else corners[:3])  # the last one is a triangle
+    groups = {
+        "base": [((0.0, 0.0), (wall_width + foot, 0.0))],
+        "left": [((0.0, 0.0), (0.0, total))],
+        "back": [((wall_width, 0.0), (wall_width, total))],
+    }
+    return polygons(blocks, size, ["wall", "buttress"] * courses, groups, quadrilaterals)

@@ -1,0 +1,1 @@
+"""What a load factor owes to the mesh: hinges, the degree of displacements, refinement."""

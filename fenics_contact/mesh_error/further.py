@@ -1,0 +1,151 @@
+"""What is said of a collapse beside its load factor: peak, lower states, error by the mesh.
+
+Each has a hard limit on its cost, in units of that of the collapse. Where a run is stopped, what
+was found before stays, and the rest is not known.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_control import raised_path
+from fenics_contact.collapse.lowest import second_opinion
+from fenics_contact.collapse.peak import (
+    ABOVE,
+    NOT_ASKED,
+    TOO_DEAR,
+    Above,
+    Limits,
+    find_peak,
+    peak_of,
+)
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.mesh_error.hinges import with_mesh_error
+from fenics_contact.results.history import Lowest, Peak
+from fenics_contact.results.mesh_error import MeshError
+from fenics_contact.results.result import Collapse
+from fenics_contact.scene.scene import SolveOptions
+
+_log = logging.getLogger("fenics_contact")
+
+Addition = Callable[[LoadCase, Collapse, float], Collapse]
+
+#: Why something is not known.
+NOT_REACHED = "a load that rises step by step does not reach the collapse"
+FAST = "solve.fast = true leaves it out"
+
+
+def additions(options: SolveOptions) -> dict[str, tuple[str, Addition]]:
+    """What is added to a collapse: by name, in words, and how.
+
+    Each takes the load case, its collapse, and the cost of the collapse in units of one
+    factorisation of the structure.
+    """
+    wanted: dict[str, tuple[str, Addition]] = {"peak": ("peak of the loading path", with_peak)}
+    if options.lowest is not False and not options.fast:
+        wanted["lowest"] = "second opinion on the collapse", with_lowest
+    if options.error is not False and not options.fast:
+        wanted["error"] = "estimate of the error", with_error
+    return wanted
+
+
+def with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool = False) -> Collapse:
+    """A collapse with the peak of the path to it; as far as it takes if it was asked for."""
+    if end.status != "limit" or end.state is None or not case.problem.coulomb:
+        return end
+    above = Above(end.load_factor, end.size, end.state.work)
+    return replace(end, peak=_peak(case, end, above, cost, asked))
+
+
+def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool) -> Peak:
+    """The peak of the path to a collapse, or why it is not known."""
+    options = case.discretization.scene.solve
+    asked = asked or bool(options.peak)
+    if end.crushed_ends is not None:
+        return Peak("not_known", reason="on the way joints crush in other places than at the end")
+    if end.path is not None:
+        return peak_of(end.path, above)
+    if not asked and (options.fast or options.peak is False):
+        return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
+    limits = Limits.of(cost, asked, case.block_count)
+    way = case.record.rise_on_modes
+    case = case.unrecorded
+    try:
+        found = find_peak(case, above, options.tolerance, limits, way)
+        if asked and found.status != "found":
+            return _raised(case, above, found, limits)
+        return found
+    except Stopped as stop:
+        return Peak("not_known", reason=str(stop))
+
+
+def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:
+    """The peak of a load that rises step by step, where another search has not found one.
+
+    The block modes that it follows do not have every peak of the structure. This costs hundreds of
+    factorisations.
+    """
+    scene = case.discretization.scene
+    with case.discretization.effort.at_most(limits.found):
+        try:
+            path = raised_path(case, strategy_of(scene), scene.solve)
+        except SolverError as error:
+            return replace(before, status="not_known", reason=str(error))
+    found = peak_of(path, above)
+    if found.status == "none" and not above(path.upper) <= ABOVE:
+        return Peak("not_known", reason=TOO_DEAR)  # more may be carried
+    if found.status == "none" and above(path.lower) < -ABOVE:
+        return Peak("not_known", reason=NOT_REACHED)
+    return found
+
+
+def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with a second opinion on it, where several collapse states may exist."""
+    options = case.discretization.scene.solve
+    coulomb = case.problem.coulomb
+    mode = end.mode
+    if end.crushed_ends is not None:
+        reason = "in other states joints crush in other places"
+        return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
+    if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
+        return end
+    if end.path is not None:
+        reason = "lower states are not looked for where the load is raised step by step"
+        return replace(end, lowest=Lowest("not_known", reason=reason))
+    if case.problem.dot(case.problem.live, mode) < 0.0:  # the dead load does the work
+        return with_lowest(case.reversed(), end.reversed(), cost).reversed()
+    try:
+        return second_opinion(case, end, options.tolerance, cost)
+    except Stopped as stop:
+        return replace(end, lowest=Lowest("not_known", reason=str(stop)))
+
+
+def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with the estimate of its discretisation error, if its load case led to it."""
+    if end.status != "limit" or end.mode is None:
+        return end
+    try:
+        return _with_estimate(case.unrecorded, end)
+    except Stopped as stop:
+        unknown = MeshError(math.nan, math.nan, math.nan, unknown=str(stop))
+        return replace(end, mesh_error=unknown)
+
+
+def _with_estimate(case: LoadCase, end: Collapse) -> Collapse:
+    """A limit load with the estimate of its discretisation error."""
+    scene = case.discretization.scene
+    if end.path is not None and scene.solve.slip == "load-steps":
+        _log.info("no error estimate: slip is measured from the step before")
+        return end
+    tolerance = scene.solve.tolerance
+    live = case.problem.live
+    mode = end.mode
+    if mode is not None and case.problem.dot(live, mode) < 0.0:  # the dead load does the work
+        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
+        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
+    return with_mesh_error(case, end, tolerance)

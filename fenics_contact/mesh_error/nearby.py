@@ -1,0 +1,228 @@
+"""Collapse states next to another one, on a structure that differs a little.
+
+What differs is the compliance of hinges (`hinge_nodes`), or the degree of the displacements
+(`other_degree`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.strategy import (
+    Attempt,
+    Strategy,
+    WarmStart,
+    WorkOptions,
+    along_block_modes,
+    next_to,
+)
+from fenics_contact.collapse.work_control import find_collapse
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.errors import SolverError
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.mesh_error.hinge_nodes import HingeNodes
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.result import Collapse
+from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
+from fenics_contact.solvers.joint_stiffness import GENERAL
+from fenics_contact.solvers.kkt import COLD, Residual
+from fenics_contact.solvers.problem import Owner
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class NearbyOptions:
+    """Numbers of the search for a state next to another one.
+
+    Attributes:
+        near: Where the interior point method starts, how exact its states are, and when it stops:
+            it succeeds soon or not at all.
+        work: How the work grows: where no state is near, none is looked for.
+        more_work: The first work grows by this for each halving: hinges store elastic energy.
+        from_afar: The same from the bonded structure: paths to less work are shorter.
+        tolerance: On the load factor, relative.
+        same_mode: Cosine of the angle between two modes that are those of one collapse state.
+        rate: Products with which a state changes with its hinges, in units of force times
+            displacement.
+    """
+
+    near: WarmStart = field(
+        default_factory=lambda: WarmStart(
+            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
+        )
+    )
+    work: WorkOptions = field(
+        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
+    )
+    more_work: float = 1.0
+    from_afar: float = 0.1
+    tolerance: float = 1e-6
+    same_mode: float = 0.9999
+    rate: float = 1e-10
+
+
+OPTIONS = NearbyOptions()
+
+#: What is tried from a collapse on a structure that differs from its own.
+Start = Callable[[Collapse], Attempt]
+
+
+def near(last: Collapse) -> Attempt:
+    """The interior point method from the collapse."""
+    if last.state is None:
+        raise SolverError("no state to start from")
+    return next_to(last.state, last.mode, OPTIONS.near)
+
+
+def from_afar(_: Collapse) -> Attempt:
+    """The ordinary way from the bonded structure."""
+    return along_block_modes
+
+
+@dataclass(frozen=True)
+class Softened:
+    """Hinges with the compliance of so many halvings of their elements.
+
+    Attributes:
+        points: Joint points.
+        halvings: m of all of them, or of each.
+    """
+
+    points: Indices
+    halvings: Array | float = 0.0
+
+    @classmethod
+    def nowhere(cls) -> Softened:
+        """No hinge."""
+        return cls(np.empty(0, dtype=np.int64))
+
+    @property
+    def most(self) -> float:
+        """The largest number of halvings."""
+        return float(np.max(self.halvings, initial=0.0)) if len(self.points) else 0.0
+
+
+@contextmanager
+def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
+    """A load case with more compliant hinges, that tells nobody how its solves go."""
+    silent = replace(case, monitor=lambda step: None)
+    if not soft.most > 0.0:
+        yield silent
+        return
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with Owner() as owner:
+        problem = hinge_nodes.soften(case.problem, halvings, owner)
+        stiffness = owner.enter_context(
+            case.discretization.stiffness_with(problem.stiffness, GENERAL)
+        )
+        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+
+
+def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
+    """A collapse with compliant hinges, with the displacements of the blocks' meshes.
+
+    Those of the state found are of the joints' side of the hinges: beside a node with the
+    compliance of many halvings they would give stresses that no block has.
+    """
+    if end.state is None:
+        return end
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    forces = case.problem.joint_forces(end.state.pressure, end.state.shear)
+    give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
+    u = end.state.displacement - give
+    elastic = end.state.elastic - case.problem.elastic_part(give)
+    return replace(end, state=replace(end.state, displacement=u, elastic=elastic))
+
+
+def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]:
+    """Nodes at hinges, and the halvings of each."""
+    nodes = whole.joints.nodes[soft.points]
+    used = nodes != GROUND
+    each = np.broadcast_to(soft.halvings, len(nodes))[:, None] * np.ones(nodes.shape)
+    hinge_nodes = HingeNodes.of(whole, nodes[used])
+    halvings = np.zeros(len(hinge_nodes.nodes))
+    np.maximum.at(halvings, np.searchsorted(hinge_nodes.nodes, nodes[used]), each[used])
+    return hinge_nodes, halvings
+
+
+def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+    """The verified collapse next to another one, with the compliance of hinges."""
+    with softened(case, soft) as softer:
+        return _next_to(softer, last, soft, start)
+
+
+def collapse_and_rate(
+    case: LoadCase, last: Collapse, soft: Softened, start: Start
+) -> tuple[Collapse, float]:
+    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there; nan if not known."""
+    with softened(case, soft) as softer:
+        found = _next_to(softer, last, soft, start)
+        if found.status != "limit":
+            return found, np.nan
+        try:
+            return found, _rate(case, softer, found, soft)
+        except SolverError as error:
+            _log.info("  no rate: %s", error)
+            return found, np.nan
+
+
+def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+    """The verified collapse next to another one, in a case with more compliant hinges."""
+    more = OPTIONS.more_work if start is near else OPTIONS.from_afar
+    first = OPTIONS.work.first * (1.0 + more * soft.most)
+    work = replace(OPTIONS.work, first=max(last.work_ratio, first))
+    found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)
+    text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
+    degree = softer.discretization.scene.degree
+    name = start.__name__
+    _log.info(text, soft.most, degree, name, found.status, found.load_factor)
+    return found
+
+
+def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> float:
+    """d(lambda)/dm of a collapse for m halvings of the elements at all its hinges.
+
+    One halving more indents the nodes of hinges by C f, f the joint forces on them. That opens and
+    shifts joints by B_N C f and B_T C f: a residual of the conditions, which Newton's equations at
+    the state take away. They are those of a state along the mode: at the onset a joint is about to
+    close, or to stick.
+
+    Raises:
+        SolverError: If the equations are singular.
+    """
+    state = found.state
+    mode = found.mode
+    problem = softer.problem
+    if state is None or mode is None:
+        return np.nan
+    hinge_nodes, _ = _nodes_of(case.discretization, soft)
+    forces = case.problem.joint_forces(state.pressure, state.shear)
+    give = hinge_nodes.indentation(forces, 1.0, problem.stiffness.first_row // 2)
+    work = found.work_ratio * softer.bonded_work
+    u = state.displacement + (work - state.work) * mode
+    along = problem.state(u, state.load_factor, state.pressure, state.shear)
+    kkt = softer.coulomb(work, softer.scales_at(work, abs(state.load_factor)))
+    linear = kkt.linearize(kkt.on_central_path(along, OPTIONS.rate, COLD))
+    moved = -(problem.normal @ give), -(problem.tangential @ give)
+    residual = Residual(np.zeros_like(u), *moved, 0.0)
+    (change,) = linear.directions([(residual, np.zeros((3, len(moved[0]))))])
+    return change.load_factor
+
+
+def same_mode(one: Array, other: Array) -> bool:
+    """Whether the joints of two collapse states move alike, by their rates."""
+    cosine = float(np.sum(one * other)) / (np.linalg.norm(one) * np.linalg.norm(other))
+    return bool(cosine > OPTIONS.same_mode)
+
+
+def rates(values: JointValues) -> Array:
+    """Opening and slip rates of all joint points, shape (2, points)."""
+    return np.stack([values.opening_rate, values.slip_rate])

@@ -1,0 +1,228 @@
+"""Records of how a collapse was found: iterations, load paths, capacity curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
+from fenics_contact.solvers.problem import Array, State
+
+
+@dataclass(frozen=True)
+class Step:
+    """One iteration of the fixed point on the friction bound g.
+
+    Attributes:
+        load_factor: lambda of the state with the given bound.
+        bound_change: |F r_N - g| / |F r_N|, Euclidean norms.
+        relaxation: omega.
+        factorizations: Numeric factorisations spent.
+        secant: Estimate of 1 - c, c the contraction without relaxation.
+    """
+
+    load_factor: float
+    bound_change: float
+    relaxation: float
+    factorizations: int
+    secant: float = 1.0
+
+
+@dataclass(frozen=True)
+class History:
+    """Iterations for the state at one work T of the live load.
+
+    Attributes:
+        steps: Iterations, in order.
+        cycles: How often a cycle was recognised and damped.
+        method: "fixed-point" or "monolithic", whichever made the last step.
+        converged: Whether load factor and bound stand still.
+        splitting: Counts of a method on joint forces; None for other methods.
+    """
+
+    steps: tuple[Step, ...] = ()
+    cycles: int = 0
+    method: str = "fixed-point"
+    converged: bool = False
+    splitting: SplittingHistory | None = None
+
+    @property
+    def contraction(self) -> float | None:
+        """Factor by which the change of the bound fell per iteration, mean of the last half."""
+        changes = [step.bound_change for step in self.steps[len(self.steps) // 2 :]]
+        if len(changes) < 2 or min(changes) <= 0.0:
+            return None
+        return float((changes[-1] / changes[0]) ** (1.0 / (len(changes) - 1)))
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """State of equilibrium on the path of load control.
+
+    Attributes:
+        load_factor: lambda.
+        displacement: f_L.u / sum |f_L|, m: mean displacement along the live load as it acts.
+        work: T = f_L.u, N m per metre of thickness.
+        motion: u, this rank's part in the supports' coordinates, m; None if it was not kept.
+    """
+
+    load_factor: float
+    displacement: float
+    work: float
+    motion: Array | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class CapacityPoint(LoadStep):
+    """Point of the capacity curve: a state between rest and collapse.
+
+    Attributes:
+        converged: Whether it was found; its load factor is nan if not.
+    """
+
+    converged: bool = True
+
+
+@dataclass(frozen=True)
+class CurveEnd:
+    """How complete a capacity curve is.
+
+    Attributes:
+        points: Number of its points that were found.
+        not_found: Number of those that were not.
+        load_factor: Of the last point found; nan if there is none.
+        on_plateau: Whether that is the load factor of the collapse.
+    """
+
+    points: int
+    not_found: int
+    load_factor: float
+    on_plateau: bool
+
+    @classmethod
+    def of(cls, curve: Sequence[CapacityPoint], limit: float, apart: float = 1e-3) -> CurveEnd:
+        """The end of a curve to a load factor, on its plateau up to a relative distance."""
+        found = [point.load_factor for point in curve if point.converged]
+        last = found[-1] if found else math.nan
+        on_plateau = abs(last - limit) <= apart * abs(limit)
+        return cls(len(found), len(curve) - len(found), last, on_plateau)
+
+    def __str__(self) -> str:
+        missing = f", {self.not_found} not found" if self.not_found else ""
+        end = "" if self.on_plateau else f"; it ends at {self.load_factor:.6g}, not at the collapse"
+        return f"capacity curve: {self.points} points{missing}{end}"
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """Load factors with and without equilibrium, from load control.
+
+    Attributes:
+        steps: States of equilibrium, that of the dead load first.
+        lower: Load factor furthest from zero with a state of equilibrium.
+        upper: Load factor nearest to zero at which none was found; infinite if none failed.
+    """
+
+    steps: tuple[LoadStep, ...]
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The most that the loading path carries from the dead load on.
+
+    Attributes:
+        status: "found", "none" where the path rises to the collapse, or "not_known".
+        load_factor: lambda of a verified state of equilibrium; nan unless found.
+        not_found_at: Load factor next to it at which no equilibrium was found; nan if not tried.
+        work: T of that state, of the live load as it acts, N m per metre of thickness.
+        displacement_m: Mean displacement there along the live load as it acts, m.
+        reason: Why it is not known, and what to do, for people.
+        state: The state, in the supports' coordinates; None unless found.
+    """
+
+    status: str
+    load_factor: float = float("nan")
+    not_found_at: float = float("nan")
+    work: float = float("nan")
+    displacement_m: float = float("nan")
+    reason: str = ""
+    state: State | None = field(default=None, repr=False, compare=False)
+
+    def reversed(self) -> Peak:
+        """The peak under the reversed live load, in multiples of the live load as given."""
+        state = self.state
+        if state is not None:
+            state = replace(state, load_factor=-state.load_factor, work=-state.work)
+        changed = {"load_factor": -self.load_factor, "not_found_at": -self.not_found_at}
+        return replace(self, **changed, state=state)
+
+
+@dataclass(frozen=True)
+class CollapseState:
+    """One of several collapse states of a direction; fields as those of `Collapse`."""
+
+    start: str  # the searches that led to it
+    status: str
+    load_factor: float
+    mode: Array | None = field(default=None, repr=False, compare=False)
+    joints: JointValues | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Lowest:
+    """The lowest of the collapse states that several searches led to.
+
+    Attributes:
+        status: "lower" if one is below the collapse that is reported, "none" if there is none
+            below it, "not_known".
+        load_factor: Of the lowest verified one; nan if not known.
+        starts: Number of searches that ended in a state; 0 where the bracket proves "none".
+        reason: Why it is not known, for people.
+    """
+
+    status: str
+    load_factor: float = float("nan")
+    starts: int = 0
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One attempt to find a state.
+
+    Attributes:
+        name: Of the attempt.
+        work: T of the state that was looked for, N m per metre of thickness.
+        outcome: How it ended, in words.
+        found: Whether a state was found, verified or not.
+        factorizations: Numeric factorisations spent.
+        cost: The same in units of one factorisation of the structure.
+    """
+
+    name: str
+    work: float
+    outcome: str
+    found: bool
+    factorizations: int
+    cost: float
+
+
+@dataclass(frozen=True)
+class TracePoint:
+    """Point of a path on the way to a collapse; its products are not zero, so it is no state yet.
+
+    Attributes:
+        phase: What is followed: on block modes or on the structure, with what varying.
+        load_factor: lambda.
+        work: T = f_L.u, N m per metre of thickness.
+        displacement: T / sum |f_L|, m: mean displacement along the live load as it acts.
+    """
+
+    phase: str
+    load_factor: float
+    work: float
+    displacement: float

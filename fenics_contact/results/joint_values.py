@@ -1,0 +1,124 @@
+"""Forces, openings and slips at the joint points of a state and its collapse mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.geometry.mesh import Indices
+from fenics_contact.solvers.problem import Array, ContactProblem, State
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """When a joint point is open or moves.
+
+    Attributes:
+        no_pressure: It is open with less than this fraction of the largest normal force.
+        moves: It opens or slips if it moves faster than this fraction of the fastest one.
+    """
+
+    no_pressure: float = 1e-6
+    moves: float = 1e-4
+
+
+OPTIONS = ContactOptions()
+
+
+class Contact(IntEnum):
+    """What a joint point does as the collapse begins."""
+
+    OPEN = 0
+    SLIP = 1
+    STICK = 2
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """Values at all joint points, in the order of `Joints`, shape (points,); alike on all ranks.
+
+    Attributes:
+        normal_force: r_N >= 0, N per metre of thickness.
+        shear_force: r_T on the second side along the tangent, N per metre of thickness.
+        pressure: r_N over the length of the point, Pa.
+        shear: r_T over the length of the point, Pa.
+        gap: Opening B_N u, m.
+        slip: B_T u, m.
+        opening_rate: Opening in the collapse mode.
+        slip_rate: Slip in the collapse mode.
+    """
+
+    normal_force: Array
+    shear_force: Array
+    pressure: Array
+    shear: Array
+    gap: Array
+    slip: Array
+    opening_rate: Array
+    slip_rate: Array
+
+    @property
+    def opens(self) -> npt.NDArray[np.bool_]:
+        """Points that open in the collapse mode."""
+        return self.opening_rate > self._moving_rate
+
+    @property
+    def slips(self) -> npt.NDArray[np.bool_]:
+        """Points that slip in the collapse mode, closed or not."""
+        return np.abs(self.slip_rate) > self._moving_rate
+
+    @property
+    def contact(self) -> npt.NDArray[np.int64]:
+        """`Contact` of every point."""
+        contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
+        loaded = self.normal_force > OPTIONS.no_pressure * self.normal_force.max(initial=0.0)
+        contact[~loaded | self.opens] = Contact.OPEN
+        return contact
+
+    def force(self, joints: Joints) -> Array:
+        """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
+        normal = self.normal_force[:, None]
+        shear = self.shear_force[:, None]
+        return normal * joints.normal + shear * joints.tangent
+
+    @property
+    def _moving_rate(self) -> float:
+        rates = np.abs([self.opening_rate, self.slip_rate])
+        return OPTIONS.moves * float(rates.max(initial=0.0))
+
+
+def joint_values(
+    problem: ContactProblem, whole: Discretization, state: State, mode: Array
+) -> JointValues:
+    """Values at all joint points of a state and its mode, on all ranks together.
+
+    Slips are measured from the origin that `whole` has, whichever `problem` has.
+    """
+    length = whole.joints.length
+    gather = whole.all_points
+    normal = gather(state.pressure)
+    shear = gather(state.shear)
+    gap = problem.openings(state.displacement)
+    slip = whole.problem.slips(state.displacement)
+    rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
+    moved = gather(gap), gather(slip)
+    return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)
+
+
+def hinges(joints: Joints, values: JointValues) -> Indices:
+    """Joint points that do not open in the collapse mode, while their neighbours all do.
+
+    Points without force are among them: shorter hinges may press them.
+    """
+    opens = values.opens
+    has_neighbour = np.zeros(len(opens), dtype=bool)
+    alone = np.ones(len(opens), dtype=bool)
+    for ends in (joints.neighbours, joints.neighbours[:, ::-1]):
+        has_neighbour[ends[:, 0]] = True
+        alone[ends[~opens[ends[:, 1]], 0]] = False
+    return np.flatnonzero(has_neighbour & alone & ~opens)

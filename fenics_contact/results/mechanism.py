@@ -1,0 +1,104 @@
+"""What a collapse mode does, counted: which blocks move, and which joints open or slide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.faces import straight_faces
+from fenics_contact.discretization.joints import Joints
+from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.results.joint_values import Contact, JointValues
+
+#: A block moves, or turns, from this part of the largest speed on. Elastic motions are smaller.
+MOVES = 1e-3
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A collapse mode in numbers; alike on all ranks.
+
+    A joint here is a straight face between two blocks, or between a block and the ground.
+
+    Attributes:
+        moving: Numbers of the blocks that move.
+        turning: Numbers of those of them that turn.
+        fastest: Number of the block that moves fastest.
+        centre: Centre of that block, m, shape (2,).
+        direction: Unit vector along the motion of that centre, shape (2,); zero if it only turns.
+        joints: Number of joints.
+        parting: Joints that open over their whole length.
+        rocking: Joints that open over a part of their length.
+        sliding: Joints that slide and stay closed.
+    """
+
+    moving: Indices
+    turning: Indices
+    fastest: int
+    centre: Array
+    direction: Array
+    joints: int
+    parting: int
+    rocking: int
+    sliding: int
+
+
+def mechanism(discretization: Discretization, mode: Array, values: JointValues) -> Mechanism:
+    """What a mode does; `mode` is this rank's part in the supports' coordinates. Collective."""
+    centre = discretization.bodies.centre
+    velocity, speed, edge_speed = _motions(discretization, mode)
+    fastest = int(np.argmax(speed))
+    least = MOVES * speed[fastest]
+    pace = float(np.linalg.norm(velocity[fastest]))
+    direction = velocity[fastest] / pace if pace > least else np.zeros(2)
+    return Mechanism(
+        np.flatnonzero(speed > least),
+        np.flatnonzero(edge_speed > least),
+        fastest,
+        centre[fastest],
+        direction,
+        *_counts(discretization.joints, values),
+    )
+
+
+def _motions(discretization: Discretization, mode: Array) -> tuple[Array, Array, Array]:
+    """Of all bodies: mean velocity, largest speed of a node, and the speed that turning gives it.
+
+    Arms of nodes are measured from the mean of the body's nodes.
+    """
+    comm = discretization.scene.comm
+    count = len(discretization.bodies.centre)
+    body = discretization.elasticity.node_body
+    arm = discretization.elasticity.arm
+    v = discretization.cartesian(mode)
+    reach = np.linalg.norm(arm, axis=1)
+    spin = arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]
+    sums = np.zeros((count, 5))
+    np.add.at(sums, body, np.column_stack([v, spin, reach**2, np.ones(len(v))]))
+    largest = np.zeros((count, 2))
+    np.maximum.at(largest, body, np.column_stack([np.linalg.norm(v, axis=1), reach]))
+    comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    turning = np.abs(sums[:, 2] / sums[:, 3]) * largest[:, 1]
+    return sums[:, :2] / sums[:, 4:], largest[:, 0], turning
+
+
+def _counts(joints: Joints, values: JointValues) -> tuple[int, int, int, int]:
+    """Number of joints, and of those that part, rock and slide."""
+    face = straight_faces(joints, joints.length).of_point
+    count = int(face.max(initial=-1)) + 1
+
+    def points(chosen: Flags) -> Indices:
+        return np.bincount(face[chosen], minlength=count)
+
+    is_open = values.contact == Contact.OPEN
+    opening = points(is_open & values.opens) > 0
+    closed = points(~is_open) > 0
+    slipping = points(values.contact == Contact.SLIP) > 0
+    parting = opening & ~closed
+    rocking = opening & closed
+    sliding = ~opening & slipping
+    return count, int(parting.sum()), int(rocking.sum()), int(sliding.sum())

@@ -1,0 +1,338 @@
+"""Limit loads as data: what an analysis hands on to its user, and to files and pictures.
+
+Load factors have the user's sign: those of the live load reversed are not above zero. Arrays are
+numpy's; nothing here holds a PETSc object.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.discretization.crushing import CrushedEnds, CrushedPlace
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.geometry.mesh import Indices
+from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.certificate import Certificate
+from fenics_contact.results.history import (
+    CapacityPoint,
+    CollapseState,
+    CurveEnd,
+    History,
+    LoadPath,
+    Lowest,
+    Peak,
+    TracePoint,
+    Trial,
+)
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.scene.scene import Scene
+from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
+from fenics_contact.solvers.problem import Array, State
+
+#: Blocks fall, or wedge, from this part of the largest motion, or force, on.
+MOVES = 1e-6
+#: Blocks that a line names.
+NAMED = 5
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """One end of the range of load factors.
+
+    Attributes:
+        status: "limit", "unbounded", "not_converged", or "no_equilibrium" if none was found under
+            the dead load alone, which moves the blocks as a mechanism.
+        load_factor: lambda; nan if no state was found.
+        program: Solves the rigid-block programs for the bracket of this end.
+        state: State reached, in the supports' coordinates; None if there is none.
+        mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
+        joints: Forces, openings and slips of the joints in this state and mode.
+        certificate: Verification of the state.
+        history: Iterations for all states, at rising T.
+        work_ratio: T in units of the live load's work on the bonded structure.
+        path: Load factors with equilibrium, under load control.
+        states: This one and others that were found and verified, where there are any.
+        lowest: Second opinion: whether others are below; None where none was asked for.
+        reason: Why there is no limit load, for people.
+        wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
+            balance the live load alone, N/m for a load factor of 1, shape (2, points).
+        mesh_error: Estimate of the discretisation error; None if it was not made.
+        at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
+            where that changes nothing, or was not looked for.
+        attempts: What was tried, in order.
+        trace: Points of the path that was followed, in order.
+        peak: The most that the loading path carries before the collapse; None with given friction,
+            where it is the load factor itself, and where there is no limit.
+        crushed: Where joints crush, the longest places first.
+        crushed_ends: The same by faces; None where no joint has a compressive strength.
+    """
+
+    status: str
+    load_factor: float
+    program: Callable[[], LimitBounds]
+    state: State | None = None
+    mode: Array | None = None
+    joints: JointValues | None = None
+    certificate: Certificate | None = None
+    history: tuple[History, ...] = ()
+    work_ratio: float = 0.0
+    path: LoadPath | None = None
+    states: tuple[CollapseState, ...] = ()
+    lowest: Lowest | None = None
+    reason: str = ""
+    wedging: Array | None = None
+    mesh_error: MeshError | None = None
+    at_point_hinges: Collapse | None = None
+    attempts: tuple[Trial, ...] = ()
+    trace: tuple[TracePoint, ...] = ()
+    peak: Peak | None = None
+    crushed: tuple[CrushedPlace, ...] = ()
+    crushed_ends: CrushedEnds | None = None
+
+    @property
+    def size(self) -> float:
+        """Load factor by which errors are divided."""
+        return abs(self.load_factor) if self.certificate is None else self.certificate.size
+
+    @property
+    def splitting(self) -> SplittingHistory | None:
+        """Counts of a method on joint forces; None for other methods."""
+        return self.history[-1].splitting if self.history else None
+
+    @property
+    def bounds(self) -> LimitBounds:
+        """Bracket from the rigid-block programs, solved when it is first asked for."""
+        return self.program()
+
+    def held_against_bracket(self) -> Collapse:
+        """With the load factor's distance from its bracket in the certificate, and what follows.
+
+        The forces of a verified state solve the associative program: this checks the other
+        residuals. Errors by the mesh do not lead out of the bracket. The load factor of a state
+        that is none of equilibrium is left out if it is beyond the bracket.
+        """
+        if self.certificate is None or self.status == "unbounded":
+            return self
+        bounds = self.bounds
+        # Equilibrium without a collapse may be below the lower end.
+        lower = bounds.lower if self.status == "limit" else bounds.frictionless
+        lower = -np.inf if lower is None else lower
+        upper = np.inf if bounds.upper is None else bounds.upper
+        # The lower end is that of exact states: those found are as near as was asked for.
+        lower -= self.certificate.tolerance * self.certificate.size
+        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
+        gap = np.nan_to_num(self.certificate.error_estimate)
+        outside = max(outside - gap, 0.0) / self.certificate.size
+        if self.status != "limit":
+            return replace(self, load_factor=np.nan) if outside > 0.0 else self
+        residuals = {**self.certificate.residuals, "bracket": outside}
+        certificate = replace(self.certificate, residuals=residuals)
+        if certificate.passed:
+            return replace(self, certificate=certificate).with_errors_in_bracket()
+        reason = f"the load factor {self.load_factor:.6g} is outside its bracket ({bounds})"
+        return replace(self, status="not_converged", certificate=certificate, reason=reason)
+
+    def with_errors_in_bracket(self) -> Collapse:
+        """With errors by the mesh that do not lead out of the bracket."""
+        bounds = self.bounds
+        error = self.mesh_error
+        finer = self.at_point_hinges
+        if error is None:
+            return self
+        lower = -math.inf if bounds.lower is None else bounds.lower
+        upper = math.inf if bounds.upper is None else bounds.upper
+        error = error.within(self.load_factor, self.size, (lower, upper))
+        finer = finer and finer.with_errors_in_bracket()
+        return replace(self, mesh_error=error, at_point_hinges=finer)
+
+    def reversed(self) -> Collapse:
+        """Collapse under the reversed live load, in multiples of the live load as given."""
+        changes = self.mesh_error.state_changes if self.mesh_error else ()
+        reversed_changes = tuple(_negated(change, "before", "after") for change in changes)
+        error = self.mesh_error and replace(self.mesh_error, state_changes=reversed_changes)
+
+        def with_steps(record: Any) -> Any:
+            return record and replace(record, steps=tuple(map(_negated, record.steps)))
+
+        return replace(
+            self,
+            load_factor=-self.load_factor,
+            program=lambda: self.program().reversed(),
+            state=_negated(self.state, "load_factor", "work"),
+            certificate=_negated(self.certificate, "static_factor", "kinematic_factor"),
+            history=tuple(map(with_steps, self.history)),
+            path=_negated(with_steps(self.path), "lower", "upper"),
+            states=tuple(map(_negated, self.states)),
+            trace=tuple(map(_negated, self.trace)),
+            lowest=_negated(self.lowest),
+            at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
+            peak=self.peak and self.peak.reversed(),
+            mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
+        )
+
+
+def _large(size: Array) -> Indices:
+    """Numbers of the blocks for which something is not small."""
+    return np.flatnonzero(size > MOVES * size.max(initial=0.0))
+
+
+def _named(blocks: Indices, centre: Array, what: str) -> str:
+    """Blocks by number and place, as far as a line has room, and what they do."""
+    names = [f"{block} at ({centre[block, 0]:.3g}, {centre[block, 1]:.3g})" for block in blocks]
+    if len(names) == 1:
+        return f"block {names[0]} {what}s"
+    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"blocks {', '.join(names[:NAMED])}{rest} {what}"
+
+
+def _negated(record: Any, *fields: str) -> Any:
+    """A record with the opposite sign of some fields, of its load factor by default."""
+    names = fields or ("load_factor",)
+    return record and replace(record, **{name: -getattr(record, name) for name in names})
+
+
+@dataclass(repr=False)
+class Result:
+    """Limit load of a scene, in one direction of the live load or both.
+
+    Attributes:
+        discretization: Scene, joints, supports and function space; its matrices may be gone.
+        ends: Collapse by direction, "positive" first; empty if the dead load has no equilibrium.
+        skipped: What the scene did not need and why, for people.
+        seconds: Time by phase, s.
+        factorizations: Numeric factorisations in all.
+        mode_factorizations: Those of them that were of the blocks' modes only.
+        capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
+        passes: What was found on the way to the accuracy wished.
+        inaccurate: Why that accuracy was not reached, for people; empty where it was.
+        stopped: Why the run was ended early, for people; empty where it was not.
+        fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
+            their centres by which it falls, shape (bodies, 3); no joint resists them.
+    """
+
+    discretization: Discretization
+    ends: dict[str, Collapse]
+    skipped: tuple[str, ...]
+    seconds: dict[str, float]
+    factorizations: int
+    mode_factorizations: int = 0
+    capacity: tuple[CapacityPoint, ...] = ()
+    fall: Array | None = None
+    passes: tuple[Pass, ...] = ()
+    inaccurate: str = ""
+    stopped: str = ""
+
+    def __repr__(self) -> str:
+        title = repr(self.scene.title) if self.scene.title else ""
+        factors = (f"load factor {end.load_factor:.8g}" for end in self.ends.values())
+        return f"<{type(self).__name__}: {', '.join(filter(None, [title, self.status, *factors]))}>"
+
+    @property
+    def joints(self) -> NamedArrays:
+        """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
+        end = self.collapse
+        return joint_arrays(self.discretization, None if end is None else end.joints)
+
+    @property
+    def blocks(self) -> NamedArrays:
+        """Arrays over all blocks by name, the same on all ranks; see `block_arrays`.
+
+        Collective: ask for `displacement`, `mode` and their rotations on all ranks together.
+        """
+        end = self.collapse
+        if end is None or end.state is None:
+            return block_arrays(self.discretization, None, None)
+        state = self.discretization.with_imposed(end.state)
+        return block_arrays(self.discretization, state.displacement, end.mode)
+
+    @property
+    def scene(self) -> Scene:
+        """Scene that was solved."""
+        return self.discretization.scene
+
+    @property
+    def status(self) -> str:
+        """Status of all ends; "unstable" if it is proved that the dead load does not stand."""
+        found = {end.status for end in self.ends.values()}
+        if not found:
+            return "unstable"
+        for status in ("not_converged", "no_equilibrium"):
+            if status in found:
+                return status
+        return found.pop() if len(found) == 1 else "limit"
+
+    @property
+    def falling(self) -> Indices:
+        """Numbers of the blocks that fall under the dead load alone."""
+        if self.fall is None:
+            return np.empty(0, dtype=np.int64)
+        turning = np.abs(self.fall[:, 2]) * self.discretization.bodies.size
+        return _large(np.hypot(self.fall[:, 0], self.fall[:, 1]) + turning)
+
+    def wedged(self, end: Collapse) -> Indices:
+        """Numbers of the blocks that wedge where nothing limits the load of one end."""
+        size = np.zeros(len(self.discretization.bodies.centre))
+        if end.wedging is not None:
+            force = np.abs(end.wedging).max(axis=0)
+            for side in self.discretization.joints.bodies.T:
+                np.maximum.at(size, side[side != GROUND], force[side != GROUND])
+        return _large(size)
+
+    def reason(self, end: Collapse | None = None) -> str:
+        """Why there is no limit load, of one end or at all, for people; empty where there is."""
+        centre = self.discretization.bodies.centre
+        if not self.ends:
+            blocks = _named(self.falling, centre, "fall")
+            return f"there is no equilibrium under the dead load alone: {blocks}"
+        if end is None:
+            return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
+        if end.status != "unbounded":
+            return end.reason
+        return f"nothing limits the live load: {_named(self.wedged(end), centre, 'wedge')}"
+
+    @property
+    def positive(self) -> Collapse | None:
+        """Collapse with the live load as given; None if not asked for."""
+        return self.ends.get("positive")
+
+    @property
+    def negative(self) -> Collapse | None:
+        """Collapse with the live load reversed; None if not asked for."""
+        return self.ends.get("negative")
+
+    @property
+    def collapse(self) -> Collapse | None:
+        """Collapse that fields show: the positive one if there is one."""
+        return self.positive or self.negative
+
+    @property
+    def load_factor(self) -> float:
+        """Limit load factor; infinite if unbounded, nan if there is none."""
+        return float("nan") if self.positive is None else self.positive.load_factor
+
+    @property
+    def load_factor_negative(self) -> float:
+        """Limit load factor with the live load reversed, not above 0; nan if not asked for."""
+        return float("nan") if self.negative is None else self.negative.load_factor
+
+    @property
+    def curve_end(self) -> CurveEnd | None:
+        """How complete the capacity curve is; None if it was not traced."""
+        return (
+            CurveEnd.of(self.capacity, self.collapse.load_factor)
+            if self.collapse and self.capacity
+            else None
+        )
+
+    @property
+    def bounds(self) -> LimitBounds | None:
+        """Bracket of the rigid-block programs for the collapse that fields show."""
+        return None if self.collapse is None else self.collapse.bounds

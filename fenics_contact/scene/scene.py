@@ -1,0 +1,597 @@
+"""A scene: a mesh of blocks with materials, joints, supports and loads; what a user describes."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from fenics_contact import compat
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.mesh import BLOCKS, BlockMesh
+from fenics_contact.scene.toml_tables import check_types, from_table, read_toml
+
+#: Values that strings can have, by name of their key.
+CHOICES = {
+    "law": ("coulomb", "tresca", "frictionless"),
+    "blocks": BLOCKS,
+    "supports": ("fixed", "roller"),
+    "plane.state": ("strain", "stress"),
+    "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
+    "direction": ("positive", "negative", "both"),
+    "control": ("work", "load"),
+    "slip": ("stress-free", "load-steps"),
+    "states": ("first", "lowest"),
+    "formats": ("png", "svg", "pdf"),
+}
+
+#: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
+LoadForm = Callable[..., Any]
+
+#: Stress, a symmetric 2 x 2 tensor of UFL, Pa, of a strain and a `Material`; linear in the strain.
+StressLaw = Callable[..., Any]
+
+#: Characters that a title can have.
+LONGEST_TITLE = 1000
+#: Degrees by which supports can turn: displacements are small.
+MOST_TILT = 5.0
+#: Smallest and largest size of a number that is not 0, in SI units.
+SIZES = 1e-30, 1e30
+
+
+def function_name(function: Callable[..., Any] | None) -> str:
+    """Name of a function of the user, for people; empty for None."""
+    return getattr(function, "__qualname__", type(function).__name__) if function else ""
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise InputError(message)
+
+
+def _require_choice(name: str, value: str, kind: str = "") -> None:
+    known = CHOICES[kind or name]
+    _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+
+
+def _require_not_negative(name: str, value: float) -> None:
+    _require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
+    _require_size(name, value)
+
+
+def _require_pair(name: str, value: Sequence[float]) -> None:
+    good = len(value) == 2 and all(map(math.isfinite, value))
+    _require(good, f"{name} = {list(value)} must be two finite numbers")
+    for component in value:
+        _require_size(name, component)
+
+
+def _require_strength(value: float | None) -> None:
+    name = "compressive_strength"
+    _require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
+    _require_not_negative(name, value or 0.0)
+
+
+def _require_size(name: str, value: float) -> None:
+    """Refuse numbers whose squares and products floating point numbers do not hold."""
+    low, high = SIZES
+    problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
+    _require(value == 0.0 or low <= abs(value) <= high, problem)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Linear elasticity and weight.
+
+    Attributes:
+        young: Young's modulus, Pa.
+        poisson: Poisson's ratio.
+        density: kg/m3.
+        compressive_strength: f_c, Pa: hinges have the length N / f_c; None: that of the mesh.
+    """
+
+    young: float
+    poisson: float
+    density: float = 0.0
+    compressive_strength: float | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        young = self.young
+        _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
+        _require_size("young", young)
+        _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
+        _require_not_negative("density", self.density)
+        _require_strength(self.compressive_strength)
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """What a joint carries besides pressure.
+
+    Attributes:
+        law: "coulomb" (shear up to cohesion + friction x pressure), "tresca" (up to a bound),
+            "frictionless".
+        friction: Coefficient of friction, for "coulomb".
+        bound: Shear strength, Pa, for "tresca".
+        cohesion: Shear strength without pressure, Pa, for "coulomb".
+        compressive_strength: f_c, Pa, in place of that of the blocks' materials.
+        gap: Facets of two blocks up to this far apart face each other, and their distance is an
+            initial opening, m; 0: only those that touch.
+    """
+
+    law: str = "coulomb"
+    friction: float | None = None
+    bound: float | None = None
+    cohesion: float = 0.0
+    compressive_strength: float | None = None
+    gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_choice("law", self.law)
+        _require_strength(self.compressive_strength)
+        for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
+            value = getattr(self, name)
+            given = getattr(self, name) is not None
+            _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
+            _require(given or self.law != owner, f"law '{owner}' needs {name}")
+            _require_not_negative(name, value or 0.0)
+        _require_not_negative("cohesion", self.cohesion)
+        _require_not_negative("gap", self.gap)
+        cohesive = self.law == "coulomb" or self.cohesion == 0.0
+        _require(cohesive, f"law '{self.law}' takes no cohesion")
+
+
+@dataclass(frozen=True)
+class EdgeForce:
+    """A force at a place of the structure's outside, wherever nodes are.
+
+    Attributes:
+        force: N per metre of thickness.
+        x: Place, m.
+        y: Place, m; where left out, the highest edge above or below `x` that looks up.
+        width: The force is spread evenly over so much of the edge, m; 0 for a point.
+    """
+
+    force: tuple[float, float]
+    x: float
+    y: float | None = None
+    width: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_pair("force", self.force)
+        for name, value in (("x", self.x), ("y", self.y or 0.0)):
+            _require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
+        _require_not_negative("width", self.width)
+
+
+@dataclass(frozen=True)
+class EarthPressure:
+    """Pressure of soil or water that grows with depth, with the shear of a rough wall.
+
+    The pressure at height y is coefficient x (surcharge + unit_weight (level - y)), against the
+    edge; below `level` only.
+
+    Attributes:
+        level: Height of the surface of the soil or water, m.
+        unit_weight: N/m3.
+        coefficient: Of lateral pressure, for example Rankine's tan^2(45 deg - phi / 2); 1 for
+            water.
+        surcharge: Vertical pressure on the surface, Pa.
+        wall_friction: Angle between the force and the normal, degrees; soil that settles pulls
+            the edge down.
+    """
+
+    level: float
+    unit_weight: float
+    coefficient: float = 1.0
+    surcharge: float = 0.0
+    wall_friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require(math.isfinite(self.level), f"level = {self.level} must be a finite number (m)")
+        for name in ("unit_weight", "coefficient", "surcharge"):
+            _require_not_negative(name, getattr(self, name))
+        angle = self.wall_friction
+        _require(abs(angle) < 90.0, f"wall_friction = {angle} must lie between -90 and 90 degrees")
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A small movement of a support or foundation: settlement, spreading, tilt.
+
+    Attributes:
+        displacement: Of the middle of its edges, m.
+        rotation: About this point, degrees, anticlockwise.
+    """
+
+    displacement: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_pair("displacement", self.displacement)
+        small = abs(self.rotation) <= MOST_TILT
+        _require(
+            small,
+            f"rotation = {self.rotation} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees",
+        )
+
+
+@dataclass(frozen=True)
+class Load:
+    """A body force, tractions, forces at places, earth pressure and movements of supports.
+
+    Attributes:
+        body: Acceleration, m/s2, times density.
+        traction: Force per area, Pa, by name of a one-dimensional group.
+        tilt: Angle by which `body` is turned, degrees, anticlockwise: a tilting table.
+        force: Forces at places, by any name.
+        earth: Earth pressure by name of a one-dimensional group.
+        movement: Of supports and foundations by their names; of the dead load only.
+        form: In Python only: a function (v, dx, ds) that returns a UFL form, linear in the test
+            function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
+            is called on all ranks, once for every mesh and degree, and adds to the other loads.
+    """
+
+    body: tuple[float, float] = (0.0, 0.0)
+    traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    tilt: float = 0.0
+    force: Mapping[str, EdgeForce] = field(default_factory=dict)
+    earth: Mapping[str, EarthPressure] = field(default_factory=dict)
+    movement: Mapping[str, Movement] = field(default_factory=dict)
+    form: LoadForm | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        tractions = {f"traction.{name}": value for name, value in self.traction.items()}
+        for name, value in {"body": self.body, **tractions}.items():
+            _require_pair(name, value)
+        _require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
+
+    def __getstate__(self) -> dict[str, Any]:
+        try:
+            pickle.dumps(self.form)
+        except Exception as error:  # pickle has no error of its own for everything
+            raise InputError(
+                f"form: the function '{self.form_name}' cannot be pickled ({error}); define it at"
+                " the top of a module, and make what it needs inside it"
+            ) from None
+        return self.__dict__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Load:
+        names = [item.name for item in fields(self) if item.name != "form"]
+        return replace(self, **{name: copy.deepcopy(getattr(self, name), memo) for name in names})
+
+    @property
+    def form_name(self) -> str:
+        """Name of the function `form`, for people; empty if there is none."""
+        return function_name(self.form)
+
+    @property
+    def acceleration(self) -> tuple[float, float]:
+        """The body force per mass, tilted, m/s2."""
+        (x, y), angle = self.body, math.radians(self.tilt)
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
+        return (x * cosine - y * sine, x * sine + y * cosine) if self.tilt else self.body
+
+
+@dataclass(frozen=True)
+class SolveOptions:
+    """How to look for the limit load.
+
+    Attributes:
+        method: How states are found: by continuation of the central path ("auto"), by an interior
+            point method with Coulomb friction in its equations ("monolithic"), or by the fixed
+            point on the friction bound, with an interior point method ("fixed-point") or by joint
+            forces, normal and shear in turn ("splitting") or both at once ("active-set").
+        direction: Which end of the range of load factors: "positive", "negative" or "both".
+        tolerance: On the load factor, relative.
+        control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
+        slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
+        states: Report the "first" collapse state found, or the "lowest" (with control = "work").
+        lowest: Look for a lower collapse state than the first, at a third of its cost; None: yes,
+            but not in sweeps.
+        error: Estimate how much of the load factor is due to the mesh: True, False, or None: as
+            far as that costs less than the load factor.
+        accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
+        peak: Look for the peak of the loading path before the collapse; None: as far as that takes
+            less than the limit load did.
+        time: After so many seconds what is known is the result; None: any time.
+        fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
+            says more about them.
+    """
+
+    method: str = "auto"
+    direction: str = "positive"
+    tolerance: float = 1e-6
+    control: str = "work"
+    slip: str = "stress-free"
+    states: str = "first"
+    lowest: bool | None = None
+    error: bool | None = None
+    accuracy: float | None = None
+    peak: bool | None = None
+    time: float | None = None
+    fast: bool = False
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        limit = self.time
+        _require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
+        for name in ("method", "direction", "control", "slip", "states"):
+            _require_choice(name, getattr(self, name))
+        given = self.tolerance
+        by_load = self.control == "load"
+        for name in ("peak", "lowest", "error"):
+            both = self.fast and getattr(self, name)
+            _require(not both, f"{name} = true needs fast = false: fast leaves it out")
+        _require(self.states != "lowest" or not self.fast, "states = 'lowest' needs fast = false")
+        _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
+        wished = self.accuracy
+        if wished is not None:
+            _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
+            _require(self.error is not False, "accuracy needs the error estimate: no error = false")
+            _require(not self.fast, "accuracy needs fast = false: fast estimates no error")
+            _require(not by_load, "accuracy needs control = 'work'")
+        _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
+        _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """What to write besides result.json.
+
+    Attributes:
+        paraview: ParaView files of fields and joints.
+        pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
+        formats: Of the pictures: "png", "svg", "pdf".
+        capacity: Number of points on the capacity curve, 0 for none.
+        report: report.html, all of the result on one page.
+    """
+
+    paraview: bool = True
+    pictures: bool = True
+    formats: tuple[str, ...] = ("png",)
+    capacity: int = 0
+    report: bool = False
+
+    def __post_init__(self) -> None:
+        for name in self.formats:
+            _require_choice("formats", name)
+        _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
+        check_types(self)
+        _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shared:
+    """What a scene and its file have alike; see `Scene`."""
+
+    joints: Mapping[str, JointLaw] = field(default_factory=dict)
+    foundations: Mapping[str, JointLaw] = field(default_factory=dict)
+    supports: Mapping[str, str] = field(default_factory=dict)
+    stress: StressLaw | None = None
+    title: str = ""
+    solve: SolveOptions = field(default_factory=SolveOptions)
+    output: OutputOptions = field(default_factory=OutputOptions)
+
+
+@dataclass(frozen=True)
+class Scene(_Shared):
+    """Blocks, what joins and holds them, and what loads them.
+
+    Attributes:
+        mesh: Blocks.
+        materials: By name of a two-dimensional group; "default" for others.
+        live: Load multiplied by the load factor.
+        dead: Load that acts first and stays.
+        joints: Law by name of a one-dimensional group where two blocks touch; "default" for others.
+        foundations: Law by name of a one-dimensional group that stands on rigid ground.
+        supports: "fixed" or "roller" by name of a one-dimensional group.
+        plane: "strain" or "stress".
+        degree: Degree of the displacements, 1 or 2.
+        stress: In Python only: a function (strain, material) that returns the stress in the plane
+            as a UFL tensor, linear in the strain, in place of `young`, `poisson` and `plane`.
+        title: For pictures.
+        solve: How to look for the limit load.
+        output: What to write.
+
+    Raises:
+        InputError: If a name is not in the mesh, or a group has two roles.
+    """
+
+    mesh: BlockMesh
+    materials: Mapping[str, Material]
+    live: Load
+    dead: Load = field(default_factory=Load)
+    plane: str = "strain"
+    degree: int = 1
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_choice("plane.state", self.plane)
+        _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
+        long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
+        _require(len(self.title) <= LONGEST_TITLE, long)
+        for name, kind in self.supports.items():
+            _require_choice(f"supports.{name}", kind, "supports")
+        for name, law in self.foundations.items():
+            needless = "takes no gap; rigid ground is where the edge is"
+            _require(law.gap == 0.0, f"foundations.{name} {needless}")
+        unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
+        _require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
+        self._check_names()
+        self._check_materials()
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of the mesh."""
+        return self.mesh.comm
+
+    @classmethod
+    def from_file(
+        cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
+    ) -> Scene:
+        """Read a scene file and its mesh.
+
+        Args:
+            path: The TOML file; its mesh is found relative to it.
+            comm: By default, the communicator that PETSc was started with.
+            overrides: Assignments "joints.default.friction=0.5" made on top of the file.
+
+        Raises:
+            InputError: On all ranks, if the file or its mesh is missing or wrong.
+        """
+        comm = compat.default_comm() if comm is None else comm
+        folder = Path(path).parent
+        tables = read_toml(Path(path), comm, overrides)
+        return cls.from_tables(
+            tables, lambda file, blocks: BlockMesh.from_file(folder / file, comm, blocks)
+        )
+
+    @classmethod
+    def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str, str], BlockMesh]) -> Scene:
+        """A scene from the tables of a file, and what makes the mesh of `mesh.file` and `.blocks`.
+
+        Raises:
+            InputError: If a table is wrong.
+        """
+        tables = from_table(_SceneTables, given)
+        return cls(
+            mesh=mesh(tables.mesh.file, tables.mesh.blocks),
+            materials=tables.materials,
+            live=tables.loads.live,
+            dead=tables.loads.dead,
+            plane=tables.plane.state,
+            degree=tables.mesh.degree,
+            **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
+        )
+
+    def tables(self) -> dict[str, Any]:
+        """The scene as tables of a file; the mesh has its source in place of a file."""
+        shared = {item.name: getattr(self, item.name) for item in fields(_Shared)}
+        return _as_tables(
+            {
+                "mesh": {"file": self.mesh.source, "degree": self.degree},
+                "plane": {"state": self.plane},
+                "materials": self.materials,
+                "loads": {"live": self.live, "dead": self.dead},
+                **shared,
+            }
+        )
+
+    def material(self, groups: Iterable[str]) -> Material:
+        """Material of the cells in a set of groups."""
+        return self.materials[self.material_name(groups)]
+
+    def material_name(self, groups: Iterable[str]) -> str:
+        """Name of the material of the cells in a set of groups."""
+        return min(set(groups) & set(self.materials), default="default")
+
+    def _check_names(self) -> None:
+        source = self.mesh.source
+        cells = self.mesh.cell_names
+        facets = self.mesh.facet_names
+        for table, names, known, number in (
+            ("materials", set(self.materials) - {"default"}, cells, "two"),
+            ("joints", set(self.joints) - {"default"}, facets, "one"),
+            ("foundations", self.foundations, facets, "one"),
+            ("supports", self.supports, facets, "one"),
+            ("loads.dead.traction", self.dead.traction, facets, "one"),
+            ("loads.live.traction", self.live.traction, facets, "one"),
+            ("loads.dead.earth", self.dead.earth, facets, "one"),
+            ("loads.live.earth", self.live.earth, facets, "one"),
+        ):
+            for name in sorted(set(names) - set(known)):
+                raise InputError(
+                    f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
+                    f" {_listed(known)}"
+                )
+        held = sorted([*self.foundations, *self.supports])
+        for name in sorted(set(self.dead.movement) - set(held)):
+            raise InputError(
+                f"loads.dead.movement.{name}: '{name}' is neither a support nor a foundation; those"
+                f" of this scene are {_listed(held)}"
+            )
+        roles = sorted([*self.joints, *self.foundations, *self.supports])
+        for name in (a for a, b in pairwise(roles) if a == b != "default"):
+            raise InputError(
+                f"group '{name}' has two roles; it can be a joint, a foundation or a support"
+            )
+
+    def _check_materials(self) -> None:
+        for groups in self.mesh.cell_sets:
+            materials = sorted(groups & set(self.materials))
+            if not materials and "default" not in self.materials:
+                raise InputError(
+                    f"cells of {_listed(sorted(groups))} have no material; add"
+                    f" [materials.{min(groups)}] or [materials.default]"
+                )
+            if len({self.materials[name] for name in materials}) > 1:
+                raise InputError(f"the groups {_listed(materials)} share cells; give one material")
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names) or "none"
+
+
+def _as_tables(item: Any) -> Any:
+    """Dataclasses, mappings and numpy's numbers as a file has them, without what is not given."""
+    if isinstance(item, (np.generic, np.ndarray)):
+        return item.tolist()
+    if callable(item):
+        return item
+    if is_dataclass(item):
+        item = {one.name: getattr(item, one.name) for one in fields(item)}
+    if not isinstance(item, Mapping):
+        return item
+    return {name: _as_tables(value) for name, value in item.items() if value is not None}
+
+
+# ---- what a scene file holds, table by table
+
+
+@dataclass(frozen=True)
+class _MeshTable:
+    file: str = ""
+    degree: int = 1
+    blocks: str = "connected"
+
+    def __post_init__(self) -> None:
+        _require_choice("blocks", self.blocks)
+        _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
+
+
+@dataclass(frozen=True)
+class _PlaneTable:
+    state: str = "strain"
+
+
+@dataclass(frozen=True)
+class _LoadTables:
+    live: Load
+    dead: Load = field(default_factory=Load)
+
+
+@dataclass(frozen=True)
+class _SceneTables(_Shared):
+    loads: _LoadTables
+    mesh: _MeshTable = field(default_factory=_MeshTable)
+    materials: Mapping[str, Material] = field(default_factory=dict)
+    plane: _PlaneTable = field(default_factory=_PlaneTable)
+
+    def __post_init__(self) -> None:
+        _require(bool(self.materials), "materials is missing; give [materials.default]")
