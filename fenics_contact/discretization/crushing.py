@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,8 @@ class CrushedPlace:
     normal_force: float
 
 
-def strength_of(whole: Discretization) -> Array:
+def strength_of(scene: Scene, joints: Joints) -> Array:
     """f_c at all joint points: of the joint, or else the lesser of both blocks', Pa."""
-    scene = whole.scene
-    joints = whole.joints
     material = [
         scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets
     ]

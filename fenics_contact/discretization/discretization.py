@@ -24,8 +24,9 @@ from fenics_contact.discretization.elasticity import (
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms, compile_laws
-from fenics_contact.discretization.imposed import Imposed, facet_motion, ground_motion
+from fenics_contact.discretization.imposed import Imposed, ground_motion
 from fenics_contact.discretization.joints import find_joints, joint_operators
+from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
     check_held,

@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.imposed import facet_motion
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.pairing import Gaps, facing_facets
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.scene import JointLaw, Material, Scene

@@ -1,14 +1,17 @@
-"""Straight faces between two blocks, or a block and the ground, with all their joint points."""
+"""Straight faces between two blocks or a block and the ground; relative motions at their points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.discretization.rigid_motions import RigidBodies, motions
+from fenics_contact.geometry.mesh import Array, Indices
 
 #: Difference of direction, and of offset and gap over the structure's size, of one straight face.
 COLLINEAR = 1e-6
@@ -48,3 +51,32 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
     stops = np.append(starts[1:], len(order)) - 1
     ends = np.column_stack([order[starts], order[stops]])
     return Faces(ends, joints.friction[ends[:, 0]], np.bincount(face, strength).astype(float), face)
+
+
+def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along: Array) -> Any:
+    """Matrix that gives relative motions at joint points, second side less first, along directions.
+
+    Each side moves where its nodes are (`Joints.sides`), as in B_N and B_T. Its transpose gives the
+    generalised forces of unit forces there.
+
+    Args:
+        joints: All joint points.
+        bodies: All bodies.
+        points: Numbers of joint points.
+        along: Directions at all joint points, shape (points, 2).
+
+    Returns:
+        Sparse, of shape (chosen points, 3 bodies); columns are the bodies' free motions.
+    """
+    from scipy.sparse import csr_matrix
+
+    row, side = np.nonzero(joints.bodies[points] != GROUND)
+    point = points[row]
+    body = joints.bodies[point, side]
+    sign = 2.0 * side - 1.0
+    motion = motions(joints.sides[point, side] - bodies.centre[body], bodies.size)
+    moved = sign[:, None] * np.einsum("nim,ni->nm", motion, along[point])
+    moved = np.einsum("nmk,nm->nk", bodies.free[body], moved)
+    columns = 3 * body[:, None] + np.arange(3)
+    indices = np.repeat(row, 3), columns.ravel()
+    return csr_matrix((moved.ravel(), indices), (len(points), 3 * len(bodies.centre)))

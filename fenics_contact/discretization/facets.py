@@ -19,6 +19,12 @@ from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Label
 
 #: In place of a facet, node or body where rigid ground is.
 GROUND = -1
+#: In place of a node where a stretch ends inside a facet.
+INSIDE = GROUND
+#: Facets closer than this touch, as a fraction of the shorter one: an angle at a block of the order
+#: of the strains, and what drawings and meshes of blocks have as rounding. Facets of curved sides
+#: may be apart by the heights of their arcs besides.
+CLOSED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,41 @@ class Boundary:
                 )
             role[member] = position
         return role
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches on which a facet of one body faces one of another, or stands on rigid ground.
+
+    The nodes of one side, the slave, carry the joint points. A facet's parameter is 0 at the first
+    of its nodes and 1 at the second. The same on all ranks.
+
+    Attributes:
+        facets: Facet of the slave and of the other side, `GROUND` for rigid ground, shape
+            (2, stretches).
+        span: Parameters at start and end of the stretch on either facet, ascending on the slave's,
+            shape (2, stretches, 2).
+        nodes: Nodes there, `INSIDE` for none, likewise.
+        offset: Distance of the other side at start and end, m, shape (stretches, 2).
+        slave: Side, 0 or 1, that is the slave; the body with the lower number is side 0, and rigid
+            ground is; shape (stretches,).
+    """
+
+    facets: Indices
+    span: Array
+    nodes: Indices
+    offset: Array
+    slave: Indices
+
+    def take(self, rows: Indices | Flags) -> Stretches:
+        """Some of them."""
+        of_both = self.facets[:, rows], self.span[:, rows], self.nodes[:, rows]
+        return Stretches(*of_both, self.offset[rows], self.slave[rows])
+
+    def bodies(self, boundary: Boundary) -> Labels:
+        """Bodies of side 0 and side 1, shape (stretches, 2)."""
+        body = np.where(self.facets == GROUND, GROUND, boundary.body[self.facets])
+        return np.where(self.slave == 0, body, body[::-1]).T
 
 
 def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:

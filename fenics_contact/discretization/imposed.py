@@ -18,22 +18,14 @@ import numpy as np
 
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.movements import displacements
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.discretization.supports import Supports
-from fenics_contact.geometry.mesh import Array, Flags
-from fenics_contact.scene.scene import Movement, Scene
+from fenics_contact.geometry.mesh import Array
+from fenics_contact.scene.scene import Scene
 
 #: Singular values of held rigid motions that count as zero, relative.
 NOT_HELD = 1e-12
-
-
-def facet_motion(scene: Scene, boundary: Boundary) -> Array:
-    """Displacements of the nodes of facets with what supports them, m, shape of their points."""
-    motion = np.zeros(boundary.points.shape)
-    for name, movement in scene.dead.movement.items():
-        mine = boundary.in_group(name)
-        motion[mine] = _moved(movement, boundary, mine, boundary.points[mine])
-    return motion
 
 
 def ground_motion(scene: Scene, boundary: Boundary, joints: Joints) -> Array:
@@ -42,17 +34,8 @@ def ground_motion(scene: Scene, boundary: Boundary, joints: Joints) -> Array:
     for name, movement in scene.dead.movement.items():
         mine = joints.law == (*joints.names, name).index(name)
         edges = boundary.in_group(name)
-        motion[mine] = _moved(movement, boundary, edges, joints.position[mine])
+        motion[mine] = displacements(movement, boundary, edges, joints.position[mine])
     return motion
-
-
-def _moved(movement: Movement, boundary: Boundary, edges: Flags, points: Array) -> Array:
-    """Displacements of points that move with some facets, m, shape of the points."""
-    middle = boundary.points[edges, :2].mean(axis=1)
-    length = boundary.length[edges]
-    arm = points - np.average(middle, axis=0, weights=length)
-    turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-    return np.asarray(movement.displacement + np.radians(movement.rotation) * turn)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.discretization.facets import GROUND, Boundary
+from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
 from fenics_contact.discretization.mortar import (
     SHARES,
     Pieces,
@@ -28,7 +28,7 @@ from fenics_contact.discretization.mortar import (
     pieces_of,
     stencil_of,
 )
-from fenics_contact.discretization.pairing import INSIDE, joint_stretches
+from fenics_contact.discretization.pairing import joint_stretches
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.geometry.mesh import Array, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights

@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.pairing import INSIDE, OPTIONS, Stretches
+from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
 from fenics_contact.geometry.mesh import Array, Indices, Labels
 
 #: Integrals of a facet's Lagrange functions over its length, by number of nodes.
@@ -166,7 +165,7 @@ def _nodes_at_points(
     nodes[:, :, 0], nodes[:, :, 1] = stretches.nodes[:, first, 0], stretches.nodes[:, last, 1]
     # Before a slave's node is one of the other side only if it is in the same place.
     gap = np.abs(np.column_stack([stretches.offset[first, 0], stretches.offset[last, 1]]))
-    apart = gap > OPTIONS.closed * boundary.length[facets[0], None]
+    apart = gap > CLOSED * boundary.length[facets[0], None]
     nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
     if count == 3:  # mid nodes of whole facets
         whole = np.all(nodes[:, :, :2] != INSIDE, axis=2)

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.discretization.facets import GROUND, Boundary
+from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import arc_heights, near_pairs
 from fenics_contact.scene.scene import Scene
-
-#: In place of a node where a stretch ends inside a facet.
-INSIDE = GROUND
 
 
 @dataclass(frozen=True)
@@ -22,16 +19,12 @@ class PairingOptions:
 
     Attributes:
         matching: Nodes closer than this are one place, as a fraction of their shortest facet.
-        closed: Facets closer than this touch, as a fraction of the shorter one: an angle at a block
-            of the order of the strains, and what drawings and meshes of blocks have as rounding.
-            Facets of curved sides may be apart by the heights of their arcs besides.
         apart: Facets are meant to be apart from this distance on, in the same unit.
         parallel: Cosine of the largest angle between facets that touch.
         facing: The same for facets with an initial gap.
     """
 
     matching: float = 1e-4
-    closed: float = 1e-3
     apart: float = 5e-3
     parallel: float = float(np.cos(np.radians(20.0)))
     facing: float = float(np.cos(np.radians(60.0)))
@@ -62,41 +55,6 @@ class Gaps:
     def of_pairs(self, facets: Indices) -> Array:
         """Of pairs of facets, shape (2, pairs), by the group that either is in."""
         return self.gap[self.role[facets].max(axis=0)]
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """Stretches on which a facet of one body faces one of another, or stands on rigid ground.
-
-    The nodes of one side, the slave, carry the joint points. A facet's parameter is 0 at the first
-    of its nodes and 1 at the second. The same on all ranks.
-
-    Attributes:
-        facets: Facet of the slave and of the other side, `GROUND` for rigid ground, shape
-            (2, stretches).
-        span: Parameters at start and end of the stretch on either facet, ascending on the slave's,
-            shape (2, stretches, 2).
-        nodes: Nodes there, `INSIDE` for none, likewise.
-        offset: Distance of the other side at start and end, m, shape (stretches, 2).
-        slave: Side, 0 or 1, that is the slave; the body with the lower number is side 0, and rigid
-            ground is; shape (stretches,).
-    """
-
-    facets: Indices
-    span: Array
-    nodes: Indices
-    offset: Array
-    slave: Indices
-
-    def take(self, rows: Indices | Flags) -> Stretches:
-        """Some of them."""
-        of_both = self.facets[:, rows], self.span[:, rows], self.nodes[:, rows]
-        return Stretches(*of_both, self.offset[rows], self.slave[rows])
-
-    def bodies(self, boundary: Boundary) -> Labels:
-        """Bodies of side 0 and side 1, shape (stretches, 2)."""
-        body = np.where(self.facets == GROUND, GROUND, boundary.body[self.facets])
-        return np.where(self.slave == 0, body, body[::-1]).T
 
 
 def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices]:
@@ -197,7 +155,7 @@ def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretc
     part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
     covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
     alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
-    depth = OPTIONS.closed * shorter + height
+    depth = CLOSED * shorter + height
     touching = exact | (alone & parallel & (far <= depth))
     touching |= alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
     doubtful = alone & ~touching & parallel & (far <= OPTIONS.apart * shorter + height)

@@ -6,15 +6,13 @@ A body's rigid motion is (a, b, c): u(x) = (a, b) + c (-(y - y0), x - x0) about 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fenics_contact.discretization.facets import GROUND
-from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.mesh import Array, Flags, Labels
 from fenics_contact.geometry.planar_cells import connected
 
 #: Motions held less than the square root of this, relative to the best held one, are free.
@@ -62,35 +60,6 @@ def motions(arm: Array, size: float) -> Array:
     motion[:, 0, 0] = motion[:, 1, 1] = 1.0
     motion[:, 0, 2], motion[:, 1, 2] = -arm[:, 1] / size, arm[:, 0] / size
     return motion
-
-
-def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along: Array) -> Any:
-    """Matrix that gives relative motions at joint points, second side less first, along directions.
-
-    Each side moves where its nodes are (`Joints.sides`), as in B_N and B_T. Its transpose gives the
-    generalised forces of unit forces there.
-
-    Args:
-        joints: All joint points.
-        bodies: All bodies.
-        points: Numbers of joint points.
-        along: Directions at all joint points, shape (points, 2).
-
-    Returns:
-        Sparse, of shape (chosen points, 3 bodies); columns are the bodies' free motions.
-    """
-    from scipy.sparse import csr_matrix
-
-    row, side = np.nonzero(joints.bodies[points] != GROUND)
-    point = points[row]
-    body = joints.bodies[point, side]
-    sign = 2.0 * side - 1.0
-    motion = motions(joints.sides[point, side] - bodies.centre[body], bodies.size)
-    moved = sign[:, None] * np.einsum("nim,ni->nm", motion, along[point])
-    moved = np.einsum("nmk,nm->nk", bodies.free[body], moved)
-    columns = 3 * body[:, None] + np.arange(3)
-    indices = np.repeat(row, 3), columns.ravel()
-    return csr_matrix((moved.ravel(), indices), (len(points), 3 * len(bodies.centre)))
 
 
 def _held(motion: Array, frame: Array, held: Flags, label: Labels, count: int) -> Array:

@@ -47,7 +47,9 @@ class ContactLengths:
         shortest = np.full(len(joints.length), np.inf)
         for end in joints.segments.T:
             np.minimum.at(shortest, end, side)
-        return cls(joints, OF_SIDE[whole.scene.degree] * shortest, strength_of(whole))
+        return cls(
+            joints, OF_SIDE[whole.scene.degree] * shortest, strength_of(whole.scene, whole.joints)
+        )
 
     @property
     def given(self) -> bool:

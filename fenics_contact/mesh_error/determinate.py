@@ -16,8 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.discretization.faces import relative_motions
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
+from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.joint_values import JointValues
 

@@ -18,7 +18,7 @@ from fenics_contact import (
     limit_load,
 )
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.rigid_motions import relative_motions
+from fenics_contact.discretization.faces import relative_motions
 from fenics_contact.geometry.planar_cells import arc_heights
 from fenics_contact.meshing import polygons
 from tests.helpers import (

@@ -43,9 +43,9 @@ from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_f
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
 from fenics_contact.discretization.crushing import Crushing, strength_of
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.faces import COLLINEAR, Faces, straight_faces
+from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.rigid_motions import RigidBodies, relative_motions
+from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.solvers.highs import Beside, solved
@@ -226,7 +226,9 @@ class RigidBlocks:
         bodies = whole.original.bodies
         bodies = replace(bodies, live=sign * bodies.live)
         faces = straight_faces(joints, joints.shear_strength)
-        crushing = Crushing.of(joints, strength_of(whole.original), faces.of_point)
+        crushing = Crushing.of(
+            joints, strength_of(whole.original.scene, whole.original.joints), faces.of_point
+        )
         patient = whole.effort.wait
         return cls(joints, bodies, whole.scene.comm, faces, crushing, patient)
 
