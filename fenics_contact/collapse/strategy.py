@@ -60,6 +60,8 @@ class PathOptions:
         many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
         finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
+        falls: How often the products fall at most, each time at more work.
+        further: Factor from the work of one fall to that of the next.
     """
 
     rising_work: float = 1e-2
@@ -69,6 +71,8 @@ class PathOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
+    falls: int = 3
+    further: float = 1.5
 
 
 OPTIONS = PathOptions()
@@ -217,12 +221,25 @@ def along_falling_products(task: Task) -> Solution:
 
 @monolithic
 def along_block_modes(task: Task) -> Solution:
-    """State by continuation in block modes: the work rises to T, then the products fall."""
+    """State by continuation in block modes: the work rises to T, then the products fall.
+
+    Where the structure does not follow from the end of that path, it takes over before the products
+    fall: with larger products its own path is nearer. Else the work rises further, and they fall
+    again: the paths at two works have different folds.
+    """
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
+    failed = SolverError("block modes: no end of a path")
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        point = _end_of_modes(task, modes, stiffness, "block modes")
-    return to_end(task, modes.prolonged(point.state), point.mu)
+        for point in _ends_of_modes(task, modes, stiffness, "block modes"):
+            try:
+                return to_end(task, modes.prolonged(point.state), point.mu)
+            except EffortError:
+                raise
+            except SolverError as error:
+                _log.info("  structure: %s", error)
+                failed = error
+    raise failed
 
 
 @monolithic
@@ -243,7 +260,7 @@ def through_lower_friction(task: Task) -> Solution:
     modes = case.discretization.block_modes.changed(problem)
     lower = modes.changed(replace(problem, friction=np.minimum(problem.friction, options.lower)))
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        start = _end_of_modes(task, lower, stiffness, "block modes, lower friction").state
+        start = next(_ends_of_modes(task, lower, stiffness, "block modes, lower friction")).state
         of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
         start = _followed(replace(task, case=of_modes), start, options.on_modes).state
     start = modes.prolonged(start)
@@ -262,19 +279,35 @@ def through_lower_friction(task: Task) -> Solution:
             _log.info("  friction in the equations: %s", error)
 
 
-def _end_of_modes(task: Task, modes: BlockModes, stiffness: JointStiffness, name: str) -> PathPoint:
-    """The end of the path in block modes: the work rises to T, then the products fall.
+def _ends_of_modes(
+    task: Task, modes: BlockModes, stiffness: JointStiffness, name: str
+) -> Iterator[PathPoint]:
+    """Points in block modes where the structure may take over, the best first.
 
-    In the record the path has a name.
+    The work rises to T and the products fall: the end of that path, and where it began. Then the
+    same at more work. In the record the paths have a name.
+
+    Raises:
+        SolverError: If the path of rising work is lost.
     """
     case = task.case
     kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
     start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
     on_the_way = partial(case.record.along, prolonged=modes.prolonged)
-    path = rising(kkt, passed=on_the_way(f"{name}, rising work"))
-    point = path.follow(path.begin(start, task.rising_mu), task.work)
-    path = falling(kkt, passed=on_the_way(f"{name}, falling products"))
-    return path.follow(point, task.mu(OPTIONS.ends[0]))
+    rise = rising(kkt, passed=on_the_way(f"{name}, rising work"))
+    point = rise.begin(start, task.rising_mu)
+    work = task.work
+    for _ in range(OPTIONS.falls):
+        point = rise.follow(point, work)
+        fall = falling(kkt, passed=on_the_way(f"{name}, falling products"))
+        try:
+            yield fall.follow(point, task.mu(OPTIONS.ends[0]))
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  %s: %s", name, error)
+        yield point
+        work *= OPTIONS.further
 
 
 def _followed(task: Task, start: State, iterations: int) -> Solution:

@@ -148,7 +148,8 @@ class _Search:
                     ended("a state, not yet verified")
                     case.record.phase("verification")
                     verified = verify(case, solution.state, scales, self.tolerance, self.gap)
-                    self.found.append(_Found(verified, history, ratio))
+                    reached = solution.state.work / case.bonded_work
+                    self.found.append(_Found(verified, history, reached))
                     ended(self.found[-1].outcome)
             except SolverError as error:
                 _log.info("  no state with T = %.3g: %s", work, error)
