@@ -70,7 +70,7 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
     if best is not None and passed and best.certificate.gap <= gap:
         confirmed = replace(best.certificate, static_factor=state.load_factor)
         return replace(best, certificate=confirmed)
-    strength = case.discretization.all_points(case.problem.bound(state.pressure))
+    strength = case.discretization.all_points(case.problem.law.given(state.pressure))
     limit, motion = None, None
     try:
         limit, motion = case.blocks.collapse(strength)

@@ -116,7 +116,7 @@ class FixedPoint:
                 _log.info("  fixed point stops: no state for the next bound (%s)", error)
                 break
             start = solution.state
-            target = problem.bound(start.pressure)
+            target = problem.law.given(start.pressure)
             change = self._norm(target - bound) / (self._norm(target) or 1.0)
             omega = relaxation.next(target - bound, change)
             spent = self.factorizations() - before

@@ -75,8 +75,8 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Dea
     problem = case.problem
     bonded = case.bonded
     work = problem.dot(problem.dead, bonded.dead)
-    origin = problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
-    if work <= 0.0 or origin > 0.0 or problem.max(problem.strength) > 0.0:
+    origin = problem.max(np.abs(problem.law.origins))
+    if work <= 0.0 or origin > 0.0 or problem.max(problem.law.strength) > 0.0:
         none = np.zeros_like(case.first_pressure)
         start = problem.state(bonded.dead, 0.0, case.first_pressure, none)
         task = Task(case, start.work, case.scales, tolerance)

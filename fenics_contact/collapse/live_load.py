@@ -53,9 +53,7 @@ def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
     alone = replace(
         problem,
         dead=none,
-        strength=still(problem.strength),
-        opening_origin=still(problem.opening_origin),
-        slip_origin=still(problem.slip_origin),
+        law=problem.law.homogeneous(),
     )
     bonded = replace(case.bonded, dead=none, dead_pressure=still(case.bonded.dead_pressure))
     discretization = case.discretization

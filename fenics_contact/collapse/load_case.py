@@ -71,7 +71,7 @@ class LoadCase:
         loads = replace(discretization.problem, dead=discretization.elasticity.dead)
         scales = typical_sizes(loads, bonded)
         if discretization.scene.dead.movement:
-            moved = MOVED * problem.max(np.abs([problem.opening_origin, problem.slip_origin]))
+            moved = MOVED * problem.max(np.abs(problem.law.origins))
             scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks.of(discretization, sign)
@@ -83,8 +83,7 @@ class LoadCase:
         """The same structure under the opposite live load."""
         given = replace(self.bonded, live=self.sign * self.bonded.live)
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
-        origin = self.problem.slip_origin
-        problem = replace(case.problem, slip_origin=origin)
+        problem = case.problem.with_law(slip_origin=self.problem.law.slip_origin)
         record = self.record.reversed()
         return replace(case, problem=problem, record=record, crushed=self.crushed)
 
@@ -136,7 +135,7 @@ class LoadCase:
         """Conditions of a state with the friction of the scene's laws."""
         problem = self.problem
         if not problem.coulomb:
-            return self.given(problem.strength, work, scales, load_factor)
+            return self.given(problem.law.strength, work, scales, load_factor)
         return PerturbedKKT.coulomb(problem, self.stiffness, scales, work, load_factor)
 
     def given(

@@ -119,7 +119,7 @@ def _against_the_live_load(
     case = climb.case.reversed()
     last = climb.state
     state = case.problem.state(last.displacement, -last.load_factor, last.pressure, last.shear)
-    strength = case.discretization.all_points(case.problem.bound(state.pressure))
+    strength = case.discretization.all_points(case.problem.law.given(state.pressure))
     motion = case.blocks.collapse(strength)[1]
     direction = None if motion is None else case.discretization.rigid_motion(motion)
     strategy = replace(strategy, attempts=(next_to(state, direction),))
@@ -295,7 +295,7 @@ class _Climb:
         case.record.passed("rising load factor", target, state.work, lambda: state)
         if self._options.slip == "load-steps":
             origin = case.problem.tangential @ state.displacement
-            self.case = replace(case, problem=replace(case.problem, slip_origin=origin))
+            self.case = replace(case, problem=case.problem.with_law(slip_origin=origin))
         return True
 
 

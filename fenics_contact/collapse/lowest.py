@@ -155,7 +155,7 @@ def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None
     _log.info("second opinion: rigid blocks settle at %.8g", rigid.load_factor)
     if rigid.load_factor >= limit:
         return None
-    bound = case.problem.bound(rigid.pressure[whole.operators.points])
+    bound = case.problem.law.given(rigid.pressure[whole.operators.points])
     search = partial(by_fixed_point, bound=bound, iterations=1)  # more may lead away from it
     return _other(task, search, end.mode, (cost, cost), limit)
 
@@ -274,11 +274,11 @@ def _searches(case: LoadCase) -> Iterator[tuple[str, Search]]:
 def _bounds(case: LoadCase) -> dict[str, Array]:
     """First bounds on friction of the fixed point, N per metre of thickness, by name."""
     problem = case.problem
-    bounds = {"the dead load": problem.bound(case.first_pressure)}
+    bounds = {"the dead load": problem.law.given(case.first_pressure)}
     associative = case.blocks.associative_pressure()
     if associative is not None:
         points = case.discretization.operators.points
-        bounds["the associative program"] = problem.bound(associative[points])
+        bounds["the associative program"] = problem.law.given(associative[points])
     return bounds
 
 

@@ -255,10 +255,10 @@ def through_lower_friction(task: Task) -> Solution:
     case = task.case
     options = HIGH_FRICTION
     problem = task.case.problem
-    if problem.max(problem.friction) <= options.lower:
+    if problem.max(problem.law.friction) <= options.lower:
         raise SolverError(f"no friction is above {options.lower:g}")
     modes = case.discretization.block_modes.changed(problem)
-    lower = modes.changed(replace(problem, friction=np.minimum(problem.friction, options.lower)))
+    lower = modes.changed(replace(problem, law=problem.law.at_most(options.lower)))
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
         start = next(_ends_of_modes(task, lower, stiffness, "block modes, lower friction")).state
         of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
@@ -318,7 +318,7 @@ def _followed(task: Task, start: State, iterations: int) -> Solution:
     solve = _interior_point(task)
     told = task.case.monitor, count, options
     fixed_point = FixedPoint(problem, solve, HIGH_FRICTION.change, *told)
-    return fixed_point.run(start, problem.bound(np.maximum(start.pressure, 0.0)))[0]
+    return fixed_point.run(start, problem.law.given(np.maximum(start.pressure, 0.0)))[0]
 
 
 def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
@@ -396,13 +396,13 @@ def fixed_point(task: Task, first: Array | None = None) -> Answer:
 
     By default that bound is F times the dead load's normal forces, N per metre of thickness.
     """
-    bound = task.case.problem.bound(task.case.first_pressure) if first is None else first
+    bound = task.case.problem.law.given(task.case.first_pressure) if first is None else first
     return _iterated(task, _interior_point(task), task.case.bonded_state(task.work), bound)
 
 
 def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
-    bound = task.case.problem.bound(np.maximum(start.pressure, 0.0))
+    bound = task.case.problem.law.given(np.maximum(start.pressure, 0.0))
     solution, history = _iterated(task, _interior_point(task, load_factor), start, bound)
     if not history.converged:
         raise SolverError("the fixed point on the friction bound does not converge")
@@ -457,7 +457,7 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
             return Solution(*found, 1)
 
         start = case.bonded_state(task.work)
-        bound = case.problem.bound(case.first_pressure)
+        bound = case.problem.law.given(case.first_pressure)
         solution, history = _iterated(
             task, solve, start, bound, options, lambda: solver.factorizations
         )

@@ -39,6 +39,7 @@ from fenics_contact.geometry.mesh import Indices
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
+from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
 
@@ -119,8 +120,8 @@ class Discretization:
         for operator in maps:
             self._owned.callback(operator.close)
         loads = (made.dead, made.live)
-        laws = self._laws()
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, *laws, rigid)
+        law = self._law()
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid)
         self.problem, self.imposed = _with_imposed(self)
         self.effort = Effort()
         self.tally = Tally(effort=self.effort)
@@ -179,15 +180,14 @@ class Discretization:
             new._owned.callback(operator.close)
         opening, slip = (
             (shares @ self.all_points(origin))[mine]
-            for origin in (problem.opening_origin, problem.slip_origin)
+            for origin in (problem.law.opening_origin, problem.law.slip_origin)
         )
         new.problem = replace(
             problem,
             normal=normal,
             tangential=tangential,
             dead=problem.dead + problem.normal.T @ force[mine],
-            opening_origin=opening,
-            slip_origin=slip,
+            law=replace(problem.law, opening_origin=opening, slip_origin=slip),
         )
         return new
 
@@ -232,8 +232,7 @@ class Discretization:
         new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
         new.bodies = new._rigid_bodies()
         _check_live_load(made, new.bodies, scene)
-        friction, strength = new._laws()
-        new.problem = replace(self.problem, live=made.live, friction=friction, strength=strength)
+        new.problem = replace(self.problem, live=made.live, law=new._law())
         new.problem, new.imposed = _with_imposed(new)
         if "block_modes" in self.__dict__:
             new.block_modes = self.block_modes.changed(new.problem)
@@ -249,10 +248,9 @@ class Discretization:
         resultants = made.dead_resultant, made.live_resultant
         return rigid_bodies(made.centre, *resultants, self.supports, size)
 
-    def _laws(self) -> tuple[Array, Array]:
-        """Friction and given strength at this rank's rows."""
-        points = self.operators.points
-        return self.joints.friction[points], self.joints.shear_strength[points]
+    def _law(self) -> PointLaws:
+        """Law of this rank's rows."""
+        return self.joints.point_laws.each(lambda values: values[self.operators.points])
 
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
@@ -288,7 +286,7 @@ class Discretization:
         start = time.perf_counter()
         problem = self.problem
         stiffness = self.stiffness(kind)
-        spring = np.full(len(problem.friction), BONDED_SPRING * stiffness.mean_diagonal)
+        spring = np.full(problem.points, BONDED_SPRING * stiffness.mean_diagonal)
         factor = stiffness.factor(spring, spring)
         load, origin = _sizing_load(self, spring)
         dead, live = (factor.solve(each) for each in (load, problem.live))
@@ -393,7 +391,8 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
         dead = dead - internal_forces(made.elasticity, supports, rest)
         opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
         slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
-    return replace(problem, dead=dead, opening_origin=opening, slip_origin=slip), field
+    law = replace(problem.law, opening_origin=opening, slip_origin=slip)
+    return replace(problem, dead=dead, law=law), field
 
 
 def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
@@ -405,8 +404,8 @@ def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
     problem = made.problem
     if not made.scene.dead.movement or problem.max(np.abs(load)) > 0.0:
         return load, np.zeros_like(spring)
-    origin = problem.opening_origin
-    closing = problem.joint_forces(spring * origin, spring * problem.slip_origin)
+    origin = problem.law.opening_origin
+    closing = problem.joint_forces(spring * origin, spring * problem.law.slip_origin)
     return problem.dead + closing, origin
 
 
@@ -425,7 +424,7 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
         factor = float(np.sqrt(dead_work / live_work))
         force = problem.max(bonded.dead_pressure) or factor * live_force
     else:
-        force = problem.max(problem.strength) or live_force
+        force = problem.max(problem.law.strength) or live_force
         factor = force / live_force if live_force else 1.0
     displacement = factor * live_work / problem.sum(np.abs(problem.live))
     return Scales(displacement, force or 1.0, factor, displacement)

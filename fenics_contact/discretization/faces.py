@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.solvers.joint_law import PointLaws
 
 #: Difference of direction, and of offset and gap over the structure's size, of one straight face.
 COLLINEAR = 1e-6
@@ -23,22 +24,21 @@ class Faces:
 
     Attributes:
         ends: Joint points at their two ends, shape (faces, 2); equal if there is one.
-        friction: Coulomb's coefficient, shape (faces,).
-        strength: Given bound on the shear force of the whole face, shape (faces,), N/m.
+        law: Of the faces, with the strength of the whole face, N/m.
         of_point: Face of every joint point.
     """
 
     ends: npt.NDArray[np.int64]
-    friction: Array
-    strength: Array
+    law: PointLaws
     of_point: npt.NDArray[np.int64]
 
 
-def straight_faces(joints: Joints, strength: Array) -> Faces:
-    """Faces: joint points grouped by bodies, law and line; with strengths of the points, N/m."""
+def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
+    """Faces: joint points grouped by bodies, law and line; with other laws of the points."""
+    law = law or joints.point_laws
     if len(joints.length) == 0:
         none = np.empty(0, dtype=np.int64)
-        return Faces(none.reshape(0, 2), np.empty(0), np.empty(0), none)
+        return Faces(none.reshape(0, 2), law, none)
     size = np.ptp(joints.position, axis=0).max() or 1.0
     offset = np.sum(joints.normal * (joints.position - joints.position[0]), axis=1) / size
     across = (joints.sides[:, 1] - joints.sides[:, 0]) / size
@@ -50,7 +50,9 @@ def straight_faces(joints: Joints, strength: Array) -> Faces:
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     stops = np.append(starts[1:], len(order)) - 1
     ends = np.column_stack([order[starts], order[stops]])
-    return Faces(ends, joints.friction[ends[:, 0]], np.bincount(face, strength).astype(float), face)
+    of_faces = law.each(lambda values: values[ends[:, 0]])
+    strength = np.bincount(face, law.strength).astype(float)
+    return Faces(ends, replace(of_faces, strength=strength), face)
 
 
 def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along: Array) -> Any:

@@ -33,6 +33,7 @@ from fenics_contact.discretization.supports import Supports
 from fenics_contact.geometry.mesh import Array, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene.scene import JointLaw, Scene
+from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.problem import sparse_rows
 
 
@@ -103,6 +104,11 @@ class Joints:
     def tangent(self) -> Array:
         """Unit tangents, shape (points, 2)."""
         return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+
+    @property
+    def point_laws(self) -> PointLaws:
+        """Law of every point, with openings and slips from where the joints are drawn."""
+        return PointLaws(self.friction, self.shear_strength)
 
     @property
     def friction(self) -> Array:

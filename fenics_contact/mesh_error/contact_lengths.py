@@ -75,7 +75,7 @@ class ContactLengths:
     def warnings(self, values: JointValues) -> tuple[str, ...]:
         """Where pressures exceed the strength of curved joints, whose crushing is not computed."""
         joints = self.joints
-        face = straight_faces(self.joints, self.joints.length).of_point
+        face = straight_faces(self.joints).of_point
         curved = np.bincount(face)[face] == 1
         pressure = values.normal_force / joints.length
         beyond = np.flatnonzero(curved & (pressure > self.strength))

@@ -78,7 +78,7 @@ class Resultants:
 
 def face_resultants(joints: Joints, values: JointValues) -> Resultants:
     """Resultants of joint forces on all faces, loaded or not."""
-    faces = straight_faces(joints, joints.length)
+    faces = straight_faces(joints)
     count = len(faces.ends)
     opens = np.bincount(faces.of_point, values.opens - 0.5, count) > 0.0
     normal_force, *sums = (

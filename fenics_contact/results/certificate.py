@@ -4,7 +4,7 @@ A collapse state is right if it is in equilibrium, respects all joint laws, and 
 follows, its mode v with f_L.v = 1, is admissible everywhere, costs no elastic energy, and
 dissipates what the loads do on it:
 
-    sum g |B_T v| = lambda f_L.v + f_D.v.
+    sum g |B_T v| = lambda f_L.v + f_D.v,    g as in `joint_law`.
 
 Such a mode shows a true non-associative collapse state, one of possibly several. That the load
 factor is the limit load for the friction forces of the state is then proved by the rigid-block
@@ -211,15 +211,10 @@ def _joint_misses(
     f = scales.force
     opening = problem.openings(state.displacement)
     slip = problem.slips(state.displacement)
-    if bound is None:
-        bound = _bound(problem, state)
-    return {
-        "tension": -state.pressure / f,
-        "penetration": -opening / d,
-        "complementarity": np.abs(opening * state.pressure) / (d * f),
-        "friction": (np.abs(state.shear) - bound) / f,
-        "slip_direction": np.abs(bound * np.abs(slip) + state.shear * slip) / (d * f),
-    }
+    law = problem.law if bound is None else problem.law.with_given(bound)
+    units = {"tension": f, "penetration": d, "friction": f}
+    missed = law.missed(opening, slip, state.pressure, state.shear)
+    return {name: values / units.get(name, d * f) for name, values in missed.items()}
 
 
 def _mode_residuals(
@@ -234,7 +229,7 @@ def _mode_residuals(
     elastic = problem.dot(straining, problem.stiffness @ straining)
     return {
         "mode_work": abs(live_work - 1.0),
-        "mode_penetration": problem.max(-(problem.normal @ mode)) / unit,
+        "mode_penetration": problem.max(-problem.clearance_rates(mode)) / unit,
         # Change of the load factor, were the motion to go on as far again.
         "mode_elastic": elastic * abs(state.work) / size,
         "mode_power": abs(dissipation - power) / max(dissipation, abs(power), size),
@@ -243,8 +238,4 @@ def _mode_residuals(
 
 def _dissipation(problem: ContactProblem, state: State, mode: Array) -> float:
     """The sum of g |B_T v|, W per metre of thickness."""
-    return problem.sum(_bound(problem, state) * np.abs(problem.tangential @ mode))
-
-
-def _bound(problem: ContactProblem, state: State) -> Array:
-    return problem.bound(np.maximum(state.pressure, 0.0))
+    return problem.sum(problem.law.dissipation(state.pressure, problem.tangential @ mode))

@@ -88,7 +88,7 @@ def _motions(discretization: Discretization, mode: Array) -> tuple[Array, Array,
 
 def _counts(joints: Joints, values: JointValues) -> tuple[int, int, int, int]:
     """Number of joints, and of those that part, rock and slide."""
-    face = straight_faces(joints, joints.length).of_point
+    face = straight_faces(joints).of_point
     count = int(face.max(initial=-1)) + 1
 
     def points(chosen: Flags) -> Indices:

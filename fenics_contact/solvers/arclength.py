@@ -8,7 +8,7 @@ Applications of Bifurcation Theory (1977) 359; E.L. Allgower, K. Georg, Numerica
 Methods (1990)).
 
 The unknowns are those in which all products equal mu whatever the step, so that no step ends at a
-boundary (`smoothing`): p and q at every joint point. One factor gives Newton's correction c to the
+boundary (`joint_law`): p and q at every joint point. One factor gives Newton's correction c to the
 path and the tangent t = dx/ds. A step goes to the path at right angles to the tangent, and then
 along it, ds > 0 where the determinant of the equations is positive, and < 0 where it is not. A few
 points whose laws bend on the way follow these (`nonlinear_elimination`). Where the next step does
@@ -254,7 +254,7 @@ class Continuation:
         moved = step.moved
         mu = path.mu(point.mu, s)
         work = path.work(point.work, s)
-        _, pressure, _, shear = self.kkt.scales.force * step.states.values
+        _, pressure, _, shear, _ = self.kkt.scales.force * step.states.values
         state = State(moved.u, moved.elastic, moved.load_factor, pressure, shear, work)
         iterate = replace(self.kkt, work=work).on_central_path(state, mu)
         return PathPoint(iterate, mu, work), step.reached

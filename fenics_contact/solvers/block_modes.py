@@ -177,12 +177,11 @@ class BlockModes(Closing):
         self, reduced: ContactProblem, problem: ContactProblem, **maps: Any
     ) -> ContactProblem:
         """The reduced structure under the loads and laws of a problem of the structure."""
-        laws = ("friction", "strength", "opening_origin", "slip_origin")
         return replace(
             reduced,
             dead=self.motion(problem.dead),
             live=self.motion(problem.live),
-            **{name: self._points.whole(getattr(problem, name)) for name in laws},
+            law=problem.law.each(self._points.whole),
             **maps,
         )
 

@@ -2,7 +2,7 @@
 
 A step on block modes asks many times how far few points are from their laws. In numpy that is a
 hundred calls on short arrays, which take longer than the factor does. The C text beside this module
-says the same as the Python text of `smoothing` and `nonlinear_elimination`, which stays where it
+says the same as the Python text of `joint_law` and `nonlinear_elimination`, which stays where it
 is: tests compare both, and it runs where there is no compiler.
 """
 

@@ -71,8 +71,8 @@ def with_growing_friction(
         SolverError: If no step leads to finite numbers.
     """
     part = growth.part(growth.begin)
-    friction = kkt.friction
-    here = replace(kkt, friction=part * friction)
+    law = kkt.law
+    here = replace(kkt, law=law.times(part))
     now = here.on_central_path(start, growth.begin, COLD)
     best: tuple[float, State, float] | None = None
     errors: list[float] = []
@@ -90,9 +90,9 @@ def with_growing_friction(
             break
         now = next_iterate(here, now, residual, 0.0, growth.steps)
         grown = max(growth.part(here.mean_product(now)), part)
-        now = _with_more(now, (grown - part) * friction * now.pressure)
+        now = _with_more(now, (grown - part) * law.friction * now.pressure)
         part = grown
-        here = replace(kkt, friction=part * friction)
+        here = replace(kkt, law=law.times(part))
     if best is None:
         raise SolverError("growing friction: no finite iterate")
     return best[1], best[2]

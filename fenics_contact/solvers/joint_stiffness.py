@@ -1,9 +1,10 @@
 """Elastic blocks with springs at the joint points, factored on one symbolic analysis.
 
-    A = K + B_N^T diag(k_N) B_N + B_T^T diag(k_T) B_T + B_T^T diag(c) B_N
+    A = K + B_N^T diag(k_N) B_N + B_T^T diag(k_T) B_T + B_T^T diag(c) B_N + B_N^T diag(d) B_T
 
-The coupling c of shear to opening occurs with Coulomb friction and makes A unsymmetric; without it
-A is symmetric positive definite. The sparsity of A does not depend on the springs.
+The coupling c of shear to opening occurs with Coulomb friction, d with dilatancy. Where they differ
+A is unsymmetric; else it is symmetric positive definite. The sparsity of A does not depend on the
+springs.
 """
 
 from __future__ import annotations
@@ -152,17 +153,23 @@ class JointStiffness(Closing):
         self._solver = self._new_solver()
         self._owner.callback(lambda: self._solver.destroy())
 
-    def factor(self, normal: Array, tangential: Array, coupling: Array | None = None) -> Factor:
-        """A^-1 for springs k_N, k_T and, only for `GENERAL`, c; it replaces the last one.
+    def factor(
+        self,
+        normal: Array,
+        tangential: Array,
+        coupling: Array | None = None,
+        dilation: Array | None = None,
+    ) -> Factor:
+        """A^-1 for springs k_N, k_T, c and d; it replaces the last one.
 
-        Springs are those of this rank's joint points, N/m.
+        Springs are those of this rank's joint points, N/m; for `SYMMETRIC` c and d are equal.
 
         Raises:
             SolverError: If A is numerically singular, or no more factorisations are allowed.
         """
         self.tally.add()
         self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        self._add_springs(self._matrix, normal, tangential, coupling)
+        self._add_springs(self._matrix, normal, tangential, coupling, dilation)
         self._matrix.setOption(PETSc.Mat.Option.SPD, self._kind == SYMMETRIC)
         preconditioner = self._solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
@@ -196,13 +203,21 @@ class JointStiffness(Closing):
         return solver
 
     def _add_springs(
-        self, matrix: PETSc.Mat, normal: Array, tangential: Array, coupling: Array | None = None
+        self,
+        matrix: PETSc.Mat,
+        normal: Array,
+        tangential: Array,
+        coupling: Array | None = None,
+        dilation: Array | None = None,
     ) -> None:
         rows = self._rows
         shear = rows.spread(tangential) * rows.tangential
         if coupling is not None:
             shear += rows.spread(coupling) * rows.normal
-        forces = np.concatenate([rows.spread(normal) * rows.normal, shear], axis=1)
+        pressing = rows.spread(normal) * rows.normal
+        if dilation is not None:
+            pressing += rows.spread(dilation) * rows.tangential
+        forces = np.concatenate([pressing, shear], axis=1)
         blocks = np.matmul(self._transposed, forces)
         if len(blocks):  # petsc4py divides by the number of blocks
             matrix.setValuesRCV(self._dofs, self._dofs, blocks, addv=PETSc.InsertMode.ADD_VALUES)

@@ -1,24 +1,19 @@
 """The perturbed optimality (KKT) conditions of one state, and Newton's method on them.
 
 Prescribe the work of the live load, f_L.u = T; its multiplier is the load factor. With given
-friction g this is a convex problem,
+friction g this is a convex problem, for joints without dilatancy
 
     min 1/2 u.Ku - f_D.u + g.|B_T u|   subject to   B_N u >= 0,   f_L.u = T;
 
-with Coulomb friction, g = F r_N, only its optimality conditions remain. With slacks y = B_N u,
-s1 = g - r_T, s2 = g + r_T and slip split as B_T u = -z1 + z2 they are
+with Coulomb friction only its optimality conditions remain,
 
     K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   f_L.u = T,
     y r_N = mu,   s1 z1 = mu,   s2 z2 = mu,   all six >= 0,
 
-with products mu = 0. The solutions for mu > 0 are the central path. Eliminating all but
-(u, lambda), every Newton step is an elastic solve in which the joints are springs, bordered by
-f_L:
-
-    k_N = r_N / y,    k_T = 1 / (z1/s1 + z2/s2),    coupling  q k_N,  q = F k_T (z1/s1 - z2/s2),
-
-the coupling with Coulomb friction only. Joint points with a compliance of their own (`problem`)
-are springs in series with these. (S.J. Wright, Primal-Dual Interior-Point Methods (1997).)
+with the slacks of the joint law (`joint_law`) and products mu = 0. The solutions for mu > 0 are the
+central path. Eliminating all but (u, lambda), every Newton step is an elastic solve in which the
+joints are springs, bordered by f_L; with Coulomb friction they couple shear to opening.
+(S.J. Wright, Primal-Dual Interior-Point Methods (1997).)
 
 The motion of a mechanism may be so much larger than what strains the blocks that u has no digits
 left for K u. So the part of u that strains the blocks is summed up step by step for itself.
@@ -33,9 +28,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.solvers.joint_law import (
+    Asked,
+    LinearLaws,
+    PointLaws,
+    Slacks,
+    Units,
+    slacks_next_to,
+)
 from fenics_contact.solvers.joint_stiffness import Factor, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
-from fenics_contact.solvers.smoothing import distance_from_bound, normal_law
 
 #: Least distance of shear from its bound, in units of the bound, at a state from elsewhere.
 COLD = 1e-9
@@ -66,47 +68,23 @@ class KKTOptions:
 
 
 @dataclass(frozen=True)
-class Iterate:
+class Iterate(Slacks):
     """Variables of the perturbed conditions, or a direction in their space.
 
     Attributes:
         u: Displacements, this rank's part, m.
         elastic: The part of u that strains the blocks, with digits that u itself has lost.
         load_factor: lambda.
-        y: Openings at this rank's points, m.
-        pressure: r_N, N per metre of thickness.
-        shear: r_T, likewise.
-        s1: Distance g - r_T of the shear force from its bound.
-        s2: g + r_T.
-        z1: Slip towards negative values, m.
-        z2: Slip towards positive values, m.
     """
 
     u: Array
     elastic: Array
     load_factor: float
-    y: Array
-    pressure: Array
-    shear: Array
-    s1: Array
-    s2: Array
-    z1: Array
-    z2: Array
 
     def moved(self, length: float, direction: Iterate) -> Iterate:
         """The iterate a step along a direction."""
         change = vars(direction)
         return Iterate(**{n: value + length * change[n] for n, value in vars(self).items()})
-
-    @property
-    def slip(self) -> Array:
-        """Slip z2 - z1, m."""
-        return self.z2 - self.z1
-
-    @property
-    def positive(self) -> Array:
-        """The six quantities that stay positive, shape (6 points,)."""
-        return np.concatenate([self.y, self.pressure, self.s1, self.s2, self.z1, self.z2])
 
 
 @dataclass(frozen=True)
@@ -129,8 +107,9 @@ class PerturbedKKT:
         scales: Typical sizes.
         work: T, N m per metre of thickness; not used with a load factor.
         load_factor: If given, lambda is prescribed, not the work.
-        given: Given friction bound g at this rank's points, N per metre; None: Coulomb's.
-        friction: Coulomb's coefficient in the equations, zero with a given bound.
+        law: That of the points: the problem's own, or associative friction and a given bound.
+        least_strength: Points without friction whose strength is not above this transmit no shear,
+            N per metre of thickness.
         options: Numbers of the Newton steps.
     """
 
@@ -139,8 +118,8 @@ class PerturbedKKT:
     scales: Scales
     work: float
     load_factor: float | None
-    given: Array | None
-    friction: Array
+    law: PointLaws
+    least_strength: float = 0.0
     options: KKTOptions = field(default_factory=KKTOptions)
 
     @classmethod
@@ -153,7 +132,7 @@ class PerturbedKKT:
         load_factor: float | None = None,
     ) -> PerturbedKKT:
         """The conditions with Coulomb friction: g = F r_N is one of the equations."""
-        return cls(problem, stiffness, scales, work, load_factor, None, problem.friction)
+        return cls(problem, stiffness, scales, work, load_factor, problem.law)
 
     @classmethod
     def given_friction(
@@ -166,31 +145,24 @@ class PerturbedKKT:
         load_factor: float | None = None,
     ) -> PerturbedKKT:
         """The conditions with given friction g."""
-        none = np.zeros_like(problem.friction)
-        return cls(problem, stiffness, scales, work, load_factor, bound, none)
+        law = problem.law.with_given(bound)
+        least = KKTOptions.no_friction * scales.force
+        return cls(problem, stiffness, scales, work, load_factor, law, least)
 
     @cached_property
     def frictional(self) -> npt.NDArray[np.bool_]:
         """Points that transmit shear; the others' shear stays zero and their slip is free."""
-        if self.given is None:
-            return self.problem.frictional
-        return self.given > self.options.no_friction * self.scales.force
+        return (self.law.friction > 0.0) | (self.law.strength > self.least_strength)
 
     @cached_property
     def count(self) -> float:
         """Number of products, at least 1."""
         return max(self.problem.sum(1.0 + 2.0 * self.frictional), 1.0)
 
-    def bound(self, pressure: Array) -> Array:
-        """Friction bound g for given normal forces, N per metre."""
-        if self.given is not None:
-            return self.given
-        return self.friction * pressure + self.problem.strength
-
     def on_central_path(self, start: State, mu: float, nearest: float = 0.0) -> Iterate:
         """The point with all products equal to mu next to a state.
 
-        It keeps p = r_N/f - w_N/d and q = r_T/f - w_T/d (`smoothing`).
+        It keeps p = r_N/f - y/d and q = r_T/f - w_T/d (`joint_law`).
 
         Args:
             start: The state; its joint forces need not be admissible.
@@ -198,25 +170,13 @@ class PerturbedKKT:
             nearest: Least distance of shear from its bound, in units of the bound. Above zero for
                 a state from elsewhere, where no spring may vanish.
         """
-        d = self.scales.displacement
-        f = self.scales.force
-        opening, slip = self._joint_motion(start.displacement, start.pressure, start.shear)
-        y, pressure = normal_law(start.pressure / f - opening / d, mu)
-        y = y * d
-        pressure = pressure * f
-        gamma = np.where(self.frictional, self.bound(pressure) / f, 1.0)
-        q = start.shear / f - slip / d
-        near = np.maximum(distance_from_bound(np.abs(q), gamma, mu), nearest * gamma)
-        far = 2.0 * gamma - near
-        s1 = np.where(q > 0.0, near, far) * f
-        s2 = np.where(q > 0.0, far, near) * f
-        z1 = mu * f * d / s1
-        z2 = mu * f * d / s2
-        shear = np.where(self.frictional, 0.5 * (s2 - s1), 0.0)
+        state = *self._joint_motion(start.displacement, start.pressure, start.shear), *start.forces
+        units = Units(self.scales.displacement, self.scales.force)
+        slacks = slacks_next_to(self.law, self.frictional, state, mu, units, nearest)
         factor = start.load_factor if self.load_factor is None else self.load_factor
-        u = start.displacement
-        elastic = start.elastic
-        return Iterate(u, elastic, factor, y, pressure, shear, s1, s2, z1, z2)
+        return Iterate(
+            **vars(slacks), u=start.displacement, elastic=start.elastic, load_factor=factor
+        )
 
     def residual(self, now: Iterate) -> Residual:
         """Residual of the linear conditions."""
@@ -229,7 +189,8 @@ class PerturbedKKT:
         )
         opening, slip = self._joint_motion(now.u, now.pressure, now.shear)
         work = p.dot(p.live, now.u) - self.work if self.load_factor is None else 0.0
-        return Residual(equilibrium, now.y - opening, now.slip - slip, work)
+        clearance = now.y + self.law.dilation(now.z1, now.z2)
+        return Residual(equilibrium, clearance - opening, now.slip - slip, work)
 
     def sizes(self, now: Iterate, residual: Residual) -> dict[str, float]:
         """Relative sizes of the residuals, and the mean product."""
@@ -286,9 +247,7 @@ class Linearization:
     Attributes:
         kkt: The conditions.
         now: The iterate.
-        k_n: Normal springs k_N of the laws, N/m.
-        k_t: Tangential springs k_T, zero where there is no friction.
-        q: Coupling of shear to normal forces.
+        laws: The law of the points, linearised.
         factor: A^-1.
     """
 
@@ -313,30 +272,12 @@ class Linearization:
         self.kkt = kkt
         self.now = now
         options = kkt.options
-        frictional = kkt.frictional
         largest = (stiffest or options.largest_spring) * kkt.stiffness.mean_diagonal
-        self.k_n = np.minimum(now.pressure / now.y, largest)
-        lower = now.z1 / now.s1
-        upper = now.z2 / now.s2
-        self.k_t = np.where(frictional, np.minimum(1.0 / (lower + upper), largest), 0.0)
-        self.q = kkt.friction * self.k_t * (lower - upper)
-        #: Parts of the blocks' displacements that are left to the laws' springs.
-        c_n, c_t = kkt.problem.compliance
-        self._share_n = 1.0 / (1.0 + c_n * self.k_n)
-        self._share_t = 1.0 / (1.0 + c_t * self.k_t)
-        normal, tangential, coupling = self.springs
+        unit = kkt.scales.displacement / kkt.scales.force
+        compliance = kkt.problem.compliance
+        self.laws = LinearLaws.of(kkt.law, now, kkt.frictional, compliance, largest, unit)
         free = (sliding or options.sliding_spring) * kkt.scales.force / kkt.scales.displacement
-        self.factor: Factor = kkt.stiffness.factor(
-            normal,
-            np.where(frictional, tangential, free),
-            coupling if kkt.given is None else None,
-        )
-
-    @property
-    def springs(self) -> tuple[Array, Array, Array]:
-        """Springs that the blocks feel: normal, tangential, and coupling of shear to opening."""
-        normal = self._share_n * self.k_n
-        return normal, self._share_t * self.k_t, self._share_t * self.q * normal
+        self.factor: Factor = kkt.stiffness.factor(*self.laws.stiffness(free))
 
     @cached_property
     def live_response(self) -> Array:
@@ -359,16 +300,16 @@ class Linearization:
         Args:
             asked: Residual to be taken away, and change of the products, shape (3, points).
         """
-        drives, rights = zip(*(self._right_hand_side(*one) for one in asked), strict=True)
+        rights = [self._right_hand_side(*one) for one in asked]
         with_work = self.kkt.load_factor is None
         if with_work and "live_response" not in vars(self):
             *found, self.live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
         else:
             found = self.factor.solve_all(rights)
         directions = []
-        for one, drive, right, u in zip(asked, drives, rights, found, strict=True):
+        for one, right, u in zip(asked, rights, found, strict=True):
             held = self._bordered(u, right, one[0].work) if with_work else (u, 0.0)
-            directions.append(self._direction(*one, drive, *held))
+            directions.append(self._direction(*one, *held))
         return directions
 
     def hold_work(self, u: Array, excess: float = 0.0) -> tuple[Array, float]:
@@ -392,46 +333,17 @@ class Linearization:
             factor += more
         return held, factor
 
-    def _right_hand_side(self, residual: Residual, change: Array) -> tuple[Array, Array]:
-        """Drive of the slip, and right-hand side b."""
-        now = self.now
-        kkt = self.kkt
-        of_normal, of_lower, of_upper = change
-        push = self._share_n * (of_normal / now.y + self.k_n * residual.opening)
-        drive = of_upper / now.s2 - of_lower / now.s1 + residual.slip
-        drive = np.where(kkt.frictional, drive, 0.0)
-        shear = self._share_t * (self.k_t * drive + self.q * push)
-        return drive, kkt.problem.joint_forces(push, shear) - residual.equilibrium
+    def _right_hand_side(self, residual: Residual, change: Array) -> Array:
+        """Right-hand side b."""
+        forces = self.laws.forces(Asked(residual.opening, residual.slip, change))
+        return self.kkt.problem.joint_forces(*forces) - residual.equilibrium
 
     def _direction(
-        self, residual: Residual, change: Array, drive: Array, u: Array, load_factor: float
+        self, residual: Residual, change: Array, u: Array, load_factor: float
     ) -> Iterate:
         """The direction with given displacements: what the eliminated equations say."""
-        now = self.now
-        kkt = self.kkt
         p = self.kkt.problem
-        c_n, c_t = p.compliance
-        of_normal, of_lower, of_upper = change
-        opening = p.normal @ u
-        slip = p.tangential @ u
-        pressure = self._share_n * (of_normal / now.y - self.k_n * (opening - residual.opening))
-        y = opening + c_n * pressure - residual.opening
-        stuck = np.where(kkt.frictional, drive - slip, 0.0)
-        shear = self._share_t * (self.k_t * stuck + self.q * pressure)
-        slip = slip + c_t * shear
-        s1 = kkt.friction * pressure - shear
-        s2 = kkt.friction * pressure + shear
-        z1 = (of_lower - now.z1 * s1) / now.s1
-        z2 = (of_upper - now.z2 * s2) / now.s2
-        # Next to its bound the shear force has lost the digits that tell how far a point slides.
-        slid = slip - residual.slip
-        unit = kkt.scales.displacement / kkt.scales.force
-        lower = now.z1 / now.s1
-        upper = now.z2 / now.s2
-        down = lower > np.maximum(upper, unit)
-        up = upper > np.maximum(lower, unit)
-        z1, z2 = np.where(down, z2 - slid, z1), np.where(up, z1 + slid, z2)
-        s1 = np.where(down, (of_lower - now.s1 * z1) / now.z1, s1)
-        s2 = np.where(up, (of_upper - now.s2 * z2) / now.z2, s2)
-        s1, s2, z1, z2 = (np.where(kkt.frictional, part, 0.0) for part in (s1, s2, z1, z2))
-        return Iterate(u, p.elastic_part(u), load_factor, y, pressure, shear, s1, s2, z1, z2)
+        asked = Asked(residual.opening, residual.slip, change)
+        slacks = self.laws.changes(asked, p.normal @ u, p.tangential @ u)
+        elastic = p.elastic_part(u)
+        return Iterate(**vars(slacks), u=u, elastic=elastic, load_factor=load_factor)

@@ -2,12 +2,13 @@
 
    What SmoothedLaws, TangentModel.distances and ChosenPoints.at say in Python, operation by
    operation in the same order, so that both give the same numbers bit for bit. Arrays of values of
-   points hold them row by row: y, r_N, w, r_T of states; normal, tangential of forces. */
+   points hold them row by row: y, r_N, w, r_T and dilation of states; normal, tangential of forces;
+   normal, tangential, coupling, slope and give of springs. */
 
 #include <math.h>
 
 typedef struct {
-    double y, r, w, shear;
+    double y, r, w, shear, dilation;
 } state;
 
 static inline double larger(double a, double b) /* nan where any is nan */
@@ -40,18 +41,21 @@ static inline double distance_from_bound(double q, double gamma, double mu)
 
 /* Distances from the laws at x0 + part c + s t, moved by given openings and slips. */
 void distances(int count, double smallest, double mu, double part, double s,
-               const double *friction, const double *strength, const double *carried,
-               const double *start, const double *correction, const double *tangent,
+               const double *friction, const double *strength, const double *dilatancy,
+               const double *carried, const double *start, const double *correction, const double *tangent,
                const double *springs, const double *compliance, const double *motion,
                double *restrict found)
 {
     const double *k_n = springs, *k_t = k_n + count, *coupling = k_t + count;
+    const double *slope = coupling + count, *give = slope + count;
     const double *c_n = compliance, *c_t = c_n + count;
     for (int i = 0; i < count; i++) {
         int j = i + count, k = j + count, l = k + count;
         double opening = motion[i], slip = motion[j];
-        double r = -k_n[i] * opening, shear = -k_t[i] * slip - coupling[i] * opening;
-        double at_y = start[i] + part * correction[i] + s * tangent[i] + (opening + c_n[i] * r);
+        double moved = opening + slope[i] * slip;
+        double r = -k_n[i] * moved, shear = -k_t[i] * slip - coupling[i] * moved;
+        double at_y = start[i] + part * correction[i] + s * tangent[i]
+                      + (moved + (c_n[i] + give[i]) * r);
         double at_r = start[j] + part * correction[j] + s * tangent[j] + r;
         double at_w = start[k] + part * correction[k] + s * tangent[k] + (slip + c_t[i] * shear);
         double at_shear = start[l] + part * correction[l] + s * tangent[l] + shear;
@@ -67,14 +71,16 @@ void distances(int count, double smallest, double mu, double part, double s,
 }
 
 /* Displacements by blocks alone, and forces in excess of those of the springs. */
-static inline void split(state x, double k_n, double k_t, double coupling, double c_n, double c_t,
-                  double carried, double *moved, double *excess, int next)
+static inline void split(state x, double k_n, double k_t, double coupling, double slope,
+                         double c_n, double c_t, double carried, double *moved, double *excess,
+                         int next)
 {
-    double opening = x.y - c_n * x.r, slip = x.w - c_t * x.shear;
+    double opening = x.y + x.dilation - c_n * x.r, slip = x.w - c_t * x.shear;
+    double by_both = opening + slope * slip;
     moved[0] = opening;
     moved[next] = slip;
-    excess[0] = x.r + k_n * opening;
-    excess[next] = (x.shear + k_t * slip + coupling * opening) * carried;
+    excess[0] = x.r + k_n * by_both;
+    excess[next] = (x.shear + k_t * slip + coupling * by_both) * carried;
 }
 
 /* Equations of the chosen points: displacements and excess forces of what the laws differ by from
@@ -82,7 +88,7 @@ static inline void split(state x, double k_n, double k_t, double coupling, doubl
    slopes by p and q, shape (2 count, 2 count + 1), whose last column is left to the caller. */
 void chosen_points(int count, double smallest, double mu, double log_mu_rate, double part,
                    double s, double of_part, double of_s, const double *x,
-                   const double *friction, const double *strength,
+                   const double *friction, const double *strength, const double *dilatancy,
                    const double *carried, const double *start,
                    const double *correction, const double *tangent, const double *springs,
                    const double *compliance, const double *answers, double *moved,
@@ -103,26 +109,33 @@ void chosen_points(int count, double smallest, double mu, double log_mu_rate, do
         double shear_r = side * (1.0 + by_gamma / by_s) * friction[j];
         double shear_p = shear_r * r_p, shear_q = carried[j] > 0.0 ? 1.0 / by_s : 0.0;
         double shear_mu = shear_r * r_mu + side * (of_far - of_near) / by_s;
-        double states[4] = {y, r, w, shear}, by_mu[4] = {r_mu, r_mu, shear_mu, shear_mu};
-        double change[2][4];
-        for (int k = 0; k < 4; k++) {
+        double d = dilatancy[j], slid_s = of_far / far - of_near / near;
+        double slid_r = (-slid_s * by_gamma / by_s - 2.0 * of_far / far) * friction[j];
+        double slid_q = copysign(1.0, q) * -slid_s / by_s;
+        double slid_mu = slid_r * r_mu + slid_s * (of_near - of_far) / by_s + (of_near + of_far);
+        double states[5] = {y, r, w, shear, d * (of_near + of_far)};
+        double by_mu[5] = {r_mu, r_mu, shear_mu, shear_mu, d * slid_mu};
+        double change[2][5];
+        for (int k = 0; k < 5; k++) {
             int i = k * count + j;
             change[0][k] = states[k] - (start[i] + part * correction[i] + s * tangent[i]);
             change[1][k] = of_s * (log_mu_rate * by_mu[k] - tangent[i]) - of_part * correction[i];
         }
-        state of[4] = {{change[0][0], change[0][1], change[0][2], change[0][3]},
-                       {change[1][0], change[1][1], change[1][2], change[1][3]},
-                       {y_p, r_p, shear_p, shear_p},
-                       {0.0, 0.0, shear_q - 1.0, shear_q}};
+        state of[4] = {{change[0][0], change[0][1], change[0][2], change[0][3], change[0][4]},
+                       {change[1][0], change[1][1], change[1][2], change[1][3], change[1][4]},
+                       {y_p, r_p, shear_p, shear_p, d * (slid_r * r_p)},
+                       {0.0, 0.0, shear_q - 1.0, shear_q, d * slid_q}};
         double k_n = springs[j], k_t = springs[count + j], coupling = springs[2 * count + j];
+        double slope_of = springs[3 * count + j];
         double c_n = compliance[j], c_t = compliance[count + j];
         for (int k = 0; k < 2; k++) {
             int i = 2 * k * count + j;
-            split(of[k], k_n, k_t, coupling, c_n, c_t, carried[j], moved + i, excess + i, count);
+            split(of[k], k_n, k_t, coupling, slope_of, c_n, c_t, carried[j], moved + i, excess + i,
+                  count);
         }
         for (int k = 0; k < 2; k++) { /* p and q of a point change its own forces alone */
             double own[2], forces[2];
-            split(of[2 + k], k_n, k_t, coupling, c_n, c_t, carried[j], own, forces, 1);
+            split(of[2 + k], k_n, k_t, coupling, slope_of, c_n, c_t, carried[j], own, forces, 1);
             double *slope = slopes + k * count + j;
             for (int i = 0; i < 2 * count; i++) {
                 const double *answer = answers + 2 * count * i;

@@ -3,7 +3,7 @@
 A step along the tangent of a path (`arclength`) ends where the first joint point opens, closes,
 sticks or slides. But few points do so at a time. The factor at hand tells how the structure answers
 forces at these, C. With all points on their tangents, x0 + part c + s t, let D be what the laws
-(`smoothing`) of the chosen points differ by from that. These differences are forces f(D) in excess
+(`joint_law`) of the chosen points differ by from that. These differences are forces f(D) in excess
 of those of the springs in the factor, and the structure answers them by displacements d(D):
 
     d(D(p, q)) - C f(D(p, q)) = 0,     D = x(p, q, mu(s)) - x0 - part c - s t,
@@ -28,9 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws
+from fenics_contact.solvers.joint_law import JointStates, SmoothedLaws
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
-from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
 
 Integers = npt.NDArray[np.int64]
 
@@ -91,10 +91,11 @@ class TangentModel:
 
     Attributes:
         laws: Their laws.
-        start: x0, shape (4, points).
+        start: x0, shape (5, points).
         correction: c, likewise.
         tangent: t, likewise.
-        springs: Those that the blocks feel, normal, tangential and coupling, shape (3, points).
+        springs: Normal, tangential and coupling, then slope and give, of `LinearLaws`, shape
+            (5, points).
         compliance: Of the points themselves, normal and tangential, shape (2, points).
         answers: Openings and slips for unit forces at the chosen points, normal and shear in turn,
             shape (2, 2 chosen points, points).
@@ -136,19 +137,22 @@ class TangentModel:
         problem = linear.kkt.problem
         d = kkt.scales.displacement
         f = kkt.scales.force
-        units = np.array([d, f, d, f])[:, None]
+        units = np.array([d, f, d, f, d])[:, None]
         start, across, along = (
-            np.stack([one.y, one.pressure, one.slip, one.shear]) / units
+            np.stack([one.y, one.pressure, one.slip, one.shear, kkt.law.dilation(one.z1, one.z2)])
+            / units
             for one in (linear.now, correction, tangent)
         )
+        laws = linear.laws
+        springs = np.stack(laws.springs) * d / f
         return cls(
-            SmoothedLaws(kkt.friction, problem.strength / f, kkt.frictional, smallest),
+            kkt.law.smoothed(f, kkt.frictional, smallest),
             start,
             across,
             along,
-            springs=np.stack(linear.springs) * d / f,
+            springs=np.concatenate([springs, [laws.slope, laws.give * f / d]]),
             compliance=problem.compliance * f / d,
-            answers=np.empty((2, 0, len(problem.friction))),
+            answers=np.empty((2, 0, problem.points)),
             mu=mu,
             log_mu_rate=log_mu_rate,
         )
@@ -186,7 +190,7 @@ class TangentModel:
     def contiguous(self) -> tuple[Array, ...]:
         """Laws, tangents and springs as the compiled laws take them."""
         laws = self.laws
-        of_laws = laws.friction, laws.strength, laws.carried[1]
+        of_laws = laws.friction, laws.strength, laws.dilatancy, laws.carried[1]
         of_points = self.start, self.correction, self.tangent, self.springs, self.compliance
         return tuple(np.ascontiguousarray(array) for array in (*of_laws, *of_points))
 
@@ -199,23 +203,26 @@ class TangentModel:
 
     def response(self, opening: Array, slip: Array) -> Array:
         """Changes of states that displacements of the blocks cause: springs answer."""
-        k_n, k_t, coupling = self.springs
-        r = -k_n * opening
-        shear = -k_t * slip - coupling * opening
+        k_n, k_t, coupling, slope, give = self.springs
+        moved = opening + slope * slip
+        r = -k_n * moved
+        shear = -k_t * slip - coupling * moved
         c_n, c_t = self.compliance
-        return np.array([opening + c_n * r, r, slip + c_t * shear, shear])
+        dilation = -slope * slip - give * r
+        return np.array([moved + (c_n + give) * r, r, slip + c_t * shear, shear, dilation])
 
     def displacements(self, states: Array) -> Array:
         """Openings and slips by displacements of blocks alone, shape (2, ..., points)."""
-        y, r, w, shear = states
+        y, r, w, shear, dilation = states
         c_n, c_t = self.compliance
-        return np.array([y - c_n * r, w - c_t * shear])
+        return np.array([y + dilation - c_n * r, w - c_t * shear])
 
     def excess(self, states: Array, displacements: Array) -> Array:
         """Forces in excess of those of the springs, normal ones first, shape (2, ..., points)."""
-        k_n, k_t, coupling = self.springs
+        k_n, k_t, coupling, slope, _ = self.springs
         (opening, slip), r, shear = displacements, states[1], states[3]
-        return np.array([r + k_n * opening, shear + k_t * slip + coupling * opening])
+        moved = opening + slope * slip
+        return np.array([r + k_n * moved, shear + k_t * slip + coupling * moved])
 
 
 @dataclass(frozen=True)
@@ -477,8 +484,8 @@ class NonlinearElimination:
         self.model = model
         self.problem = linear.kkt.problem
         self._chosen = np.zeros((0, 2), dtype=np.int64)  # rank and place there
-        self._others = np.ones(len(self.problem.friction), dtype=bool)
-        self._distances = np.zeros(len(self.problem.friction))  # those last asked for
+        self._others = np.ones(self.problem.points, dtype=bool)
+        self._distances = np.zeros(self.problem.points)  # those last asked for
         #: s per part of the shortest way c + s t to the path: at right angles to t.
         self.back = self._shortest_way()
 

@@ -1,7 +1,8 @@
 """The discrete contact problem, as all solvers see it: sparse maps and arrays, no mesh.
 
     K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,
-    0 <= r_N _|_ B_N u >= 0,    |r_T| <= g,    slip against r_T where |r_T| = g.
+
+with the law of the joint points (`joint_law`) between B_N u, B_T u and r_N, r_T.
 
 Arrays hold this rank's part of a distributed vector: displacements where the rank owns the node,
 joint values where it owns the joint point. PETSc objects stay inside `SparseMap`.
@@ -10,13 +11,15 @@ joint values where it owns the joint point. PETSc objects stay inside `SparseMap
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
+
+from fenics_contact.solvers.joint_law import PointLaws
 
 Array = npt.NDArray[np.float64]
 _Item = TypeVar("_Item", bound=PETSc.Object)
@@ -156,6 +159,11 @@ class State:
     shear: Array
     work: float
 
+    @property
+    def forces(self) -> tuple[Array, Array]:
+        """Normal and shear forces r_N and r_T."""
+        return self.pressure, self.shear
+
 
 @dataclass(frozen=True)
 class ContactProblem:
@@ -167,11 +175,8 @@ class ContactProblem:
         live: f_L, likewise.
         normal: B_N, shape (points, displacements).
         tangential: B_T, likewise.
-        friction: Coulomb's coefficient F at this rank's points; 0 where the law is another.
-        strength: Given bound on the shear force at this rank's points, N per metre (Tresca).
+        law: Law of this rank's points.
         rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
-        slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
-        opening_origin: B_N u from which openings are measured, m; below zero for initial gaps.
         compliance: Compliance of the joint points themselves that K lacks, normal and tangential,
             m per N/m, shape (2, points): openings and slips are B u + compliance r.
     """
@@ -181,20 +186,22 @@ class ContactProblem:
     live: Array
     normal: SparseMap
     tangential: SparseMap
-    friction: Array
-    strength: Array
+    law: PointLaws
     rigid: SparseMap
-    slip_origin: Array = field(default_factory=lambda: np.zeros(0))
-    opening_origin: Array = field(default_factory=lambda: np.zeros(0))
     compliance: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
     def __post_init__(self) -> None:
-        points = len(self.friction)
-        for name in ("slip_origin", "opening_origin"):
-            if len(getattr(self, name)) != points:
-                object.__setattr__(self, name, np.zeros(points))
-        if self.compliance.shape[1] != points:
-            object.__setattr__(self, "compliance", np.zeros((2, points)))
+        if self.compliance.shape[1] != self.points:
+            object.__setattr__(self, "compliance", np.zeros((2, self.points)))
+
+    def with_law(self, **constants: Array) -> ContactProblem:
+        """The problem with other constants of the law, by their names."""
+        return replace(self, law=replace(self.law, **constants))
+
+    @property
+    def points(self) -> int:
+        """Number of this rank's joint points."""
+        return len(self.law.friction)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -207,14 +214,12 @@ class ContactProblem:
         return int(self.stiffness.matrix.getSize()[0])
 
     @property
-    def frictional(self) -> npt.NDArray[np.bool_]:
-        """Points that transmit shear."""
-        return (self.friction > 0.0) | (self.strength > 0.0)
-
-    @property
     def coulomb(self) -> bool:
-        """Whether friction depends on the pressure at some point of some rank."""
-        return self.max(self.friction) > 0.0
+        """Whether friction takes up power by the pressure at some point of some rank.
+
+        Else the states are those of a convex problem.
+        """
+        return self.max(self.law.dissipative) > 0.0
 
     def sum(self, values: Array) -> float:
         """Sum of this rank's values over all ranks."""
@@ -229,17 +234,17 @@ class ContactProblem:
         # MPI.MAX may drop a nan that one rank holds.
         return float(np.max(self.comm.allgather(float(np.max(values, initial=initial)))))
 
-    def bound(self, pressure: Array) -> Array:
-        """Bound g on the shear forces for given normal forces: F r_N, or the given strength."""
-        return self.friction * pressure + self.strength
-
     def openings(self, u: Array) -> Array:
         """Openings of this rank's points, m."""
-        return self.normal @ u - self.opening_origin
+        return self.normal @ u - self.law.opening_origin
 
     def slips(self, u: Array) -> Array:
         """Slips of this rank's points, m."""
-        return self.tangential @ u - self.slip_origin
+        return self.tangential @ u - self.law.slip_origin
+
+    def clearance_rates(self, mode: Array) -> Array:
+        """Rates of the clearances of this rank's points in a motion."""
+        return self.law.clearance(self.normal @ mode, self.tangential @ mode)
 
     def joint_forces(self, pressure: Array, shear: Array) -> Array:
         """B_N^T r_N + B_T^T r_T, N per metre of thickness."""

@@ -119,7 +119,7 @@ def part(problem: ContactProblem, values: Array, like: Array) -> Array:
 def misses(case: LoadCase, state: State, bound: Array | None = None) -> dict[str, float]:
     """What a state misses of equilibrium and the joint laws, relative."""
     problem, u, g = case.problem, state.displacement, bound
-    g = problem.bound(state.pressure) if g is None else g
+    g = problem.law.bound(state.pressure) if g is None else g
     pressure, shear, loads = state.pressure, state.shear, problem.dead
     loads = loads + state.load_factor * problem.live
     forces = loads + problem.joint_forces(pressure, shear)
@@ -181,7 +181,7 @@ class Place:
 
     def arrived(self, at: elimination.Step) -> tuple[Iterate, float]:
         """The point with equal products where a step leads, and its products."""
-        _, r, _, shear = at.states.values
+        _, r, _, shear, _ = at.states.values
         f, to, mu = self.kkt.scales.force, at.moved, self.mu * float(np.exp(-at.s))
         state = State(to.u, to.elastic, to.load_factor, r * f, shear * f, self.kkt.work)
         return self.kkt.on_central_path(state, mu), mu

@@ -59,7 +59,7 @@ def test_all_products_are_equal_along_the_path(plain):
     now, unit = point.iterate, kkt.scales.displacement * kkt.scales.force
     for product in kkt.products(now):
         assert product == pytest.approx(np.full_like(product, point.mu * unit), rel=1e-9)
-    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.friction * now.pressure, rel=1e-12)
+    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.law.friction * now.pressure, rel=1e-12)
     sizes = kkt.sizes(now, kkt.residual(now))
     assert sizes.pop("complementarity") == pytest.approx(point.mu, rel=1e-9)
     assert max(sizes.values()) <= 1e-6

@@ -98,7 +98,7 @@ def test_linear_displacements_of_free_blocks_come_back(case):
     slope, shift = random.normal(size=(2, 2)), random.normal(size=(case.block_count, 2))
     u = np.where(free[:, None], position @ slope + shift[body], 0.0).ravel()
     assert problem.max(np.abs(u)) > 0.1
-    none, made = np.zeros_like(problem.friction), discretization.block_modes
+    none, made = np.zeros(problem.points), discretization.block_modes
     restricted = made.restricted(State(u, problem.elastic_part(u), 0.5, none, none, 7.0))
     back = made.prolonged(restricted)
     assert back.displacement == pytest.approx(u, abs=1e-12 * problem.max(np.abs(u)))
@@ -111,7 +111,7 @@ def test_linear_displacements_of_free_blocks_come_back(case):
 def test_prolonged_states_have_the_indentation_of_their_joint_forces(case):
     made, problem = case.discretization.block_modes, case.problem
     a = np.random.default_rng(4).normal(size=made.reduced.size)
-    force = np.arange(1.0, len(problem.friction) + 1.0)
+    force = np.arange(1.0, problem.points + 1.0)
     state = made.prolonged(State(a, made.reduced.elastic_part(a), 0.5, force, -force, 7.0))
     indented = indentation(case) * problem.joint_forces(force, -force)
     assert np.abs(indented).max() > 0.0

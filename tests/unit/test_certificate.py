@@ -80,7 +80,7 @@ def test_correct_collapse_passes(collapse):
 
 def given(c: Collapse, times: float) -> State:
     """The state with so many times the friction as a given bound."""
-    return solved(c.case, FAR, times * c.case.problem.bound(c.state.pressure)).state
+    return solved(c.case, FAR, times * c.case.problem.law.bound(c.state.pressure)).state
 
 
 def strained(c: Collapse) -> State:

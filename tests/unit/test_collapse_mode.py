@@ -32,7 +32,7 @@ def test_mode_at_the_limit_load_is_the_rigid_one(block):
 
 
 def test_mode_on_the_elastic_branch_is_the_slope_of_the_path(block):
-    bound = np.full(len(block.problem.friction), 1e2 * block.scales.force)
+    bound = np.full(block.problem.points, 1e2 * block.scales.force)
     one, other = (solved(block, ratio, bound).state for ratio in (0.02, 0.03))
     mode = elastic_mode(conditions(block, 0.02, bound), one)
     slope = (other.displacement - one.displacement) / (other.work - one.work)
@@ -47,7 +47,7 @@ def test_static_factor_is_that_of_the_state_or_of_the_program(block, gap):
     certificate = verify(block, state, scales, 1e-6, gap).certificate
     assert certificate.passed
     assert (certificate.static_factor == state.load_factor) == (gap > 0.0)
-    bound = block.discretization.all_points(block.problem.bound(state.pressure))
+    bound = block.discretization.all_points(block.problem.law.bound(state.pressure))
     program = block.blocks.collapse(bound)[0]
     assert certificate.static_factor == pytest.approx(program, rel=1e-7)
     assert certificate.worst_joint is not None

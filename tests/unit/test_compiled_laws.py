@@ -13,6 +13,7 @@ from fenics_contact.discretization.forms import compile_laws
 from fenics_contact.limit_load import limit_load_of
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws, use
+from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.nonlinear_elimination import (
     ChosenPoints,
     EliminationOptions,
@@ -20,7 +21,6 @@ from fenics_contact.solvers.nonlinear_elimination import (
     TangentModel,
 )
 from fenics_contact.solvers.problem import Array
-from fenics_contact.solvers.smoothing import SmoothedLaws
 from tests.bank import BANK, coulomb, wall_recipe
 
 POINTS = 17
@@ -50,10 +50,11 @@ def some(random: np.random.Generator, extreme: bool, *shape: int) -> Array:
 def random_model(random: np.random.Generator, extreme: bool) -> TangentModel:
     """Points with friction, a given strength, both or neither, all of them chosen."""
     friction, strength = random.random((2, POINTS)) * (random.random((2, POINTS)) < 0.5)
+    law = PointLaws(friction, strength, friction * random.choice([0.0, 0.5, 1.0], POINTS))
     return TangentModel(
-        SmoothedLaws(friction, strength, (friction > 0.0) | (strength > 0.0), smallest=1e-3),
-        *(some(random, extreme, 4, POINTS) for _ in range(3)),
-        springs=10.0 ** random.uniform(-6, 6, (3, POINTS)),
+        law.smoothed(1.0, law.frictional, smallest=1e-3),
+        *(some(random, extreme, 5, POINTS) for _ in range(3)),
+        springs=10.0 ** random.uniform(-6, 6, (5, POINTS)),
         compliance=random.random((2, POINTS)),
         answers=some(random, extreme, 2, 2 * POINTS, POINTS),
         mu=float(10.0 ** random.uniform(-12, 1)),
@@ -91,9 +92,9 @@ def test_points_that_a_tangent_leads_nowhere_are_infinitely_far(compiled):
 
 
 def test_there_may_be_no_points(compiled):
-    none = np.zeros((4, 0))
-    laws = SmoothedLaws(none[0], none[0], none[0] > 0.0, smallest=1e-3)
-    rest = {"springs": none[:3], "compliance": none[:2], "answers": np.zeros((2, 0, 0))}
+    none = np.zeros((5, 0))
+    laws = PointLaws(none[0], none[0]).smoothed(1.0, none[0] > 0.0, smallest=1e-3)
+    rest = {"springs": none, "compliance": none[:2], "answers": np.zeros((2, 0, 0))}
     model = TangentModel(laws, none, none, none, **rest, mu=1.0, log_mu_rate=-1.0)
     at = ChosenPoints(model, Line((0.0, 0.0), (1.0, 0.0)), EliminationOptions()).at(np.zeros(1))
     assert model.distances(1.0, 0.5).shape == (0,)

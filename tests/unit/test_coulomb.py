@@ -32,7 +32,7 @@ def task_of(case: LoadCase) -> Task:
 @pytest.mark.parametrize("first", [1.0, 2.0])
 def test_fixed_point_is_coulombs_law_and_the_interior_point_methods_state(bond, first):
     """Whatever bound it starts from, where there is one state."""
-    bound = first * bond.problem.bound(bond.first_pressure)
+    bound = first * bond.problem.law.bound(bond.first_pressure)
     told: list[Step] = []
     case, count = replace(bond, monitor=told.append), bond.discretization.factorizations
     before = count()
@@ -58,7 +58,7 @@ def iterated(
     **options: float,
 ) -> tuple[Array, History]:
     """F r_N of the last state, and the history; maps are told the products they start with."""
-    state, friction = case.bonded_state(1.0), case.problem.friction
+    state, friction = case.bonded_state(1.0), case.problem.law.friction
 
     def solve(bound: Array, start: object, mu: float, exact: float) -> Solution:
         pressure = answer(bound, mu) / friction

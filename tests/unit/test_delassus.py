@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ def bond() -> Iterator[tuple[ContactProblem, DelassusOperator]]:
         rows = wall.operators
         points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
         origin = np.full(len(rows.points), ORIGIN)
-        problem = replace(wall.problem, slip_origin=origin)
+        problem = wall.problem.with_law(slip_origin=origin)
         with DelassusOperator(problem, points, RHO) as operator:
             yield problem, operator
 
@@ -40,7 +39,7 @@ def exact(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
     stiffness = dense(problem.stiffness.matrix)
     normal, tangential = (dense(map.matrix) for map in (problem.normal, problem.tangential))
     rows, start = [], 0
-    for count in problem.comm.allgather(len(problem.friction)):
+    for count in problem.comm.allgather(problem.points):
         rows += [normal[start : start + count], tangential[start : start + count]]
         start += count
     rows.append(whole(problem, problem.live)[None, :])
@@ -49,7 +48,7 @@ def exact(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
 
 def some(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacements near by, pressure and shear."""
-    random, points = np.random.default_rng(problem.comm.rank), len(problem.friction)
+    random, points = np.random.default_rng(problem.comm.rank), problem.points
     near = 1e-6 * random.standard_normal(len(problem.dead))
     return near, random.uniform(0.0, 1e3, points), random.uniform(-1e3, 1e3, points)
 
@@ -96,6 +95,6 @@ def test_parts_of_the_unknowns(bond):
     parts = operator.split(operator.join(pressure, shear, 0.25))
     assert np.array_equal(parts[0], pressure) and np.array_equal(parts[1], shear)
     assert parts[2] == 0.25
-    points = problem.sum(np.ones_like(problem.friction))
+    points = problem.sum(np.ones(problem.points))
     for kinds, count in (((0, 1), 2 * points + 1), ((1,), points + 1)):
         assert problem.sum(np.ones(len(operator.program(kinds)[0]))) == count

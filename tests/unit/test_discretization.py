@@ -22,7 +22,7 @@ def test_bonded_structure_hardly_opens(case):
     spring = BONDED_SPRING * case.stiffness.mean_diagonal
     opening = problem.max(np.abs(problem.normal @ bonded.live))
     assert 0.0 < opening < 1e-2 * problem.max(np.abs(bonded.live))
-    springs = whole(problem, np.full(len(problem.friction), spring))
+    springs = whole(problem, np.full(problem.points, spring))
     matrix = sprung(problem, springs, springs, 0.0 * springs)
     for name in ("dead", "live"):
         found = getattr(bonded, name)
@@ -53,14 +53,14 @@ def test_what_is_made_once_is_counted_and_arrays_outlive_it():
         one, other = (made.bonded(kind) for kind in (SYMMETRIC, GENERAL))
         assert made.stiffness(GENERAL) is made.stiffness(GENERAL) is not made.stiffness(SYMMETRIC)
         assert made.block_modes is made.block_modes
-        none = np.ones_like(made.problem.friction)
+        none = np.ones(made.problem.points)
         with made.block_modes.stiffness(GENERAL, made.mode_tally) as stiffness:
             stiffness.factor(none, none)
         assert (made.tally.count, made.mode_tally.count, made.factorizations()) == (2, 1, 3)
     for name in ("dead", "live", "dead_pressure", "live_pressure"):
         expected = getattr(one, name)
         assert getattr(other, name) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
-    assert len(made.problem.friction) == len(made.joints.length) == len(none)
+    assert made.problem.points == len(made.joints.length) == len(none)
 
 
 def test_live_load_on_nothing_is_an_input_error():
@@ -78,6 +78,6 @@ def test_typical_sizes(case):
     assert scales.displacement == scales.elastic == pytest.approx(moved)
     weightless = replace(block_recipe(0.4, 0.4, 0.0, dead=Load()), law=tresca(2e3))
     with load_case(weightless.scene(2)) as other:
-        assert other.scales.force == other.problem.strength.max() > 0.0
+        assert other.scales.force == other.problem.law.strength.max() > 0.0
         force = other.scales.load_factor * other.problem.max(other.bonded.live_pressure)
         assert force == pytest.approx(other.scales.force, rel=1e-12)

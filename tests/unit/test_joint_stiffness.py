@@ -43,7 +43,7 @@ def case(request) -> Iterator[LoadCase]:
 def springs_of(case: LoadCase, kind: str, seed: int) -> list[Array]:
     """Normal, tangential and coupling springs of all points over six decades."""
     random, problem = np.random.default_rng(seed), case.problem
-    count = int(problem.sum(np.ones_like(problem.friction)))
+    count = int(problem.sum(np.ones(problem.points)))
     mean = case.discretization.stiffness(kind).mean_diagonal
     normal, tangential = mean * 10.0 ** random.uniform(-3, 3, (2, count))
     coupling = random.uniform(-0.8, 0.8, count) * np.minimum(normal, tangential)
@@ -51,7 +51,7 @@ def springs_of(case: LoadCase, kind: str, seed: int) -> list[Array]:
 
 
 def factor_of(case: LoadCase, kind: str, springs: list[Array]) -> Factor:
-    mine = [part(case.problem, k, case.problem.friction) for k in springs]
+    mine = [part(case.problem, k, case.problem.law.friction) for k in springs]
     return case.discretization.stiffness(kind).factor(*mine[: 3 if kind == GENERAL else 2])
 
 

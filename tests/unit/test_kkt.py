@@ -33,7 +33,7 @@ def test_all_products_are_equal(case, given, mu):
         assert product == pytest.approx(expected, rel=1e-9)
     assert np.all(now.positive > 0.0)
     assert kkt.mean_product(now) == pytest.approx(mu, rel=1e-9)
-    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.bound(now.pressure), rel=1e-12)
+    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.law.bound(now.pressure), rel=1e-12)
     assert now.s2 - now.s1 == pytest.approx(2.0 * now.shear, abs=1e-9 * kkt.scales.force)
 
 
@@ -49,14 +49,14 @@ def test_point_next_to_a_state_keeps_forces_less_displacements(case):
 
 
 def test_points_without_friction_have_no_shear(mixed):
-    kkt, smooth = conditions(mixed), ~mixed.problem.frictional
+    kkt, smooth = conditions(mixed), ~mixed.problem.law.frictional
     now = kkt.on_central_path(mixed.bonded_state(kkt.work), 1e-2)
-    assert np.array_equal(kkt.frictional, ~smooth)
+    assert np.array_equal(kkt.law.frictional, ~smooth)
     assert np.any(smooth) and np.any(~smooth)
     assert np.all(now.shear[smooth] == 0.0)
     assert kkt.count == len(smooth) + 2 * np.count_nonzero(~smooth)
     linear = kkt.linearize(now)
-    assert np.all(linear.k_t[smooth] == 0.0) and np.all(linear.k_t[~smooth] > 0.0)
+    assert np.all(linear.laws.k_t[smooth] == 0.0) and np.all(linear.laws.k_t[~smooth] > 0.0)
     (step,) = linear.directions([(kkt.residual(now), np.zeros((3, len(now.y))))])
     for name in ("shear", "s1", "s2", "z1", "z2"):
         assert np.all(getattr(step, name)[smooth] == 0.0)
@@ -73,7 +73,7 @@ def test_residual_of_a_state_is_nothing_and_of_another_is_what_it_lacks(case):
     less = replace(kkt, work=0.5 * kkt.work)
     assert less.sizes(now, less.residual(now))["work"] == pytest.approx(1.0, rel=1e-9)
     origin = np.linspace(-1.0, 1.0, len(now.y)) * kkt.scales.displacement
-    elsewhere = replace(kkt, problem=replace(case.problem, slip_origin=origin))
+    elsewhere = replace(kkt, problem=case.problem.with_law(slip_origin=origin))
     same(elsewhere.residual(now).slip - kkt.residual(now).slip, origin)
 
 
@@ -83,12 +83,12 @@ def test_residual_of_a_state_is_nothing_and_of_another_is_what_it_lacks(case):
 def test_directions_are_those_of_differences(case, given, control, compliance):
     """Residuals fall in proportion to a step, and products change as asked, to first order."""
     random, kkt = np.random.default_rng(5), conditions(case)
-    count, d, f = len(case.problem.friction), kkt.scales.displacement, kkt.scales.force
+    count, d, f = case.problem.points, kkt.scales.displacement, kkt.scales.force
     problem = case.problem
     problem = replace(problem, compliance=compliance * d / f * random.uniform(0.1, 10, (2, count)))
     kkt = replace(kkt, problem=problem, load_factor=None if control == "work" else 0.3)
     if given:
-        kkt = replace(kkt, given=np.full(count, f), friction=np.zeros(count))
+        kkt = replace(kkt, law=problem.law.with_given(np.full(count, f)))
     now = noisy(kkt.on_central_path(case.bonded_state(kkt.work), 0.1), 1)
     residual = kkt.residual(now)
     asked = d * f * random.normal(size=(3, count))
@@ -106,8 +106,8 @@ def test_directions_are_those_of_differences(case, given, control, compliance):
     ahead, behind = (kkt.products(now.moved(h, step)) for h in (part, -part))
     for more, less, change in zip(ahead, behind, asked, strict=True):
         same((more - less) / (2.0 * part), change, 1e-6)
-    same(step.s1, kkt.friction * step.pressure - step.shear)
-    same(step.s2, kkt.friction * step.pressure + step.shear)
+    same(step.s1, kkt.law.friction * step.pressure - step.shear)
+    same(step.s2, kkt.law.friction * step.pressure + step.shear)
     assert control == "work" or step.load_factor == 0.0
     same(step.elastic, problem.elastic_part(step.u))
 
@@ -131,7 +131,7 @@ def test_slip_keeps_its_digits_next_to_the_bound(case, mu):
     ):
         size = np.abs(ds * z) + np.abs(s * dz) + np.abs(change)
         assert np.abs(ds * z + s * dz - change)[sliding].max() <= 1e-12 * size.max()
-    bound, forces = case.problem.friction * step.pressure, 1e-12 * kkt.scales.force
+    bound, forces = case.problem.law.friction * step.pressure, 1e-12 * kkt.scales.force
     forces += 1e-12 * np.abs(step.pressure).max()
     assert np.abs(bound - step.shear - step.s1).max() <= forces
     assert np.abs(bound + step.shear - step.s2).max() <= forces

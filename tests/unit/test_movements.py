@@ -309,13 +309,13 @@ def test_kept_matrices_give_the_numbers_of_new_ones(make):
         assert made.shares_matrices(there)
         changed = made.changed(there)
         for one, other in (
-            (changed.problem.dead, new.problem.dead),
-            (changed.problem.slip_origin, new.problem.slip_origin),
-            (changed.problem.opening_origin, new.problem.opening_origin),
+            (changed.problem.law.dead, new.problem.dead),
+            (changed.problem.law.slip_origin, new.problem.law.slip_origin),
+            (changed.problem.law.opening_origin, new.problem.law.opening_origin),
             (changed.imposed, new.imposed),
         ):
             assert one == pytest.approx(other, rel=1e-12, abs=1e-12 * np.abs(other).max(initial=0))
-        largest = new.problem.max(np.abs(new.problem.opening_origin))
+        largest = new.problem.max(np.abs(new.problem.law.opening_origin))
     assert largest > 1e-3
 
 

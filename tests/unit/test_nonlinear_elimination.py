@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fenics_contact.solvers.arclength import FALLING_PRODUCTS, ArclengthOptions, Continuation
+from fenics_contact.solvers.joint_law import JointStates, PointLaws
 from fenics_contact.solvers.nonlinear_elimination import (
     ChosenPoints,
     EliminationOptions,
     Line,
     TangentModel,
 )
-from fenics_contact.solvers.smoothing import JointStates, SmoothedLaws
 from tests.bank import coulomb, wall_recipe
 from tests.unit.core import Place, conditions, dense, prepared
 
@@ -28,7 +28,7 @@ case = prepared(wall_recipe("W1", coulomb(1.0)), 2)
 @pytest.fixture(scope="module", params=[0.0, 0.3], ids=["stiff", "compliant"])
 def place(case, request) -> Place:
     """Some way down the path, of points with and without a compliance of their own."""
-    kkt, count = conditions(case), len(case.problem.friction)
+    kkt, count = conditions(case), case.problem.points
     unit = kkt.scales.displacement / kkt.scales.force
     compliance = request.param * unit * np.linspace(0.5, 1.0, 2 * count).reshape(2, -1)
     kkt = replace(kkt, problem=replace(case.problem, compliance=compliance))
@@ -45,16 +45,18 @@ def model() -> TangentModel:
     """Six points of all laws, with forces that move all of them."""
     random, count = np.random.default_rng(1), 6
     friction, strength = [0.6, 0.6, 0.0, 0.3, 0.0, 0.8], [0.0, 0.0, 0.5, 0.1, 0.0, 0.0]
-    laws = SmoothedLaws(np.array(friction), np.array(strength), np.arange(6) != 4, smallest=1e-3)
+    dilatancy = [0.0, 0.2, 0.0, 0.3, 0.0, 0.1]
+    law = PointLaws(np.array(friction), np.array(strength), np.array(dilatancy))
+    laws = law.smoothed(1.0, np.arange(6) != 4, smallest=1e-3)
     start = laws.states(random.normal(size=count), random.normal(size=count), 1e-2)
     root = random.normal(size=(2 * count, 2 * count))
     c = (root @ root.T).reshape(2, count, 2, count)  # openings and slips at all points
     return TangentModel(
         laws,
         start.values,
-        correction=0.1 * random.normal(size=(4, count)),
-        tangent=0.1 * random.normal(size=(4, count)),
-        springs=random.uniform(0.1, 2.0, (3, count)),
+        correction=0.1 * random.normal(size=(5, count)),
+        tangent=0.1 * random.normal(size=(5, count)),
+        springs=random.uniform(0.1, 2.0, (5, count)),
         compliance=random.uniform(0.0, 0.5, (2, count)),
         answers=c.transpose(0, 3, 2, 1).reshape(2, -1, count),
         mu=1e-2,
@@ -97,7 +99,7 @@ def test_answers_are_displacements_that_do_no_work_on_the_live_load(place):
     assert np.all(np.abs(moved @ problem.live) <= 1e-8 * (np.abs(moved) @ np.abs(problem.live)))
     unit = place.kkt.scales.force / place.kkt.scales.displacement
     exact = unit * (moved @ rows.T)  # openings and slips for unit normal and shear forces
-    count = len(problem.friction)
+    count = problem.points
     found = np.concatenate([made.model.answers[0], made.model.answers[1]], axis=1)
     assert 2 * EliminationOptions().points >= len(found) > 0
     for pair in found.reshape(-1, 2, 2 * count):

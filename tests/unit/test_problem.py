@@ -45,13 +45,13 @@ def test_reductions_are_those_of_whole_arrays(case):
 
 
 def test_bound_on_friction_is_that_of_both_laws(case):
-    count = len(case.problem.friction)
+    count = case.problem.points
     friction, strength = np.where(np.arange(count) % 2, 0.3, 0.0), np.full(count, 2.0)
-    problem = replace(case.problem, friction=friction, strength=strength)
-    assert problem.bound(np.full(count, 10.0)) == pytest.approx(10.0 * friction + 2.0)
-    assert np.all(problem.frictional) and problem.coulomb
-    smooth = replace(problem, friction=np.zeros(count), strength=0.0 * strength)
-    assert not np.any(smooth.frictional) and not smooth.coulomb
+    problem = case.problem.with_law(friction=friction, strength=strength)
+    assert problem.law.bound(np.full(count, 10.0)) == pytest.approx(10.0 * friction + 2.0)
+    assert np.all(problem.law.frictional) and problem.coulomb
+    smooth = replace(problem, law=problem.law.frictionless())
+    assert not np.any(smooth.law.frictional) and not smooth.coulomb
 
 
 def test_rigid_motions_strain_nothing(case):

@@ -38,7 +38,7 @@ class Loaded:
     @property
     def ask(self) -> tuple[np.ndarray, float, State, Scales]:
         """What a solver is asked for: bound, work, start and typical sizes."""
-        return self.problem.strength, self.start.work, self.start, self.scales
+        return self.problem.law.strength, self.start.work, self.start, self.scales
 
     def solver(self, minimise=alternately, **options) -> JointForceSolver:
         options = JointForceOptions(**options)
@@ -89,7 +89,7 @@ def test_residuals_are_those_of_the_state(bond, minimise):
     problem = bond.problem
     with bond.solver(minimise) as solver:
         state, residuals = solver.solve(*bond.ask, 1e-9)
-    assert residuals == state_residuals(problem, state, bond.scales, problem.strength)
+    assert residuals == state_residuals(problem, state, bond.scales, problem.law.strength)
     assert max(residuals.values()) <= 1e-9
     assert state.work == bond.start.work
     assert problem.dot(problem.live, state.displacement) == pytest.approx(state.work, rel=1e-9)
@@ -98,7 +98,7 @@ def test_residuals_are_those_of_the_state(bond, minimise):
 @pytest.mark.mpi
 def test_slip_is_measured_from_its_origin(bond):
     """Residuals with the origin are small."""
-    moved = replace(bond.problem, slip_origin=np.full_like(bond.problem.strength, 1e-6))
+    moved = bond.problem.with_law(slip_origin=np.full(bond.problem.points, 1e-6))
     with replace(bond, problem=moved).solver() as solver:
         state, residuals = solver.solve(*bond.ask, 1e-9)
     assert max(residuals.values()) <= 1e-9

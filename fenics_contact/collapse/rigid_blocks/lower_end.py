@@ -2,7 +2,8 @@
 
 A collapse state is one of equilibrium with a rigid motion v that the laws of its joints allow as a
 rate and by which the live load does work, f_L . v = 1. Let N_f be the normal force of a straight
-face f between two bodies in such a state, F_f its coefficient of friction, s_f its strength.
+face f between two bodies in such a state, F_f its coefficient of friction, s_f its strength. Where
+it dilates, F_f is less by the dilatancy, which is part of the program P (`joint_law`).
 
 1. All points of f have one slip rate. Friction takes up (F_f N_f + s_f) |slip of f|: the state's
    load factor is P(F N + s), the limit load with given friction, for v proves that there is no
@@ -119,7 +120,7 @@ class FacePrograms(Protocol):
 
     @property
     def friction(self) -> Array:
-        """F, shape (faces,)."""
+        """F - D, of the friction that takes up power, shape (faces,)."""
 
     @property
     def strength(self) -> Array:

@@ -1,12 +1,13 @@
 """Limit loads of rigid blocks as linear programs: bounds on, and a check of, the elastic ones.
 
     max lambda   subject to   R^T (f_D + lambda f_L + B_N^T r_N + B_T^T r_T) = 0   (every body),
-                              r_N >= 0,   |r_T| <= F r_N + g.
+                              r_N >= 0,   |r_T| <= C r_N + g.
 
-With given friction (F = 0) its value is the limit load, of rigid and of elastic blocks, and the
-multipliers of equilibrium are the rigid motions of a collapse (R.K. Livesley, Int. J. Numer. Meth.
-Eng. 12 (1978) 1853). With Coulomb friction it is the limit load for associative slip, an upper
-bound; without friction it is a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
+The multipliers of equilibrium are rigid motions that open joints by C |slip| at least (R.K.
+Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). With the dilatancy C = D and given friction g
+(`joint_law`) the value is the limit load, of rigid and of elastic blocks, and they are its
+collapse. With C = F and g = c it is the limit load for associative slip, an upper bound; without
+friction it is a lower bound (D.C. Drucker, J. Appl. Mech. 21 (1954) 71).
 
 HiGHS may leave open whether a program has a solution. Then the least missing forces are asked for,
 
@@ -118,7 +119,7 @@ class _Program:
     @cached_property
     def _ends(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Ends of faces; those of them with friction."""
-        return self.faces.ends.T.ravel(), np.flatnonzero(np.tile(self.faces.friction, 2))
+        return self.faces.ends.T.ravel(), np.flatnonzero(np.tile(self.faces.law.friction, 2))
 
     @cached_property
     def _used(self) -> npt.NDArray[np.bool_]:
@@ -133,7 +134,7 @@ class _Program:
         (ends, rough), whole = self._ends, (self.joints, self.bodies)
         normal = relative_motions(*whole, ends, self.joints.normal).T
         shear = relative_motions(*whole, ends, self.joints.tangent).T.tocsc()
-        sliding = shear @ diags(np.tile(self.faces.friction, 2))
+        sliding = shear @ diags(np.tile(self.faces.law.friction, 2))
         given = shear[:, : len(self.faces.ends)]
         columns = hstack([normal + sliding, (normal - sliding).tocsc()[:, rough], given])
         return columns.tocsr()[self._used]
@@ -148,7 +149,7 @@ class _Program:
         Then faces that crush carry nothing.
         """
         ends, rough = self._ends
-        strength = self.faces.strength / unit
+        strength = self.faces.law.strength / unit
         most: list[float | None] = [None] * (len(ends) + len(rough))
         if self.crushing is not None:
             carried = np.tile(np.where(self.crushing.given, self.crushing.carried / unit, -1.0), 2)
@@ -189,7 +190,7 @@ class _Program:
         ends, rough = self._ends
         forward, edges, bound = np.split(x, [len(ends), len(ends) + len(rough)])
         backward = np.bincount(rough, edges, len(ends)).astype(float)
-        shear = np.tile(self.faces.friction, 2) * (forward - backward)
+        shear = np.tile(self.faces.law.friction, 2) * (forward - backward)
         shear[: len(bound)] += bound
         count = len(self.joints.length)
         return np.stack([np.bincount(ends, f, count) for f in (forward + backward, shear)])
@@ -225,7 +226,7 @@ class RigidBlocks:
         joints = whole.original.joints
         bodies = whole.original.bodies
         bodies = replace(bodies, live=sign * bodies.live)
-        faces = straight_faces(joints, joints.shear_strength)
+        faces = straight_faces(joints)
         crushing = Crushing.of(
             joints, strength_of(whole.original.scene, whole.original.joints), faces.of_point
         )
@@ -247,7 +248,7 @@ class RigidBlocks:
         `patient` is called now and then on rank 0 while a large program is solved, and may raise
         `Stopped`.
         """
-        faces = faces or straight_faces(joints, joints.shear_strength)
+        faces = faces or straight_faces(joints)
         self._joints = joints
         self._bodies = bodies
         self._comm = comm
@@ -262,8 +263,8 @@ class RigidBlocks:
     @cached_property
     def frictionless(self) -> RigidBlocks:
         """The same blocks without friction."""
-        none = np.zeros_like(self._program.faces.friction)
-        faces = replace(self._program.faces, friction=none, strength=none)
+        faces = self._program.faces
+        faces = replace(faces, law=faces.law.frictionless())
         whole = self._joints, self._bodies, self._comm
         return RigidBlocks(*whole, faces, self.crushing, self._patient)
 
@@ -329,12 +330,11 @@ class RigidBlocks:
         """Limit load as `limit` gives it, and collapse mode, with given friction.
 
         The mode consists of the bodies' rigid motions (a, b, c) about their centres, shape
-        (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` bounds the
-        shear forces at all joint points, N/m, on all ranks.
+        (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` is the
+        given bound g at all joint points (`joint_law`), N/m, on all ranks.
         """
         program = self._tangents or self._program
-        faces = straight_faces(program.joints, strength)
-        faces = replace(faces, friction=np.zeros_like(faces.friction))
+        faces = straight_faces(program.joints, program.joints.point_laws.with_given(strength))
         found = self._on_root(lambda: self._largest(replace(program, faces=faces)))
         return found.factor, found.motion
 
@@ -351,7 +351,7 @@ class RigidBlocks:
         dead = self._bodies.dead + np.einsum("bmk,bk->bm", self._bodies.free, loaded)
         bodies = replace(self._bodies, dead=dead)
         new = copy(self)
-        new._tangents = _Program(joints, bodies, straight_faces(joints, joints.shear_strength))
+        new._tangents = _Program(joints, bodies, straight_faces(joints))
         return new
 
     def associative_pressure(self) -> Array | None:
@@ -413,13 +413,13 @@ class RigidBlocks:
 
     @property
     def friction(self) -> Array:
-        """Coulomb's coefficients of the faces, shape (faces,)."""
-        return self._program.faces.friction
+        """Coefficients F - D of the faces' friction that takes up power, shape (faces,)."""
+        return self._program.faces.law.dissipative
 
     @property
     def strength(self) -> Array:
         """Given bounds on the shear forces of the faces, N/m, shape (faces,)."""
-        return self._program.faces.strength
+        return self._program.faces.law.strength
 
     def of_faces(self, values: Array) -> Array:
         """Sums over the joint points of every face, shape (faces,)."""
@@ -458,7 +458,8 @@ class RigidBlocks:
             SolverError: If HiGHS finds no answer in as many iterations.
         """
         self._patient()
-        faces = replace(self._bare.faces, strength=strength)
+        faces = self._bare.faces
+        faces = replace(faces, law=faces.law.with_given(strength))
         program = replace(self._bare, faces=faces)
         columns, right = self._bare_equilibrium
         limits = [(None, None), *program.limits(self._force)]
@@ -528,8 +529,9 @@ class RigidBlocks:
     @cached_property
     def _bare(self) -> _Program:
         """The program with given friction."""
-        none = np.zeros_like(self.friction)
-        return replace(self._program, faces=replace(self._program.faces, friction=none))
+        faces = self._program.faces
+        bare = faces.law.with_given(np.zeros_like(self.strength))
+        return replace(self._program, faces=replace(faces, law=bare))
 
     @cached_property
     def _bare_equilibrium(self) -> tuple[Any, Array]:

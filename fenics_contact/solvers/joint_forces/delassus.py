@@ -75,7 +75,7 @@ class DelassusOperator(Closing):
         self, problem: ContactProblem, points: JointPoints, rho: float, force_hold: float = 0.0
     ) -> None:
         """Factor K_rho, rho in N/m per metre, and compute A; `force_hold` is D by A's diagonal."""
-        self.points = len(problem.friction)
+        self.points = problem.points
         self._problem = problem
         self._rho = rho
         self._last = problem.comm.rank == problem.comm.size - 1

@@ -5,21 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.smoothing import SmoothedLaws, distance_from_bound, normal_law
+from fenics_contact.solvers.joint_law import PointLaws, distance_from_bound, normal_law
 
 MU = 1e-3
 P, Q = (array.ravel() for array in np.meshgrid([-2.0, -0.03, 0.0, 0.04, 1.5], [-1.2, -0.01, 0.3]))
 
 #: Points with friction, with a given strength, and with neither, in turn.
 KIND = np.arange(len(P)) % 3
-LAWS = SmoothedLaws(
-    np.where(KIND == 0, 0.6, 0.0), np.where(KIND == 1, 0.2, 0.0), KIND < 2, smallest=1e-3
-)
+LAW = PointLaws(np.where(KIND == 0, 0.6, 0.0), np.where(KIND == 1, 0.2, 0.0))
+LAWS = LAW.smoothed(1.0, KIND < 2, smallest=1e-3)
 
 
 def test_states_solve_the_laws():
     states = LAWS.states(P, Q, MU)
-    y, r, w, shear = states.values
+    y, r, w, shear, _ = states.values
     assert states.p == pytest.approx(P) and states.q == pytest.approx(Q)
     assert y * r == pytest.approx(np.full_like(y, MU))
     assert np.all(r > 0.0)
@@ -33,7 +32,7 @@ def test_states_solve_the_laws():
 
 
 def test_laws_without_products_are_those_of_signorini_and_coulomb():
-    y, r, w, shear = LAWS.states(P, Q, 1e-16).values
+    y, r, w, shear, _ = LAWS.states(P, Q, 1e-16).values
     assert np.minimum(y, r) == pytest.approx(np.zeros_like(y), abs=1e-7)
     slides, friction = np.abs(w) > 1e-6, LAWS.friction > 0.0
     assert np.any(slides & friction) and np.any(~slides & friction)
