@@ -89,7 +89,7 @@ def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
     start = kkt.on_central_path(solved(folded, 0.1).state, 1e-3)
     for seed, size in ((0, 3.0), (3, 3.0), (10, 3.0), (18, 6.0)):  # the last: f_L.A^-1 f_L < 0
         linear = kkt.linearize(noisy(start, seed, size))
-        matrix = sprung(folded.problem, *linear.springs)
+        matrix = sprung(folded.problem, *linear.laws.springs)
         border = np.block([[matrix, live[:, None]], [live[None], np.zeros((1, 1))]])
         scale = np.sqrt(np.append(np.diag(matrix), np.abs(matrix).max()))
         assert linear.orientation == -np.linalg.slogdet(border / np.outer(scale, scale))[0]
