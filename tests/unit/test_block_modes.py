@@ -39,7 +39,7 @@ def case(request) -> Iterator[LoadCase]:
 def basis(made: BlockModes) -> Array:
     """P: the displacements for every unknown, without joint forces."""
     problem, columns = made.full, []
-    none = np.zeros_like(made.reduced.friction)
+    none = np.zeros(made.reduced.points)
     for a in np.eye(made.reduced.size):
         u = made.prolonged(State(a, a, 0.0, none, none, 0.0)).displacement
         columns.append(whole(problem, u))
@@ -148,7 +148,7 @@ def test_reduced_structure_is_that_of_the_formula(case):
 def test_springs_of_the_reduced_structure_are_those_of_the_formula(case, kind):
     random = np.random.default_rng(3)
     reduced, tally = case.discretization.block_modes.reduced, Tally()
-    count = len(reduced.friction)
+    count = reduced.points
     right = random.normal(size=reduced.size)
     with case.discretization.block_modes.stiffness(kind, tally) as stiffness:
         springs = stiffness.mean_diagonal * 10.0 ** random.uniform(-3, 3, (3, count))
@@ -185,7 +185,7 @@ def test_every_rank_has_all_of_the_reduced_structure(case):
     assert reduced.comm.size == 1
     assert reduced.size == MODES * case.block_count
     state = made.restricted(case.bonded_state(case.bonded_work))
-    for values in (reduced.dead, reduced.friction, state.displacement, state.pressure):
+    for values in (reduced.dead, reduced.law.friction, state.displacement, state.pressure):
         assert all(np.array_equal(values, other) for other in comm.allgather(values))
     back = made.prolonged(state)
     assert np.array_equal(back.pressure, case.bonded_state(case.bonded_work).pressure)

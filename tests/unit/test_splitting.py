@@ -102,7 +102,7 @@ def test_slip_is_measured_from_its_origin(bond):
     with replace(bond, problem=moved).solver() as solver:
         state, residuals = solver.solve(*bond.ask, 1e-9)
     assert max(residuals.values()) <= 1e-9
-    assert state_residuals(moved, state, bond.scales, moved.strength) == residuals
+    assert state_residuals(moved, state, bond.scales, moved.law.strength) == residuals
 
 
 @pytest.mark.mpi
