@@ -397,10 +397,10 @@ def read_written(folder: Path, blocks: Blocks, load_factor: float) -> Written:
     strength = np.zeros(len(position))
     for end in (0, 1):
         face[lines[:, end]] = 2 * which
-        np.add.at(strength, lines[:, end], faces.law.strength[2 * which])
+        np.add.at(strength, lines[:, end], faces.strength[2 * which])
     same = np.sum(normal * faces.normal[face], axis=1) > 0.0
     bodies = np.where(same[:, None], faces.bodies[face], faces.bodies[face][:, ::-1])
-    contacts = Contacts(bodies, position, normal, faces.law.friction[face], strength)
+    contacts = Contacts(bodies, position, normal, faces.friction[face], strength)
     force = file["force"][:, :2]
     return Written(
         load_factor,

@@ -309,7 +309,7 @@ def test_kept_matrices_give_the_numbers_of_new_ones(make):
         assert made.shares_matrices(there)
         changed = made.changed(there)
         for one, other in (
-            (changed.problem.law.dead, new.problem.dead),
+            (changed.problem.dead, new.problem.dead),
             (changed.problem.law.slip_origin, new.problem.law.slip_origin),
             (changed.problem.law.opening_origin, new.problem.law.opening_origin),
             (changed.imposed, new.imposed),
