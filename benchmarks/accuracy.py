@@ -29,7 +29,6 @@ from benchmarks.scenes import wall_blocks  # noqa: E402
 from benchmarks.worker import save  # noqa: E402
 from fenics_contact import Load, Scene, compat, limit_load  # noqa: E402
 from fenics_contact.geometry.refinement import refine  # noqa: E402
-from fenics_contact.results.joint_values import hinges  # noqa: E402
 from tests.bank import Recipe, Variant, coulomb, wall_recipe  # noqa: E402
 
 TABLE = ROOT / "benchmarks" / "results" / "accuracy.csv"
@@ -113,7 +112,7 @@ def rows_on_meshes(recipe: Recipe) -> Iterator[Row]:
         result = limit_load(scene)
         yield (row := row_of("refined at hinges, degree 2", result, seconds))
         seconds, joints = row["seconds"], result.discretization.joints
-        turning = hinges(joints, result.positive.joints)
+        turning = result.positive.joints.hinges(joints.neighbours)
         if not len(turning):
             break
         scene = at_hinges(scene, joints.position[turning])

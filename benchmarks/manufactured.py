@@ -170,7 +170,7 @@ def _traction_error(made: Manufactured, found: Collapse) -> float:
     """L2 error of pressure and shear over floor, joint and ceiling, relative."""
     joints, values = made.joints, found.joints
     # Force on what lies above, whichever side comes first.
-    force = values.force(joints) / joints.length[:, None]
+    force = values.force(joints.normal, joints.tangent) / joints.length[:, None]
     force *= np.where(joints.normal[:, 1] > 0.0, 1.0, -1.0)[:, None]
     exact = np.zeros_like(force)
     for height, (pressure, shear) in exact_traction(joints.position[:, 0], np.sin).items():

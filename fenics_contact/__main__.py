@@ -2,7 +2,7 @@
 
 import sys
 
-from fenics_contact.cli import main
+from fenics_contact.cli.command_line import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -18,12 +18,11 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.discretization.crushing import CrushedEnds, CrushedPlace, Crushing
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.errors import SolverError
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.results.joint_values import joint_values
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
 

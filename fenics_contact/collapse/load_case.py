@@ -12,6 +12,7 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.results.history import Step
+from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
@@ -145,3 +146,21 @@ class LoadCase:
         problem = self.problem
         stiffness = self.stiffness
         return PerturbedKKT.given_friction(problem, stiffness, scales, bound, work, load_factor)
+
+
+def joint_values(
+    problem: ContactProblem, whole: Discretization, state: State, mode: Array
+) -> JointValues:
+    """Values at all joint points of a state and its mode, on all ranks together.
+
+    Slips are measured from the origin that `whole` has, whichever `problem` has.
+    """
+    length = whole.joints.length
+    gather = whole.all_points
+    normal = gather(state.pressure)
+    shear = gather(state.shear)
+    gap = problem.openings(state.displacement)
+    slip = whole.problem.slips(state.displacement)
+    rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
+    moved = gather(gap), gather(slip)
+    return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

@@ -12,7 +12,6 @@ import numpy as np
 
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.history import TracePoint, Trial
-from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.effort import Effort
 from fenics_contact.solvers.problem import State
@@ -58,7 +57,7 @@ class Record:
         attempts: In order.
         trace: Points passed, in order.
         last: Makes a state of the point passed last; None before the first.
-        best: The collapse that a search had found when it was stopped, verified or not.
+        best: The `Collapse` that a search had found when it was stopped; else None.
         ways: The last path of every phase.
     """
 
@@ -81,7 +80,7 @@ class Record:
         self.attempts: list[Trial] = []
         self.trace: list[TracePoint] = []
         self.last: Callable[[], State] | None = None
-        self.best: Collapse | None = None
+        self.best: Any = None
         self.ways: dict[str, Way] = {}
 
     def reversed(self) -> Record:

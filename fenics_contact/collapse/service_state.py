@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 
 from fenics_contact.collapse.crushed import CrushedJoints, settle, strengths
 from fenics_contact.collapse.least_forces import least_forces
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.load_control import Reached, raise_load_to
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.errors import SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
-from fenics_contact.results.joint_values import JointValues, joint_values
+from fenics_contact.results.joint_values import JointValues
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.solvers.problem import State
 

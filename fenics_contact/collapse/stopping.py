@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.results.certificate import Certificate, state_residuals
-from fenics_contact.results.joint_values import joint_values
 from fenics_contact.results.result import Collapse
 
 

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.live_load import slope_without_dead_load
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.reasons import missed
 from fenics_contact.collapse.strategy import (
     Attempt,
@@ -30,7 +30,6 @@ from fenics_contact.collapse.strategy import (
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
-from fenics_contact.results.joint_values import joint_values
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
 

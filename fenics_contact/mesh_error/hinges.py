@@ -35,7 +35,7 @@ from fenics_contact.mesh_error.nearby import (
     same_mode,
 )
 from fenics_contact.mesh_error.other_degree import first_look_cost, with_other_degree
-from fenics_contact.results.joint_values import Contact, JointValues, hinges
+from fenics_contact.results.joint_values import Contact, JointValues
 from fenics_contact.results.mesh_error import MeshError, StateChange
 from fenics_contact.results.result import Collapse
 
@@ -115,7 +115,7 @@ def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: fl
     """As `with_mesh_error`, as far as the effort allows."""
     whole = case.discretization
     lengths = ContactLengths.of(whole)
-    points = hinges(whole.joints, values)
+    points = values.hinges(whole.joints.neighbours)
     way = _Way((end,), (points,), ended=len(points) == 0 or _determinate(case, end))
     way = _to_point_hinges(case, way, max(tolerance, OPTIONS.unchanged))
     length = lengths.of_mesh(points, values.normal_force)
@@ -249,7 +249,7 @@ def _to_point_hinges(case: LoadCase, way: _Way, unchanged: float) -> _Way:
             continue
         if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
             return replace(way, ended=True)
-        way = way.grown(new, rate, hinges(whole.joints, new.joints), halvings)
+        way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
         way = replace(way, ended=_independent(case, new))
     return way
 
@@ -339,7 +339,7 @@ def _with_strength(case: LoadCase, way: _Way, lengths: ContactLengths) -> tuple[
         if new.status != "limit" or new.joints is None:
             return replace(state, load_factor=math.nan), points
         settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
-        found = np.union1d(points, hinges(case.discretization.joints, new.joints))
+        found = np.union1d(points, new.joints.hinges(case.discretization.joints.neighbours))
         settled &= len(found) == len(points)
         state = new
         points = found

@@ -15,7 +15,7 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
-from fenics_contact.results.joint_values import Contact, hinges
+from fenics_contact.results.joint_values import Contact
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
 PALE_ORANGE = "#F2C766"
@@ -154,7 +154,7 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
             add_lines(axes, segments, colors=colour, linewidths=width)
         lines = [axes.plot([], [], color=colour, lw=width)[0] for colour, width in strokes]
         entries.append((label, tuple(lines)))
-    points = hinges(joints, view.values)
+    points = view.values.hinges(joints.neighbours)
     if len(points):
         style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
         entries += axes.plot(*position[points].T, "o", label="hinge", **style)

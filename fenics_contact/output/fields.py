@@ -206,7 +206,7 @@ def write_joints(
     scale = mode_scale(discretization, mode)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
-    points |= {"normal": joints.normal, "force": values.force(joints)}
+    points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
     ground = ground_motion(discretization.scene, discretization.boundary, joints)
     points |= {"displacement": at_joints(discretization, displacement, ground)}
     points |= {"collapse_mode": scale * at_joints(discretization, mode)}

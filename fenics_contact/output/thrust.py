@@ -85,7 +85,7 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         np.bincount(faces.of_point, column, count).astype(float)
         for column in (
             values.normal_force,
-            *values.force(joints).T,
+            *values.force(joints.normal, joints.tangent).T,
             *(values.normal_force[:, None] * joints.position).T,
         )
     )

@@ -8,10 +8,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.joints import Joints
-from fenics_contact.geometry.mesh import Indices
-from fenics_contact.solvers.problem import Array, ContactProblem, State
+from fenics_contact.solvers.problem import Array
 
 
 @dataclass(frozen=True)
@@ -80,45 +77,28 @@ class JointValues:
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 
-    def force(self, joints: Joints) -> Array:
-        """Force on the second side in x and y, N per metre of thickness, shape (points, 2)."""
-        normal = self.normal_force[:, None]
-        shear = self.shear_force[:, None]
-        return normal * joints.normal + shear * joints.tangent
+    def force(self, normal: Array, tangent: Array) -> Array:
+        """Force on the second side in x and y, N per metre of thickness, shape (points, 2).
+
+        `normal` and `tangent` are those of `Joints`.
+        """
+        return self.normal_force[:, None] * normal + self.shear_force[:, None] * tangent
+
+    def hinges(self, neighbours: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Joint points that do not open in the collapse mode, while their neighbours all do.
+
+        Points without force are among them: shorter hinges may press them. `neighbours` are pairs
+        of points next to each other, `Joints.neighbours`.
+        """
+        opens = self.opens
+        has_neighbour = np.zeros(len(opens), dtype=bool)
+        alone = np.ones(len(opens), dtype=bool)
+        for ends in (neighbours, neighbours[:, ::-1]):
+            has_neighbour[ends[:, 0]] = True
+            alone[ends[~opens[ends[:, 1]], 0]] = False
+        return np.flatnonzero(has_neighbour & alone & ~opens)
 
     @property
     def _moving_rate(self) -> float:
         rates = np.abs([self.opening_rate, self.slip_rate])
         return OPTIONS.moves * float(rates.max(initial=0.0))
-
-
-def joint_values(
-    problem: ContactProblem, whole: Discretization, state: State, mode: Array
-) -> JointValues:
-    """Values at all joint points of a state and its mode, on all ranks together.
-
-    Slips are measured from the origin that `whole` has, whichever `problem` has.
-    """
-    length = whole.joints.length
-    gather = whole.all_points
-    normal = gather(state.pressure)
-    shear = gather(state.shear)
-    gap = problem.openings(state.displacement)
-    slip = whole.problem.slips(state.displacement)
-    rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
-    moved = gather(gap), gather(slip)
-    return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)
-
-
-def hinges(joints: Joints, values: JointValues) -> Indices:
-    """Joint points that do not open in the collapse mode, while their neighbours all do.
-
-    Points without force are among them: shorter hinges may press them.
-    """
-    opens = values.opens
-    has_neighbour = np.zeros(len(opens), dtype=bool)
-    alone = np.ones(len(opens), dtype=bool)
-    for ends in (joints.neighbours, joints.neighbours[:, ::-1]):
-        has_neighbour[ends[:, 0]] = True
-        alone[ends[~opens[ends[:, 1]], 0]] = False
-    return np.flatnonzero(has_neighbour & alone & ~opens)

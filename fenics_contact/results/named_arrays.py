@@ -74,7 +74,7 @@ def joint_arrays(discretization: Discretization, values: JointValues | None) -> 
         names = "pressure", "shear", "gap", "slip", "opening_rate", "slip_rate"
         sources |= {name: partial(getattr, values, name) for name in names}
         sources |= {
-            "force": partial(values.force, joints),
+            "force": partial(values.force, joints.normal, joints.tangent),
             "state": partial(getattr, values, "contact"),
         }
     return NamedArrays("joints", sources)

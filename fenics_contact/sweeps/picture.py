@@ -14,8 +14,9 @@ from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import new_axes, save_collapse
 from fenics_contact.output.view import view_of
-from fenics_contact.sweeps.parameters import Family, Parameter, Values
-from fenics_contact.sweeps.points import Point, Structure, solve, value_text
+from fenics_contact.results.result import Result
+from fenics_contact.sweeps.parameters import Parameter, Values
+from fenics_contact.sweeps.points import Point, value_text
 
 PICTURE, WORST = "sweep.png", "worst.png"
 #: Curves that one picture has room for; beyond them all points are drawn as one.
@@ -140,21 +141,16 @@ def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
     axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {_drawn(where)}", **style)
 
 
-def picture_of_worst(family: Family, worst: Point, folder: Path) -> None:
-    """Draw the mechanism of a point into worst.png of a folder. Collective: it is solved again."""
-    structure = Structure()
-    try:
-        result = solve(family.scene(worst.values), structure)
-    finally:
-        structure.close()
+def save_worst(result: Result, values: Values, folder: Path) -> None:
+    """Draw the mechanism of a solved point into worst.png of a folder. Collective."""
     end = result.collapse
     if end is None or end.mode is None or end.joints is None or end.status != "limit":
         return
     sign = 1.0 if result.positive is not None else -1.0
     view = view_of(result.discretization, end.mode, end.joints, sign)
-    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(_said(worst.values))}"
-    with writing(family.comm):
-        if family.comm.rank == 0:
+    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(_said(values))}"
+    with writing(result.scene.comm):
+        if result.scene.comm.rank == 0:
             save_collapse(view, title, [folder / WORST])
 
 

@@ -16,8 +16,9 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import writing
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
-from fenics_contact.sweeps.picture import draw_sweep, picture_of_worst, save_picture
-from fenics_contact.sweeps.points import Point, Structure, solve_point, value_text
+from fenics_contact.sweeps.picture import draw_sweep, save_picture, save_worst
+from fenics_contact.sweeps.points import Point, value_text
+from fenics_contact.sweeps.solving import Structure, solve, solve_point
 from fenics_contact.sweeps.table import Table, described
 from fenics_contact.sweeps.workers import solved_by_workers
 
@@ -136,8 +137,18 @@ def run_sweep(
     worst = done.worst
     if folder is not None and worst is not None:
         if any(key.startswith("loads.") for key in worst.values):
-            picture_of_worst(family, worst, folder)
+            _draw_worst(family, worst, folder)
     return done
+
+
+def _draw_worst(family: Family, worst: Point, folder: Path) -> None:
+    """Draw the mechanism of a point into a folder. Collective: it is solved again."""
+    structure = Structure()
+    try:
+        result = solve(family.scene(worst.values), structure)
+    finally:
+        structure.close()
+    save_worst(result, worst.values, folder)
 
 
 def _check(family: Family, points: Sequence[Values], jobs: int) -> None:

@@ -9,14 +9,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 from fenics_contact.errors import SolverError
 from fenics_contact.sweeps.parameters import Family, Values
-from fenics_contact.sweeps.points import Point, Structure, solve_point
+from fenics_contact.sweeps.points import Point
 
+#: Module whose `answer` a process runs.
+ANSWERS = "fenics_contact.sweeps.solving"
 #: Variables by which launchers of MPI know their ranks: a worker is none of them.
 _LAUNCHED = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")
 _KEPT = ("OMPI_MCA_", "OMPI_ALLOW_")
@@ -63,7 +64,7 @@ class _Worker:
             if name.startswith(_KEPT) or not name.startswith(_LAUNCHED)
         }
         self._process = subprocess.Popen(
-            [sys.executable, "-c", f"from {__name__} import answer; answer()"],
+            [sys.executable, "-c", f"from {ANSWERS} import answer; answer()"],
             env=environment | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -91,18 +92,3 @@ class _Worker:
         for pipe in (self._asked, self._answers):
             with suppress(OSError):
                 pipe.close()
-
-
-def answer() -> None:
-    """Read a scene file's name and then values from standard input, and answer with points."""
-    with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # what libraries have to say is no answer
-        file: tuple[Path, tuple[str, ...]] = pickle.load(asked)
-        family = Family.of_file(file[0], overrides=file[1])
-        structure = Structure()
-        with suppress(EOFError, BrokenPipeError):
-            while True:
-                values = pickle.load(asked)
-                pickle.dump(solve_point(family, structure, values), answers)
-                answers.flush()
-        structure.close()

@@ -14,7 +14,6 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.mesh_error.nearby import Softened, collapse_and_rate, near
 from fenics_contact.output.files import result_record
-from fenics_contact.results.joint_values import hinges
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
 from tests.property.scenes import Draw
 from tests.unit.core import load_case
@@ -49,7 +48,7 @@ def test_rate_of_the_load_factor_with_shorter_hinges():
     """That of a state is the slope between states with a little less and a little more."""
     with load_case(wall_recipe("W4", coulomb(0.65)).scene(2)) as case:
         end = find_collapse(case, COULOMB["auto"], 1e-8)
-        points = hinges(case.discretization.joints, end.joints)
+        points = end.joints.hinges(case.discretization.joints.neighbours)
         states = [
             collapse_and_rate(case, end, Softened(points, m), near) for m in (29.0, 30.0, 31.0)
         ]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import commands
+from fenics_contact.cli import commands
 from tests.system.program import files, launcher, run_command, run_here, write_scene
 
 #: Run the command line, in which no file can be longer than so many bytes, as on a full disk.

@@ -32,7 +32,6 @@ FLOORS = (
     {"mesh_error"},
     {"equilibrium", "limit_load"},
     {"sweeps"},
-    {"commands"},
     {"cli"},
     {"__main__"},
 )
@@ -46,7 +45,7 @@ IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
 ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
 
 #: Modules that talk to people.
-CONSOLE = {"cli", "commands", "__main__"}
+CONSOLE = {"cli.command_line", "cli.commands", "__main__"}
 
 #: Modules that are slow to import or not always needed.
 LATE = {"ezdxf", "gmsh", "matplotlib", "scipy", "tqdm"}

@@ -12,7 +12,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.mortar import Stencil
 from fenics_contact.mesh_error.hinge_nodes import HingeNodes, wedge_compliance
-from fenics_contact.results.joint_values import JointValues, hinges
+from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.problem import Owner
 from tests.helpers import dense
 from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
@@ -81,7 +81,7 @@ def test_hinge_is_a_point_that_does_not_open_next_to_open_ones(force, opening_ra
     zero = np.zeros(4)
     values = JointValues(np.array(force, float), zero, zero, zero, zero, zero, zero, zero)
     values = replace(values, opening_rate=np.array(opening_rate, float))
-    assert hinges(joints_in_a_row(4), values).tolist() == expected
+    assert values.hinges(joints_in_a_row(4).neighbours).tolist() == expected
 
 
 def some_nodes(whole: Discretization) -> np.ndarray:

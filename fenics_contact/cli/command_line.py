@@ -65,7 +65,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _commands() -> Mapping[str, Callable[[argparse.Namespace, MPI.Comm], int]]:
     """Commands by name, imported only now: to parse a command line takes a tenth of the time."""
     gc.disable()
-    from fenics_contact.commands import COMMANDS
+    from fenics_contact.cli.commands import COMMANDS
 
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
