@@ -62,6 +62,8 @@ class PathOptions:
         finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
         falls: How often the products fall at most, each time at more work.
         further: Factor from the work of one fall to that of the next.
+        settled: Distance from the path, relative to p and q, of a point that is a state.
+        small_factor: Load factors change relative to this part of the typical one at least.
     """
 
     rising_work: float = 1e-2
@@ -73,6 +75,8 @@ class PathOptions:
     )
     falls: int = 3
     further: float = 1.5
+    settled: float = 1e-6
+    small_factor: float = 1e-3
 
 
 OPTIONS = PathOptions()
@@ -364,18 +368,53 @@ def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
 def to_end(task: Task, state: State, mu: float, kkt: PerturbedKKT | None = None) -> Solution:
     """The state at the end of the central path, from a point near it, or `SolverError`.
 
-    The path is that of the structure where no other conditions are given.
+    The path is that of the structure where no other conditions are given. Where it is lost before
+    its end, the last point found answers if its load factor is known to the tolerance.
     """
     kkt = replace(task.kkt if kkt is None else kkt, work=state.work)
     path = falling(kkt, passed=task.case.record.along("structure, falling products"))
     point = path.begin(state, mu)
-    for end in OPTIONS.ends:
-        point = path.follow(point, task.mu(end))
-        try:
-            return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
-        except SolverError as error:
-            failed = error
-    raise failed
+    passed: list[PathPoint] = []
+    try:
+        for end in OPTIONS.ends:
+            point = path.follow(point, task.mu(end))
+            passed.append(point)
+            try:
+                return _finished(task, kkt, point)
+            except SolverError as error:
+                failed = error
+    except SolverError as error:
+        failed = error
+    return _near_the_end(task, path, passed, failed)
+
+
+def _finished(task: Task, kkt: PerturbedKKT, point: PathPoint) -> Solution:
+    """The state at the end of a path by the interior point method from one of its points."""
+    return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
+
+
+def _near_the_end(
+    task: Task, path: Continuation, passed: Sequence[PathPoint], failed: SolverError
+) -> Solution:
+    """The last of the points at which the products fell to the next end, settled on its path.
+
+    The load factor changes less and less as the products fall. From the last point on it is taken
+    to change by no more than between that and the one before; beyond the tolerance `failed` is
+    raised.
+    """
+    if len(passed) < 2:
+        raise failed
+    before, last = (point.iterate.load_factor for point in passed[-2:])
+    size = max(abs(last), OPTIONS.small_factor * task.scales.load_factor)
+    change = abs(last - before) / size
+    if not change <= task.tolerance:
+        _log.info(
+            "  load factor %.6g, which the last decade of products changed by %.1e", last, change
+        )
+        raise failed
+    kkt = replace(path.kkt, work=passed[-1].work)
+    iterate = path.settled(passed[-1], OPTIONS.settled).iterate
+    return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
 
 
 def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart) -> Solution:

@@ -147,6 +147,7 @@ class _Search:
                     ended("a state, not yet verified")
                     case.record.phase("verification")
                     verified = verify(case, solution.state, scales, self.tolerance, self.gap)
+                    verified = verified.known_to(solution.change)
                     reached = solution.state.work / case.bonded_work
                     self.found.append(_Found(verified, history, reached))
                     ended(self.found[-1].outcome)

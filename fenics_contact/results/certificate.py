@@ -14,7 +14,7 @@ program with these forces, which knows nothing of elasticity: its value must be 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -123,6 +123,13 @@ class Certificate:
     def gap(self) -> float:
         """Relative difference of the load factor and the program's for the state's friction."""
         return self.residuals["limit"]
+
+    def known_to(self, change: float) -> Certificate:
+        """This certificate with a gap of at least a change of the load factor, relative."""
+        if change <= self.gap:
+            return self
+        residuals = {**self.residuals, "limit": change}
+        return replace(self, residuals=residuals, error_estimate=change * self.size)
 
 
 def certify(

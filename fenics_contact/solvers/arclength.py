@@ -177,7 +177,7 @@ class Continuation:
         for step in range(options.max_steps):
             progress = path.progress(point.mu, point.work)
             if progress >= goal - 0.5 * options.past:
-                return self._settled(point)
+                return self.settled(point, options.close)
             if progress >= best + np.log(2.0):
                 best = progress
                 since = step
@@ -201,11 +201,11 @@ class Continuation:
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
-    def _settled(self, point: PathPoint) -> PathPoint:
-        """The point after steps across the path alone, until it is close."""
+    def settled(self, point: PathPoint, close: float) -> PathPoint:
+        """The point after steps across the path alone, until it is close, relative to p and q."""
         allowed = self.options.elimination.allowed
         for _ in range(self.options.corrections):
-            if self._distance(point) <= self.options.close:
+            if self._distance(point) <= close:
                 break
             point, _ = self._next(point, None, allowed, True)
         return point

@@ -76,11 +76,13 @@ class Solution:
         state: The state.
         residuals: Relative sizes of all conditions at it, recomputed.
         steps: Steps taken, each one factorisation.
+        change: Of the load factor, relative, that is left as the products go to zero.
     """
 
     state: State
     residuals: dict[str, float]
     steps: int
+    change: float = 0.0
 
     @property
     def error(self) -> float:

@@ -11,6 +11,7 @@ from fenics_contact import SolverError, limit_load
 from fenics_contact.collapse import strategy as attempts
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.strategy import COULOMB, GIVEN, JOINT_FORCES, Task, strategy_of
+from fenics_contact.solvers.interior_point import InteriorPointOptions
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import FAR, conditions, load_case, misses, prepared, solved
@@ -54,6 +55,21 @@ def test_rising_work_leads_past_folds_to_the_low_state():
         with pytest.raises(SolverError):
             attempts.interior_point(task_of(case))
         assert item.error(attempts.along_block_modes(task_of(case))[0].state.load_factor) <= 1e-3
+
+
+def test_a_path_without_an_end_answers_to_the_tolerance(wall, monkeypatch):
+    """The last point found is the state, if what is left changes the load factor little enough."""
+    never = InteriorPointOptions(max_steps=0)
+    monkeypatch.setattr(attempts, "OPTIONS", replace(attempts.OPTIONS, finish=never))
+    task = task_of(wall)
+    start = wall.bonded_state(task.work)
+    near = attempts.to_end(replace(task, tolerance=1e-3), start, 1.0)
+    exact = solved(wall, task.work / wall.bonded_work).state.load_factor
+    assert 0.0 < near.change <= 1e-3
+    assert abs(near.state.load_factor - exact) <= near.change * abs(exact)
+    assert max(misses(wall, near.state).values()) < 1e-5
+    with pytest.raises(SolverError):
+        attempts.to_end(replace(task, tolerance=1e-12), start, 1.0)
 
 
 @pytest.mark.parametrize("friction", [3.0, 10.0])
