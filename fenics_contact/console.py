@@ -359,7 +359,8 @@ def _gap_text(law: JointLaw) -> str:
 def _law_text(law: JointLaw) -> str:
     if law.law == "coulomb":
         cohesion = f", cohesion {law.cohesion:g} Pa" if law.cohesion else ""
-        return f"Coulomb friction {law.friction:g}{cohesion}"
+        dilatancy = f", dilatancy {law.dilatancy:g} degrees" if law.dilatancy else ""
+        return f"Coulomb friction {law.friction:g}{cohesion}{dilatancy}"
     if law.law == "tresca":
         return f"shear strength {law.bound:g} Pa"
     return "frictionless"

@@ -161,6 +161,7 @@ def joint_values(
     shear = gather(state.shear)
     gap = problem.openings(state.displacement)
     slip = whole.problem.slips(state.displacement)
-    rates = (gather(operator @ mode) for operator in (problem.normal, problem.tangential))
+    moving = problem.normal @ mode, problem.tangential @ mode, problem.clearance_rates(mode)
+    rates = (gather(rate) for rate in moving)
     moved = gather(gap), gather(slip)
     return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)

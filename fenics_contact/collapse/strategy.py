@@ -616,6 +616,6 @@ GIVEN = Strategy((interior_point,), SYMMETRIC)
 def strategy_of(scene: Scene) -> Strategy:
     """How states of a scene are found."""
     laws = [*scene.joints.values(), *scene.foundations.values()]
-    if any(law.friction for law in laws):
+    if any((law.friction or 0.0) > law.dilation for law in laws):
         return COULOMB[scene.solve.method]
     return JOINT_FORCES.get(scene.solve.method, GIVEN)

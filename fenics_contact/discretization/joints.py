@@ -108,7 +108,8 @@ class Joints:
     @property
     def point_laws(self) -> PointLaws:
         """Law of every point, with openings and slips from where the joints are drawn."""
-        return PointLaws(self.friction, self.shear_strength)
+        dilation = np.array([law.dilation for law in self.laws])[self.law]
+        return PointLaws(self.friction, self.shear_strength, dilation)
 
     @property
     def friction(self) -> Array:

@@ -19,6 +19,7 @@ UNITS: Mapping[str, str] = {
     "bound": "Pa",
     "cohesion": "Pa",
     "gap": "m",
+    "dilatancy": "degrees",
     "body": "m/s2",
     "traction": "Pa",
     "tilt": "degrees",

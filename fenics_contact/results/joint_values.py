@@ -48,6 +48,7 @@ class JointValues:
         slip: B_T u, m.
         opening_rate: Opening in the collapse mode.
         slip_rate: Slip in the collapse mode.
+        clearance_rate: Opening in the collapse mode beyond that by slip, of joints that dilate.
     """
 
     normal_force: Array
@@ -58,11 +59,12 @@ class JointValues:
     slip: Array
     opening_rate: Array
     slip_rate: Array
+    clearance_rate: Array
 
     @property
     def opens(self) -> npt.NDArray[np.bool_]:
         """Points that open in the collapse mode."""
-        return self.opening_rate > self._moving_rate
+        return self.clearance_rate > self._moving_rate
 
     @property
     def slips(self) -> npt.NDArray[np.bool_]:

@@ -33,6 +33,9 @@ CHOICES = {
     "formats": ("png", "svg", "pdf"),
 }
 
+#: Methods that solve for joint forces within given bounds.
+BY_JOINT_FORCES = ("splitting", "active-set")
+
 #: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
 LoadForm = Callable[..., Any]
 
@@ -41,6 +44,8 @@ StressLaw = Callable[..., Any]
 
 #: Characters that a title can have.
 LONGEST_TITLE = 1000
+#: Relative difference up to which tangents of two angles are one: they are given to six digits.
+SAME_ANGLE = 1e-5
 #: Degrees by which supports can turn: displacements are small.
 MOST_TILT = 5.0
 #: Smallest and largest size of a number that is not 0, in SI units.
@@ -126,6 +131,8 @@ class JointLaw:
         compressive_strength: f_c, Pa, in place of that of the blocks' materials.
         gap: Facets of two blocks up to this far apart face each other, and their distance is an
             initial opening, m; 0: only those that touch.
+        dilatancy: Angle at which a joint that slides opens, degrees, for "coulomb"; at most the
+            angle of friction, with which slip is associative.
     """
 
     law: str = "coulomb"
@@ -134,6 +141,7 @@ class JointLaw:
     cohesion: float = 0.0
     compressive_strength: float | None = None
     gap: float = 0.0
+    dilatancy: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -149,6 +157,21 @@ class JointLaw:
         _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
         _require(cohesive, f"law '{self.law}' takes no cohesion")
+        angle = self.dilatancy
+        _require(0.0 <= angle < 90.0, f"dilatancy = {angle} must lie in 0 ... 90 degrees")
+        dilates = self.law == "coulomb" or angle == 0.0
+        _require(dilates, f"law '{self.law}' takes no dilatancy")
+        friction = self.friction or 0.0
+        most = f"{math.degrees(math.atan(friction)):.6g} degrees for friction = {friction:g}"
+        text = f"dilatancy = {angle} must not exceed the angle of friction, {most}"
+        _require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
+
+    @property
+    def dilation(self) -> float:
+        """Opening by slip, the tangent of the dilatancy angle; `friction` where the two agree."""
+        slope = math.tan(math.radians(self.dilatancy))
+        friction = self.friction or 0.0
+        return friction if abs(slope - friction) <= SAME_ANGLE * friction else slope
 
 
 @dataclass(frozen=True)
@@ -435,6 +458,7 @@ class Scene(_Shared):
         _require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
         self._check_materials()
+        self._check_dilatancy()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -542,6 +566,18 @@ class Scene(_Shared):
                 )
             if len({self.materials[name] for name in materials}) > 1:
                 raise InputError(f"the groups {_listed(materials)} share cells; give one material")
+
+    def _check_dilatancy(self) -> None:
+        laws = {f"joints.{name}": law for name, law in self.joints.items()}
+        laws |= {f"foundations.{name}": law for name, law in self.foundations.items()}
+        dilating = [f"{name}.dilatancy" for name, law in laws.items() if law.dilatancy]
+        method = self.solve.method
+        for refused, option, instead in (
+            (method in BY_JOINT_FORCES, f"method = '{method}'", "method = 'auto'"),
+            (self.solve.slip == "load-steps", "slip = 'load-steps'", "slip = 'stress-free'"),
+        ):
+            text = f"solve.{option} knows no {', '.join(dilating)}; use solve.{instead}"
+            _require(not (dilating and refused), text)
 
 
 def _listed(names: Iterable[str]) -> str:

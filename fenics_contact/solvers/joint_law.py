@@ -33,6 +33,11 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
+#: Steps at most to the state with given forces less displacements, and where they end: relative
+#: changes of rounding.
+P_STEPS = 60
+P_ROUNDING = 1e-14
+
 
 def _none() -> Array:
     return np.zeros(0)
@@ -210,14 +215,31 @@ class SmoothedLaws:
         gamma = self._bound(r)
         near = distance_from_bound(np.abs(q), gamma, mu)
         shear = np.where(self.frictional, np.copysign(gamma - near, q), 0.0)
-        dilation = self.dilation_at(q, r, mu)
+        dilation = self.dilatancy * (mu / near + mu / (2.0 * gamma - near))
         return JointStates(np.array([y, r, shear - q, shear, dilation]))
 
-    def dilation_at(self, q: Array, pressure: Array, mu: float) -> Array:
-        """Dilation D (z1 + z2) at q, for given normal forces."""
-        gamma = self._bound(pressure)
-        near = distance_from_bound(np.abs(q), gamma, mu)
-        return self.dilatancy * (mu / near + mu / (2.0 * gamma - near))
+    def p_of(self, difference: Array, q: Array, mu: float) -> Array:
+        """Value of p of states with given r_N - w_N and q: p = r_N - w_N + D (z1 + z2).
+
+        The last term falls as p grows, so there is one: Newton's method, kept between two values
+        that it lies between.
+        """
+        p = low = difference
+        high = change = np.full_like(p, np.inf)
+        for _ in range(P_STEPS):
+            states, (by_p, _, _) = self.linearized(p, q, mu, newton_steps=6)
+            beyond = difference + states.values[4]  # on the other side of the root
+            rest = beyond - p
+            low = np.maximum(low, np.minimum(p, beyond))
+            high = np.minimum(high, np.maximum(p, beyond))
+            new = p + rest / (1.0 - by_p[4])
+            falls = np.abs(new - p) <= 0.5 * change
+            new = np.where(falls & (new >= low) & (new <= high), new, 0.5 * (low + high))
+            change = np.abs(new - p)
+            p = new
+            if not np.any(change > P_ROUNDING * (np.abs(p) + self.smallest)):
+                break
+        return np.asarray(p)
 
     def sizes(self, states: JointStates) -> Array:
         """Sizes of p and q of states, shape (2, points)."""
@@ -239,8 +261,10 @@ class SmoothedLaws:
         of_q = np.abs(w - slip) / np.maximum(gamma + np.abs(w), self.smallest)
         return np.asarray(np.maximum(of_p, np.where(self.frictional, of_q, 0.0)))
 
-    def linearized(self, p: Array, q: Array, mu: float) -> tuple[JointStates, Array]:
-        """States that belong to p and q, to six digits, and their derivatives.
+    def linearized(
+        self, p: Array, q: Array, mu: float, newton_steps: int = 4
+    ) -> tuple[JointStates, Array]:
+        """States that belong to p and q, by default to six digits, and their derivatives.
 
         These are by p, q and log mu, shape (3, 5, points).
         """
@@ -252,7 +276,7 @@ class SmoothedLaws:
         y_p = -y / root
         r_mu = mu / root
         # F(s, gamma, mu) = s - mu/s + mu/(2 gamma - s) - gamma + |q| = 0 is s(p, q, mu).
-        near = distance_from_bound(np.abs(q), gamma, mu, newton_steps=4)
+        near = distance_from_bound(np.abs(q), gamma, mu, newton_steps)
         far = 2.0 * gamma - near
         of_near = mu / near
         of_far = mu / far
@@ -364,7 +388,7 @@ def slacks_next_to(
     units: Units,
     nearest: float = 0.0,
 ) -> Slacks:
-    """Slacks with all products equal to mu next to a state: it keeps p and q.
+    """Slacks with all products equal to mu next to a state: it keeps r_N - w_N and q.
 
     Args:
         law: The law.
@@ -380,7 +404,7 @@ def slacks_next_to(
     q = shear / f - slip / d
     p = pressure / f - opening / d
     if np.any(law.dilatancy):
-        p = p + _dilation_of_state(law, frictional, (p, q), state, mu, units)
+        p = law.smoothed(f, frictional, np.sqrt(mu)).p_of(p, q, mu)
     y, pressure = normal_law(p, mu)
     y = y * d
     pressure = pressure * f
@@ -391,26 +415,6 @@ def slacks_next_to(
     s2 = np.where(q > 0.0, far, near) * f
     shear = np.where(frictional, 0.5 * (s2 - s1), 0.0)
     return Slacks(y, pressure, shear, s1, s2, mu * f * d / s1, mu * f * d / s2)
-
-
-def _dilation_of_state(
-    law: PointLaws,
-    frictional: Flags,
-    differences: tuple[Array, Array],
-    state: tuple[Array, Array, Array, Array],
-    mu: float,
-    units: Units,
-) -> Array:
-    """D (z1 + z2) at q and the state's normal force, in units of displacement.
-
-    A state on the central path has its own. Elsewhere, without a normal force, it is that of the
-    force which belongs to the clearance by slip alone.
-    """
-    p, q = differences
-    _, slip, pressure, _ = state
-    by_slip = law.dilatancy * np.abs(slip) / units.displacement
-    pressed = np.where(pressure > 0.0, pressure / units.force, normal_law(p + by_slip, mu)[1])
-    return law.smoothed(units.force, frictional, 0.0).dilation_at(q, pressed, mu)
 
 
 @dataclass(frozen=True)

@@ -79,14 +79,17 @@ def test_residual_of_a_state_is_nothing_and_of_another_is_what_it_lacks(case):
 
 @pytest.mark.parametrize("compliance", [0.0, 1.0], ids=["stiff points", "points with compliance"])
 @pytest.mark.parametrize("control", ["work", "load"])
+@pytest.mark.parametrize("dilatancy", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("given", [False, True])
-def test_directions_are_those_of_differences(case, given, control, compliance):
+def test_directions_are_those_of_differences(case, given, dilatancy, control, compliance):
     """Residuals fall in proportion to a step, and products change as asked, to first order."""
     random, kkt = np.random.default_rng(5), conditions(case)
     count, d, f = case.problem.points, kkt.scales.displacement, kkt.scales.force
     problem = case.problem
     problem = replace(problem, compliance=compliance * d / f * random.uniform(0.1, 10, (2, count)))
+    problem = problem.with_law(dilatancy=dilatancy * problem.law.friction)
     kkt = replace(kkt, problem=problem, load_factor=None if control == "work" else 0.3)
+    kkt = replace(kkt, law=problem.law)
     if given:
         kkt = replace(kkt, law=problem.law.with_given(np.full(count, f)))
     now = noisy(kkt.on_central_path(case.bonded_state(kkt.work), 0.1), 1)
