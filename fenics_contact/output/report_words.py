@@ -48,6 +48,7 @@ KEYS: Mapping[str, str] = {
     "poisson": "Poisson's ratio",
     "friction": "coefficient of friction",
     "bound": "shear strength",
+    "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
     "method": "method asked for",
     "tolerance": "tolerance on the load factor, relative",
