@@ -346,14 +346,18 @@ def _joint_lines(joints: Joints) -> list[str]:
         mine = joints.law == number
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
-            f"{kind} {name}: {_law_text(law)}{_gap_text(law)}, {int(mine.sum())} points,"
-            f" length {joints.length[mine].sum():.6g} m"
+            f"{kind} {name}: {_law_text(law)}{_bond_text(law)}{_gap_text(law)},"
+            f" {int(mine.sum())} points, length {joints.length[mine].sum():.6g} m"
         )
     return lines
 
 
 def _gap_text(law: JointLaw) -> str:
     return f", gaps up to {law.gap:g} m" if law.gap else ""
+
+
+def _bond_text(law: JointLaw) -> str:
+    return f", tensile strength {law.tensile_strength:g} Pa" if law.tensile_strength else ""
 
 
 def _law_text(law: JointLaw) -> str:

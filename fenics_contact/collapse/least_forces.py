@@ -94,9 +94,10 @@ def _free(joints: Joints, forces: Array) -> Flags:
     """Forces (normal, shear) that are not at their bounds, shape (points, 2)."""
     normal, shear = forces.T
     least = OPTIONS.bound * np.abs(forces).max(initial=0.0)
-    bound = joints.friction * normal + joints.shear_strength
+    law = joints.point_laws
+    bound = law.bound(normal + law.bond)
     frictionless = (joints.friction == 0.0) & (joints.shear_strength == 0.0)
-    pressed = normal > least
+    pressed = normal + law.bond > least
     sticks = bound - np.abs(shear) > least
     return np.column_stack([pressed & (sticks | frictionless), pressed & sticks])
 
@@ -156,14 +157,15 @@ def _least(joints: Joints, points: Indices, forces: Array, loops: Array) -> Arra
     """Forces of least size at the points of one place, shape (points, 2)."""
     amount = np.einsum("pc,pcl->l", forces / joints.length[points, None], loops)
     least = forces - loops @ amount
-    friction = joints.friction[points]
-    slack = _slack(friction, least)
-    change = _slack(friction, loops)
-    slack[1:] += joints.shear_strength[points]
+    law = joints.point_laws.each(lambda values: values[points])
+    slack = _slack(law.friction, least)
+    change = _slack(law.friction, loops)
+    slack[0] += law.bond
+    slack[1:] += law.bound(law.bond)
     moved = np.any(change != 0.0, axis=2)
     size = np.abs(forces).max()
     found = least + loops @ (size * _least_distance(change[moved], -slack[moved] / size))
-    found[:, 0] = np.maximum(found[:, 0], 0.0)
+    found[:, 0] = np.maximum(found[:, 0], -law.bond)
     return found
 
 

@@ -157,11 +157,20 @@ def joint_values(
     """
     length = whole.joints.length
     gather = whole.all_points
-    normal = gather(state.pressure)
+    bond = gather(problem.law.bond)
+    normal = gather(state.pressure) - bond
     shear = gather(state.shear)
     gap = problem.openings(state.displacement)
     slip = whole.problem.slips(state.displacement)
-    moving = problem.normal @ mode, problem.tangential @ mode, problem.clearance_rates(mode)
-    rates = (gather(rate) for rate in moving)
-    moved = gather(gap), gather(slip)
-    return JointValues(normal, shear, normal / length, shear / length, *moved, *rates)
+    return JointValues(
+        normal_force=normal,
+        shear_force=shear,
+        pressure=normal / length,
+        shear=shear / length,
+        gap=gather(gap),
+        slip=gather(slip),
+        opening_rate=gather(problem.normal @ mode),
+        slip_rate=gather(problem.tangential @ mode),
+        clearance_rate=gather(problem.clearance_rates(mode)),
+        bond=bond,
+    )

@@ -290,7 +290,8 @@ class Discretization:
         factor = stiffness.factor(spring, spring)
         load, origin = _sizing_load(self, spring)
         dead, live = (factor.solve(each) for each in (load, problem.live))
-        of_dead = np.maximum(spring * (origin - problem.normal @ dead), 0.0)
+        pressed = spring * (origin - problem.normal @ dead) + problem.law.bond
+        of_dead = np.maximum(pressed, 0.0)
         of_live = np.maximum(-spring * (problem.normal @ live), 0.0)
         seconds = self.seconds + time.perf_counter() - start
         return Bonded(dead, live, of_dead, of_live, seconds)
@@ -392,6 +393,8 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
         opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
         slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
     law = replace(problem.law, opening_origin=opening, slip_origin=slip)
+    if np.any(joints.bond > 0.0):
+        dead = dead - problem.normal.T @ law.bond
     return replace(problem, dead=dead, law=law), field
 
 
@@ -424,7 +427,7 @@ def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:
         factor = float(np.sqrt(dead_work / live_work))
         force = problem.max(bonded.dead_pressure) or factor * live_force
     else:
-        force = problem.max(problem.law.strength) or live_force
+        force = problem.max(problem.law.bound(problem.law.bond)) or live_force
         factor = force / live_force if live_force else 1.0
     displacement = factor * live_work / problem.sum(np.abs(problem.live))
     return Scales(displacement, force or 1.0, factor, displacement)

@@ -109,12 +109,17 @@ class Joints:
     def point_laws(self) -> PointLaws:
         """Law of every point, with openings and slips from where the joints are drawn."""
         dilation = np.array([law.dilation for law in self.laws])[self.law]
-        return PointLaws(self.friction, self.shear_strength, dilation)
+        return PointLaws(self.friction, self.shear_strength, dilation).bonded(self.bond)
 
     @property
     def friction(self) -> Array:
         """Coefficient of friction of every point, 0 where the law is not Coulomb's."""
         return np.array([law.friction or 0.0 for law in self.laws])[self.law]
+
+    @property
+    def bond(self) -> Array:
+        """Tensile force that every point carries, N/m."""
+        return np.array([law.tensile_strength for law in self.laws])[self.law] * self.length
 
     @property
     def shear_strength(self) -> Array:

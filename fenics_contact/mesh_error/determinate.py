@@ -57,7 +57,7 @@ def is_determinate(
     friction = -np.sign(values.slip_rate) * joints.friction
     along = joints.normal + friction[:, None] * joints.tangent
     # Without pressure, a joint with a given strength carries any shear up to that.
-    holds = ~closed & ~slips & (joints.shear_strength > 0.0)
+    holds = ~closed & ~slips & (joints.point_laws.strength > 0.0)
     resisted = (
         *((sticks, joints.normal), (sticks | holds, joints.tangent)),
         (slides, along),

@@ -135,7 +135,7 @@ def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
     if end.state is None:
         return end
     hinge_nodes, halvings = _nodes_of(case.discretization, soft)
-    forces = case.problem.joint_forces(end.state.pressure, end.state.shear)
+    forces = case.problem.acting_forces(end.state)
     give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
     u = end.state.displacement - give
     elastic = end.state.elastic - case.problem.elastic_part(give)
@@ -204,7 +204,7 @@ def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> 
     if state is None or mode is None:
         return np.nan
     hinge_nodes, _ = _nodes_of(case.discretization, soft)
-    forces = case.problem.joint_forces(state.pressure, state.shear)
+    forces = case.problem.acting_forces(state)
     give = hinge_nodes.indentation(forces, 1.0, problem.stiffness.first_row // 2)
     work = found.work_ratio * softer.bonded_work
     u = state.displacement + (work - state.work) * mode

@@ -81,8 +81,8 @@ def draw_forces(axes: Any, view: View) -> Any:
         ValueError: If the view has no joint values.
     """
     faces = face_resultants(view.joints, _values(view))
-    total = faces.force[faces.loaded]
-    centre = faces.centre[faces.loaded]
+    total = faces.force[faces.acting]
+    centre = faces.centre[faces.acting]
     frame(axes, view)
     draw_rest(axes, view)
     if len(total):

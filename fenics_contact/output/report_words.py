@@ -17,7 +17,7 @@ STATUS: Mapping[str, str] = {
 #: Name and meaning of every residual of the verification.
 RESIDUALS: Mapping[str, tuple[str, str]] = {
     "equilibrium": ("equilibrium", "The forces on every node of the mesh balance."),
-    "tension": ("no tension", "No joint pulls."),
+    "tension": ("no tension", "No joint pulls beyond its tensile strength."),
     "penetration": ("no penetration", "No block enters another one, or the ground."),
     "complementarity": ("contact", "Where a joint is open, it carries no force."),
     "friction": ("friction", "No shear force is larger than the joint allows."),
@@ -48,6 +48,7 @@ KEYS: Mapping[str, str] = {
     "poisson": "Poisson's ratio",
     "friction": "coefficient of friction",
     "bound": "shear strength",
+    "tensile_strength": "tensile strength",
     "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
     "method": "method asked for",

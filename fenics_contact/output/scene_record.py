@@ -20,6 +20,7 @@ UNITS: Mapping[str, str] = {
     "cohesion": "Pa",
     "gap": "m",
     "dilatancy": "degrees",
+    "tensile_strength": "Pa",
     "body": "m/s2",
     "traction": "Pa",
     "tilt": "degrees",

@@ -59,10 +59,12 @@ class Resultants:
         bodies: First and second body, `GROUND` for rigid ground, shape (faces, 2).
         force: On the second body, N per metre of thickness, shape (faces, 2).
         normal_force: Its part along the normal, at least 0, shape (faces,).
-        centre: Centre of pressure, m, shape (faces, 2); the middle where no force acts.
+        centre: Centre of pressure, m, shape (faces, 2); the middle where no force acts, or a bond
+            carries more moment than pressure does.
         normal: Unit normal from first to second body, shape (faces, 2).
         ends: Ends of the faces, m, shape (faces, 2, 2).
-        loaded: Whether they carry a force, shape (faces,).
+        loaded: Whether they are pressed, shape (faces,).
+        acting: Whether they carry a force, pressed or pulled, shape (faces,).
         parts: Whether most points open in the collapse mode and none carries force, shape (faces,).
     """
 
@@ -73,6 +75,7 @@ class Resultants:
     normal: Array
     ends: Array
     loaded: Flags
+    acting: Flags
     parts: Flags
 
 
@@ -94,8 +97,11 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = np.column_stack(moment) / normal_force[:, None]
     first = faces.ends[:, 0]
-    pressed = normal_force > 0.0
+    bonded = np.bincount(faces.of_point, values.bond, count) > 0.0
+    pressed = (normal_force > 0.0) & ~(bonded & _outside(centre, ends))
     loaded = normal_force > OPTIONS.loaded * normal_force.max(initial=0.0)
+    size = np.hypot(x, y)
+    pulled = bonded & (size > OPTIONS.loaded * size.max(initial=0.0))
     return Resultants(
         bodies=np.asarray(joints.bodies[first], dtype=np.int64),
         force=np.column_stack([x, y]),
@@ -104,8 +110,16 @@ def face_resultants(joints: Joints, values: JointValues) -> Resultants:
         normal=joints.normal[first],
         ends=ends,
         loaded=loaded,
+        acting=loaded | pulled,
         parts=opens & ~loaded,
     )
+
+
+def _outside(centre: Array, ends: Array) -> Flags:
+    """Faces on which the centre of pressure is not."""
+    from_middle = np.linalg.norm(centre - ends.mean(axis=1), axis=1)
+    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return np.asarray(~(from_middle <= half))
 
 
 @dataclass(frozen=True)

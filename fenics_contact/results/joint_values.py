@@ -40,7 +40,7 @@ class JointValues:
     """Values at all joint points, in the order of `Joints`, shape (points,); alike on all ranks.
 
     Attributes:
-        normal_force: r_N >= 0, N per metre of thickness.
+        normal_force: r_N, N per metre of thickness; below 0 where a bond is pulled.
         shear_force: r_T on the second side along the tangent, N per metre of thickness.
         pressure: r_N over the length of the point, Pa.
         shear: r_T over the length of the point, Pa.
@@ -49,6 +49,7 @@ class JointValues:
         opening_rate: Opening in the collapse mode.
         slip_rate: Slip in the collapse mode.
         clearance_rate: Opening in the collapse mode beyond that by slip, of joints that dilate.
+        bond: Tensile force that is carried, N per metre of thickness.
     """
 
     normal_force: Array
@@ -60,6 +61,7 @@ class JointValues:
     opening_rate: Array
     slip_rate: Array
     clearance_rate: Array
+    bond: Array
 
     @property
     def opens(self) -> npt.NDArray[np.bool_]:
@@ -75,7 +77,8 @@ class JointValues:
     def contact(self) -> npt.NDArray[np.int64]:
         """`Contact` of every point."""
         contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
-        loaded = self.normal_force > OPTIONS.no_pressure * self.normal_force.max(initial=0.0)
+        force = self.normal_force + self.bond
+        loaded = force > OPTIONS.no_pressure * force.max(initial=0.0)
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 

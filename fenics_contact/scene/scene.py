@@ -133,6 +133,7 @@ class JointLaw:
             initial opening, m; 0: only those that touch.
         dilatancy: Angle at which a joint that slides opens, degrees, for "coulomb"; at most the
             angle of friction, with which slip is associative.
+        tensile_strength: Tension that the joint carries, Pa; it stays where the joint opens.
     """
 
     law: str = "coulomb"
@@ -142,6 +143,7 @@ class JointLaw:
     compressive_strength: float | None = None
     gap: float = 0.0
     dilatancy: float = 0.0
+    tensile_strength: float = 0.0
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -165,6 +167,18 @@ class JointLaw:
         most = f"{math.degrees(math.atan(friction)):.6g} degrees for friction = {friction:g}"
         text = f"dilatancy = {angle} must not exceed the angle of friction, {most}"
         _require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
+        self._check_tension()
+
+    def _check_tension(self) -> None:
+        _require_not_negative("tensile_strength", self.tensile_strength)
+        least = (self.friction or 0.0) * self.tensile_strength
+        text = (
+            f"tensile_strength = {self.tensile_strength:g} needs a cohesion of at least friction"
+            f" times it, {least:g} Pa: shear is carried up to cohesion + friction x pressure"
+        )
+        _require(self.cohesion >= least * (1.0 - SAME_ANGLE), text)
+        open_at_first = self.gap > 0.0 and self.tensile_strength > 0.0
+        _require(not open_at_first, "a joint with a gap takes no tensile_strength")
 
     @property
     def dilation(self) -> float:
@@ -459,6 +473,7 @@ class Scene(_Shared):
         self._check_names()
         self._check_materials()
         self._check_dilatancy()
+        self._check_bonds()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -567,10 +582,21 @@ class Scene(_Shared):
             if len({self.materials[name] for name in materials}) > 1:
                 raise InputError(f"the groups {_listed(materials)} share cells; give one material")
 
-    def _check_dilatancy(self) -> None:
+    def _laws(self) -> dict[str, JointLaw]:
+        """Laws by their keys in a scene file."""
         laws = {f"joints.{name}": law for name, law in self.joints.items()}
-        laws |= {f"foundations.{name}": law for name, law in self.foundations.items()}
-        dilating = [f"{name}.dilatancy" for name, law in laws.items() if law.dilatancy]
+        return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
+
+    def _check_bonds(self) -> None:
+        laws = self._laws()
+        bonded = [f"{name}.tensile_strength" for name, law in laws.items() if law.tensile_strength]
+        strengths = [law.compressive_strength for law in laws.values()]
+        crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
+        text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
+        _require(not (bonded and crushes), f"{text} tensile_strength and compressive_strength")
+
+    def _check_dilatancy(self) -> None:
+        dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]
         method = self.solve.method
         for refused, option, instead in (
             (method in BY_JOINT_FORCES, f"method = '{method}'", "method = 'auto'"),

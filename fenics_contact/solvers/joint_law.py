@@ -17,6 +17,11 @@ these are the optimality conditions of a convex problem: associative friction wi
 beside a strength g (A. Drescher, E. Detournay, Geotechnique 43 (1993) 443). With D = F the law
 itself is of this kind, its slip is normal to Coulomb's cone; with D = 0 it is Coulomb's.
 
+A joint with a tensile strength t carries r_N >= -t, and |r_T| <= F r_N + c0 with F t <= c0: the
+tension cut-off of Coulomb's cone (P.B. Lourenco, J.G. Rots, J. Eng. Mech. 123 (1997) 660). With
+r_N' = r_N + t that is the law above, c = c0 - F t, under forces -t on the joint that belong to the
+dead load: a bond is a prestress that opening takes up. Everywhere in the solvers r_N is r_N'.
+
 Solvers, linear programs and certificates ask this module and have no law of their own. `laws.c`
 says in C what `SmoothedLaws` says here.
 """
@@ -51,6 +56,7 @@ class PointLaws:
         friction: Coulomb's coefficient F; 0 where the law is another.
         strength: c, N per metre of thickness.
         dilatancy: D, tangent of the dilatancy angle, at most F; zero where left out.
+        bond: t, N per metre of thickness; zero where left out.
         slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
         opening_origin: B_N u from which openings are measured, m; below zero for initial gaps.
     """
@@ -58,20 +64,26 @@ class PointLaws:
     friction: Array
     strength: Array
     dilatancy: Array = field(default_factory=_none)
+    bond: Array = field(default_factory=_none)
     slip_origin: Array = field(default_factory=_none)
     opening_origin: Array = field(default_factory=_none)
 
     def __post_init__(self) -> None:
-        for name in ("dilatancy", "slip_origin", "opening_origin"):
+        for name in ("dilatancy", "bond", "slip_origin", "opening_origin"):
             if len(getattr(self, name)) != len(self.friction):
                 object.__setattr__(self, name, np.zeros(len(self.friction)))
+
+    def bonded(self, bond: Array) -> PointLaws:
+        """Laws with a tensile strength t; their strength is that at r_N = 0."""
+        least = np.maximum(self.strength - self.friction * bond, 0.0)  # rounding
+        return replace(self, strength=least, bond=bond)
 
     def each(self, of: Callable[[Array], Array]) -> PointLaws:
         """Laws with a function of every array in its place: of some points, or of all ranks."""
         return PointLaws(*(of(getattr(self, item.name)) for item in fields(self)))
 
     def homogeneous(self) -> PointLaws:
-        """Laws that hold for every multiple of a state: without strength, gaps and origins."""
+        """Laws that hold for every multiple of a state: without strengths, gaps and origins."""
         return PointLaws(self.friction, np.zeros_like(self.strength), self.dilatancy)
 
     def frictionless(self) -> PointLaws:

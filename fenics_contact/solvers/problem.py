@@ -147,7 +147,7 @@ class State:
         elastic: Its part that strains the blocks, summed up for itself: beside a large motion u
             has too few digits of it.
         load_factor: lambda.
-        pressure: r_N at this rank's points, N per metre of thickness.
+        pressure: r_N at this rank's points, N per metre of thickness, with the bond (`joint_law`).
         shear: r_T, likewise.
         work: T = f_L.u, N m per metre of thickness.
     """
@@ -249,6 +249,10 @@ class ContactProblem:
     def joint_forces(self, pressure: Array, shear: Array) -> Array:
         """B_N^T r_N + B_T^T r_T, N per metre of thickness."""
         return self.normal.T @ pressure + self.tangential.T @ shear
+
+    def acting_forces(self, state: State) -> Array:
+        """Forces of the joints on the nodes, N per metre of thickness: bonds pull, too."""
+        return self.joint_forces(state.pressure - self.law.bond, state.shear)
 
     def elastic_part(self, u: Array) -> Array:
         """The part of u that strains the blocks, (I - R R^T) u.

@@ -79,7 +79,7 @@ def joints_in_a_row(count: int) -> Joints:
 )
 def test_hinge_is_a_point_that_does_not_open_next_to_open_ones(force, opening_rate, expected):
     zero = np.zeros(4)
-    values = JointValues(np.array(force, float), *[zero] * 8)
+    values = JointValues(np.array(force, float), *[zero] * 9)
     values = replace(values, clearance_rate=np.array(opening_rate, float))
     assert values.hinges(joints_in_a_row(4).neighbours).tolist() == expected
 

@@ -225,7 +225,8 @@ class RigidBlocks:
         """Those of a discretised scene, with its live load or the reverse of it (sign -1)."""
         joints = whole.original.joints
         bodies = whole.original.bodies
-        bodies = replace(bodies, live=sign * bodies.live)
+        dead = bodies.dead - _resultants(joints, bodies, joints.bond)
+        bodies = replace(bodies, dead=dead, live=sign * bodies.live)
         faces = straight_faces(joints)
         crushing = Crushing.of(
             joints, strength_of(whole.original.scene, whole.original.joints), faces.of_point
@@ -345,11 +346,8 @@ class RigidBlocks:
             joints: With points at the places of the tangents.
             force: Normal forces at the points of these programs that are part of the dead load.
         """
-        every = np.arange(len(force))
-        moved = relative_motions(self._joints, self._bodies, every, self._joints.normal)
-        loaded = (moved.T @ force).reshape(-1, 3)
-        dead = self._bodies.dead + np.einsum("bmk,bk->bm", self._bodies.free, loaded)
-        bodies = replace(self._bodies, dead=dead)
+        loaded = _resultants(self._joints, self._bodies, force)
+        bodies = replace(self._bodies, dead=self._bodies.dead + loaded)
         new = copy(self)
         new._tangents = _Program(joints, bodies, straight_faces(joints))
         return new
@@ -753,6 +751,13 @@ class _Tangents:
             self._rows = vstack([self._rows, more]).tocsr()
             self._rights = np.concatenate([self._rights, rights])
         raise SolverError("rigid-block linear program with crushing: no end of tangents")
+
+
+def _resultants(joints: Joints, bodies: RigidBodies, force: Array) -> Array:
+    """Resultants on the bodies of normal forces at all joint points, shape (bodies, 3)."""
+    moved = relative_motions(joints, bodies, np.arange(len(force)), joints.normal)
+    loaded = (moved.T @ force).reshape(-1, 3)
+    return np.asarray(np.einsum("bmk,bk->bm", bodies.free, loaded))
 
 
 def _least_missing(
