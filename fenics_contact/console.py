@@ -190,13 +190,14 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {reason}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
-    if end.bounds.meet:
+    if end.bounds.meet and end.torn is None:
         first += "; no other collapse state exists"
     return [
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_crushing_lines(end),
+        *_torn_lines(end),
         *_peak_lines(end),
         *_lowest_lines(end),
         *_mesh_lines(end),
@@ -234,6 +235,18 @@ def _crushing_lines(end: Collapse) -> list[str]:
     return [
         f"crushing: the load factor is that with it; {first.group} crushes over"
         f" {1e3 * first.length:.3g} mm at ({x:.3g}, {y:.3g}){rest}"
+    ]
+
+
+def _torn_lines(end: Collapse) -> list[str]:
+    """How much of the joints has torn, and the load factor with all strengths."""
+    if end.torn is None:
+        return []
+    if end.torn.length_m == 0.0:
+        return ["torn: no joint that may lose its strength opens in the collapse"]
+    return [
+        f"torn: {end.torn.length_m:.3g} m of joints have lost their strength; with all strengths"
+        f" the load factor is {end.torn.load_factor_whole:.6g}"
     ]
 
 

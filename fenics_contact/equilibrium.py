@@ -79,6 +79,8 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         raise InputError(f"load_factor = {load_factor} must be finite")
     if steps < 1:
         raise InputError(f"steps = {steps} must be 1 or more")
+    if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
+        raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")
     strategy = strategy_of(scene)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:

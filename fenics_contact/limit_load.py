@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
 from dolfinx import fem
 
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
@@ -27,10 +28,11 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.mesh_error.accuracy import to_accuracy
 from fenics_contact.mesh_error.further import additions, with_peak
@@ -120,6 +122,8 @@ class LimitLoad(Result):
         points = points or scene.output.capacity or CURVE
         if end is None or end.status != "limit":
             return ()
+        if end.torn is not None:
+            raise InputError("joints with opened = 'lost' have no capacity curve")
         sign = SIGNS[direction]
         kind = strategy_of(scene).kind
         monitor = monitor or _Silent()
@@ -383,7 +387,7 @@ def _solved(
         found = {name: crushed.on_joints(name, end) for name, end in found.items()}
     for name, end in found.items():
         if end.status == "limit" and blocks.crushing is None:
-            found[name] = with_least_forces(discretization, end)
+            found[name] = with_least_forces(cases[name].discretization, end)
         if discretization.effort.watch.reason:
             program = partial(_bounds_so_far, cases[name].blocks, stands_frictionless)
             found[name] = replace(found[name], program=program)
@@ -404,6 +408,8 @@ class _Crushed(ExitStack):
         Raises:
             Stopped: If the run is to end.
         """
+        if np.any(case.discretization.joints.losing):
+            return torn_collapse(case, _collapse)
         if case.blocks.crushing is None:
             return _collapse(case), case
         try:

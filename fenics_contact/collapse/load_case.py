@@ -11,6 +11,7 @@ from fenics_contact.collapse.record import Listener, Record
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
+from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.history import Step
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.joint_stiffness import JointStiffness
@@ -87,6 +88,13 @@ class LoadCase:
         problem = case.problem.with_law(slip_origin=self.problem.law.slip_origin)
         record = self.record.reversed()
         return replace(case, problem=problem, record=record, crushed=self.crushed)
+
+    def with_torn(self, torn: Flags) -> LoadCase:
+        """The load case with joint points that have lost their strengths, of all points."""
+        whole = self.discretization.original.with_torn(torn)
+        given = replace(self.bonded, live=self.sign * self.bonded.live)
+        case = LoadCase.of(whole, given, self.sign, self.kind, self.monitor)
+        return replace(case, record=self.record)
 
     @property
     def unrecorded(self) -> LoadCase:

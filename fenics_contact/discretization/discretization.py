@@ -35,7 +35,7 @@ from fenics_contact.discretization.rigid_motions import (
 )
 from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Indices
+from fenics_contact.geometry.mesh import Flags, Indices
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
@@ -189,6 +189,16 @@ class Discretization:
             dead=problem.dead + problem.normal.T @ force[mine],
             law=replace(problem.law, opening_origin=opening, slip_origin=slip),
         )
+        return new
+
+    def with_torn(self, torn: Flags) -> Discretization:
+        """The structure with joint points that have lost their strengths; it keeps the matrices."""
+        new = copy(self)
+        new.joints = replace(self.joints, torn=torn)
+        new.problem = replace(self.problem, law=new._law())
+        new.problem, new.imposed = _with_imposed(new)
+        if "block_modes" in self.__dict__:
+            new.block_modes = self.block_modes.changed(new.problem)
         return new
 
     @property

@@ -30,7 +30,7 @@ from fenics_contact.discretization.mortar import (
 )
 from fenics_contact.discretization.pairing import joint_stretches
 from fenics_contact.discretization.supports import Supports
-from fenics_contact.geometry.mesh import Array, Indices, Labels
+from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene.scene import JointLaw, Scene
 from fenics_contact.solvers.joint_law import PointLaws
@@ -59,6 +59,7 @@ class Joints:
         stencil: How displacements of nodes give those of both sides at the points.
         gap: Initial opening of every point, m; 0 where the law gives no gap.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
+        torn: Points that have lost cohesion and tensile strength; none if left out.
     """
 
     nodes: Indices
@@ -75,6 +76,7 @@ class Joints:
     middle: Indices
     gap: Array
     offset: float = 0.0
+    torn: Flags | None = None
 
     def moved(self, points: Indices, shares: Any) -> Joints:
         """Joints some of whose points act elsewhere on their faces, between others.
@@ -119,12 +121,24 @@ class Joints:
     @property
     def bond(self) -> Array:
         """Tensile force that every point carries, N/m."""
-        return np.array([law.tensile_strength for law in self.laws])[self.law] * self.length
+        strength = np.array([law.tensile_strength for law in self.laws])[self.law]
+        return strength * self._whole_length
 
     @property
     def shear_strength(self) -> Array:
         """Shear force that every point carries without pressure, N/m: Tresca's bound, cohesion."""
-        return np.array([law.bound or law.cohesion for law in self.laws])[self.law] * self.length
+        strength = np.array([law.bound or law.cohesion for law in self.laws])[self.law]
+        return strength * self._whole_length
+
+    @property
+    def losing(self) -> Flags:
+        """Points that lose their strengths where they open."""
+        return np.array([law.loses for law in self.laws], dtype=bool)[self.law]
+
+    @property
+    def _whole_length(self) -> Array:
+        """Length of joint of every point that is not torn, m."""
+        return self.length if self.torn is None else np.where(self.torn, 0.0, self.length)
 
 
 @dataclass(frozen=True)

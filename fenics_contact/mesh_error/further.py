@@ -38,6 +38,7 @@ Addition = Callable[[LoadCase, Collapse, float], Collapse]
 #: Why something is not known.
 NOT_REACHED = "a load that rises step by step does not reach the collapse"
 FAST = "solve.fast = true leaves it out"
+TEARS = "what joints carry before they tear depends on the way of the load"
 
 
 def additions(options: SolveOptions) -> dict[str, tuple[str, Addition]]:
@@ -68,6 +69,8 @@ def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool)
     asked = asked or bool(options.peak)
     if end.crushed_ends is not None:
         return Peak("not_known", reason="on the way joints crush in other places than at the end")
+    if end.torn is not None:
+        return Peak("not_known", reason=TEARS)
     if end.path is not None:
         return peak_of(end.path, above)
     if not asked and (options.fast or options.peak is False):
@@ -114,6 +117,8 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
         return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
     if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
         return end
+    if end.torn is not None:
+        return replace(end, lowest=Lowest("not_known", reason="in other states other joints tear"))
     if end.path is not None:
         reason = "lower states are not looked for where the load is raised step by step"
         return replace(end, lowest=Lowest("not_known", reason=reason))
@@ -128,6 +133,9 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
 def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     """A collapse with the estimate of its discretisation error, if its load case led to it."""
     if end.status != "limit" or end.mode is None:
+        return end
+    if end.torn is not None:
+        _log.info("no error estimate: on other meshes other points tear")
         return end
     try:
         return _with_estimate(case.unrecorded, end)

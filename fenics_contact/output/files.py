@@ -302,6 +302,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record |= _certificate_record(certificate, result.discretization.joints)
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["crushing"] = _crushing_record(collapse)
+    record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
 

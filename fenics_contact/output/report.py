@@ -227,14 +227,11 @@ def _load_factor_rows(direction: str, end: Record, record: Record) -> Iterator[S
         yield "load factor", "no limit"
         return
     yield name, "none" if factor is None else _alike(factor, factor)
-    sure = bounds.get("frictionless")
-    first, beyond = (bounds[side] for side in sides)
-    lost = "not known, or the dead load needs friction to stand"
-    yield "surely carried, from 0 to", lost if sure is None else _alike(sure, factor)
-    yield "no collapse state before", "not known" if first is None else _alike(first, factor)
-    yield "surely not carried beyond", _alike(beyond, factor)
-    if bounds.get("meet") and end["status"] == "limit":
-        yield "other collapse states", "none exists: the bracket is closed"
+    torn = _details(record, direction).get("torn")
+    if torn:
+        yield from _torn_rows(factor, torn, [bounds[side] for side in sides])
+    else:
+        yield from _bracket_rows(end, factor, bounds, sides)
     if end["status"] == "limit":
         details = _details(record, direction)
         yield from _peak_rows(factor, details["peak"])
@@ -263,6 +260,30 @@ def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
     yield "lowest collapse state found", text[lowest["status"]]
     for number, state in enumerate(details.get("states", [])[1:], start=2):
         yield f"collapse state {number}", _alike(state["load_factor"], factor)
+
+
+def _bracket_rows(
+    end: Record, factor: float, bounds: Record, sides: Sequence[str]
+) -> Iterator[Sequence[str]]:
+    """What the rigid-block programs say of the load factor."""
+    sure = bounds.get("frictionless")
+    first, beyond = (bounds[side] for side in sides)
+    lost = "not known, or the dead load needs friction to stand"
+    yield "surely carried, from 0 to", lost if sure is None else _alike(sure, factor)
+    yield "no collapse state before", "not known" if first is None else _alike(first, factor)
+    yield "surely not carried beyond", _alike(beyond, factor)
+    if bounds.get("meet") and end["status"] == "limit":
+        yield "other collapse states", "none exists: the bracket is closed"
+
+
+def _torn_rows(
+    factor: float, torn: Record, bounds: Sequence[float | None]
+) -> Iterator[Sequence[str]]:
+    """Joints that have lost their strength, and what is known of the load factor without it."""
+    ends = ["not known" if bound is None else _alike(bound, factor) for bound in bounds]
+    yield "joints that have lost their strength", _value(torn["length_m"], "m")
+    yield "load factor with all strengths", _alike(torn["load_factor_whole"], factor)
+    yield "bracket of the blocks with these joints torn", f"{ends[0]} to {ends[1]}"
 
 
 def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:

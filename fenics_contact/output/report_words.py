@@ -49,6 +49,7 @@ KEYS: Mapping[str, str] = {
     "friction": "coefficient of friction",
     "bound": "shear strength",
     "tensile_strength": "tensile strength",
+    "opened": "cohesion and tensile strength of joints that have opened",
     "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
     "method": "method asked for",

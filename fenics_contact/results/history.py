@@ -131,6 +131,19 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
+class Torn:
+    """Joints that have lost their strengths on the way to a collapse.
+
+    Attributes:
+        length_m: Length of joint that is torn, m.
+        load_factor_whole: Load factor of the collapse with all strengths; nan if none was found.
+    """
+
+    length_m: float
+    load_factor_whole: float
+
+
+@dataclass(frozen=True)
 class Peak:
     """The most that the loading path carries from the dead load on.
 

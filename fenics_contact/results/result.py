@@ -27,6 +27,7 @@ from fenics_contact.results.history import (
     LoadPath,
     Lowest,
     Peak,
+    Torn,
     TracePoint,
     Trial,
 )
@@ -73,6 +74,7 @@ class Collapse:
             where it is the load factor itself, and where there is no limit.
         crushed: Where joints crush, the longest places first.
         crushed_ends: The same by faces; None where no joint has a compressive strength.
+        torn: Joints that have lost their strengths; None where none may.
     """
 
     status: str
@@ -96,6 +98,7 @@ class Collapse:
     peak: Peak | None = None
     crushed: tuple[CrushedPlace, ...] = ()
     crushed_ends: CrushedEnds | None = None
+    torn: Torn | None = None
 
     @property
     def size(self) -> float:
@@ -175,6 +178,7 @@ class Collapse:
             lowest=_negated(self.lowest),
             at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             peak=self.peak and self.peak.reversed(),
+            torn=_negated(self.torn, "load_factor_whole"),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
 

@@ -22,6 +22,7 @@ from fenics_contact.scene.toml_tables import check_types, from_table, read_toml
 #: Values that strings can have, by name of their key.
 CHOICES = {
     "law": ("coulomb", "tresca", "frictionless"),
+    "opened": ("kept", "lost"),
     "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
     "plane.state": ("strain", "stress"),
@@ -133,7 +134,9 @@ class JointLaw:
             initial opening, m; 0: only those that touch.
         dilatancy: Angle at which a joint that slides opens, degrees, for "coulomb"; at most the
             angle of friction, with which slip is associative.
-        tensile_strength: Tension that the joint carries, Pa; it stays where the joint opens.
+        tensile_strength: Tension that the joint carries, Pa.
+        opened: Whether cohesion and tensile strength are "kept" or "lost" where the joint opens in
+            a collapse.
     """
 
     law: str = "coulomb"
@@ -144,10 +147,12 @@ class JointLaw:
     gap: float = 0.0
     dilatancy: float = 0.0
     tensile_strength: float = 0.0
+    opened: str = "kept"
 
     def __post_init__(self) -> None:
         check_types(self)
         _require_choice("law", self.law)
+        _require_choice("opened", self.opened)
         _require_strength(self.compressive_strength)
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             value = getattr(self, name)
@@ -168,6 +173,11 @@ class JointLaw:
         text = f"dilatancy = {angle} must not exceed the angle of friction, {most}"
         _require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
         self._check_tension()
+
+    @property
+    def loses(self) -> bool:
+        """Whether there are strengths that are lost where the joint opens."""
+        return self.opened == "lost" and self.cohesion + self.tensile_strength > 0.0
 
     def _check_tension(self) -> None:
         _require_not_negative("tensile_strength", self.tensile_strength)
@@ -474,6 +484,7 @@ class Scene(_Shared):
         self._check_materials()
         self._check_dilatancy()
         self._check_bonds()
+        self._check_lost()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -594,6 +605,22 @@ class Scene(_Shared):
         crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
         text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
         _require(not (bonded and crushes), f"{text} tensile_strength and compressive_strength")
+
+    def _check_lost(self) -> None:
+        solve = self.solve
+        losing = [f"{name}.opened" for name, law in self._laws().items() if law.loses]
+        strengths = [law.compressive_strength for law in self._laws().values()]
+        crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
+        for refused, option in (
+            (solve.control == "load", "solve.control = 'load'"),
+            (solve.states == "lowest", "solve.states = 'lowest'"),
+            (solve.accuracy is not None, "solve.accuracy"),
+            (solve.peak is True, "solve.peak = true"),
+            (self.output.capacity > 0, "output.capacity"),
+            (crushes, "compressive_strength"),
+        ):
+            text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
+            _require(not (losing and refused), f"{text} it cannot be used with {option}")
 
     def _check_dilatancy(self) -> None:
         dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]
