@@ -21,10 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.joints import GROUND, Joints, coefficients
+from fenics_contact.discretization.joints import GROUND, coefficients
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.solvers.joint_law import PointLaws
 
 
 @dataclass(frozen=True)
@@ -58,14 +59,16 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     """Joint values with the least forces that load the nodes alike; the same on all ranks."""
     joints = whole.joints
     forces = np.column_stack([values.normal_force, values.shear_force])
-    free = _free(joints, forces) & _rests(values)[:, None]
+    laws = joints.point_laws
+    free = _free(laws, forces) & _rests(values)[:, None]
     rows = _nodal_rows(whole)
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
     for points in _places(joints.nodes):
         if np.any(free[points]) and (len(points) > 1 or held[points[0]]):
             loops = _loops(rows.at(points), joints.length[points], free[points])
             if loops.shape[2]:
-                forces[points] = _least(joints, points, forces[points], loops)
+                law = laws.at(points)
+                forces[points] = _least(law, joints.length[points], forces[points], loops)
     normal, shear = forces.T
     pressures = {"pressure": normal / joints.length, "shear": shear / joints.length}
     return replace(values, normal_force=normal, shear_force=shear, **pressures)
@@ -90,16 +93,13 @@ def _places(nodes: Indices) -> list[Indices]:
     return np.split(order, np.flatnonzero(np.diff(place[order])) + 1)
 
 
-def _free(joints: Joints, forces: Array) -> Flags:
+def _free(law: PointLaws, forces: Array) -> Flags:
     """Forces (normal, shear) that are not at their bounds, shape (points, 2)."""
     normal, shear = forces.T
     least = OPTIONS.bound * np.abs(forces).max(initial=0.0)
-    law = joints.point_laws
-    bound = law.bound(normal + law.bond)
-    frictionless = (joints.friction == 0.0) & (joints.shear_strength == 0.0)
     pressed = normal + law.bond > least
-    sticks = bound - np.abs(shear) > least
-    return np.column_stack([pressed & (sticks | frictionless), pressed & sticks])
+    sticks = law.bound(normal + law.bond) - np.abs(shear) > least
+    return np.column_stack([pressed & (sticks | ~law.frictional), pressed & sticks])
 
 
 def _rests(values: JointValues) -> Flags:
@@ -153,28 +153,18 @@ def _loops(nodal: Array, length: Array, free: Flags) -> Array:
     return loops
 
 
-def _least(joints: Joints, points: Indices, forces: Array, loops: Array) -> Array:
+def _least(law: PointLaws, length: Array, forces: Array, loops: Array) -> Array:
     """Forces of least size at the points of one place, shape (points, 2)."""
-    amount = np.einsum("pc,pcl->l", forces / joints.length[points, None], loops)
+    amount = np.einsum("pc,pcl->l", forces / length[:, None], loops)
     least = forces - loops @ amount
-    law = joints.point_laws.each(lambda values: values[points])
-    slack = _slack(law.friction, least)
-    change = _slack(law.friction, loops)
-    slack[0] += law.bond
-    slack[1:] += law.bound(law.bond)
+    slack = law.distances(least[:, 0] + law.bond, least[:, 1])
+    rates = law.homogeneous()
+    change = np.stack([rates.distances(*loop) for loop in loops.transpose(2, 1, 0)], axis=-1)
     moved = np.any(change != 0.0, axis=2)
     size = np.abs(forces).max()
     found = least + loops @ (size * _least_distance(change[moved], -slack[moved] / size))
     found[:, 0] = np.maximum(found[:, 0], -law.bond)
     return found
-
-
-def _slack(friction: Array, forces: Array) -> Array:
-    """r_N, F r_N - r_T and F r_N + r_T, shape (3, points, ...), of (points, 2, ...)."""
-    normal = forces[:, 0]
-    shear = forces[:, 1]
-    bound = friction.reshape(-1, *[1] * (normal.ndim - 1)) * normal
-    return np.stack([normal, bound - shear, bound + shear])
 
 
 def _least_distance(rows: Array, least: Array) -> Array:

@@ -260,7 +260,7 @@ class Discretization:
 
     def _law(self) -> PointLaws:
         """Law of this rank's rows."""
-        return self.joints.point_laws.each(lambda values: values[self.operators.points])
+        return self.joints.point_laws.at(self.operators.points)
 
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""

@@ -50,7 +50,7 @@ def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))
     stops = np.append(starts[1:], len(order)) - 1
     ends = np.column_stack([order[starts], order[stops]])
-    of_faces = law.each(lambda values: values[ends[:, 0]])
+    of_faces = law.at(ends[:, 0])
     strength = np.bincount(face, law.strength).astype(float)
     return Faces(ends, replace(of_faces, strength=strength), face)
 

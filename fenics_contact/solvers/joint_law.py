@@ -82,6 +82,10 @@ class PointLaws:
         """Laws with a function of every array in its place: of some points, or of all ranks."""
         return PointLaws(*(of(getattr(self, item.name)) for item in fields(self)))
 
+    def at(self, points: npt.NDArray[np.integer]) -> PointLaws:
+        """Laws of some points."""
+        return self.each(lambda values: values[points])
+
     def homogeneous(self) -> PointLaws:
         """Laws that hold for every multiple of a state: without strengths, gaps and origins."""
         return PointLaws(self.friction, np.zeros_like(self.strength), self.dilatancy)
@@ -120,6 +124,11 @@ class PointLaws:
     def bound(self, pressure: Array) -> Array:
         """Bound F r_N + c on the shear forces for given normal forces."""
         return self.friction * pressure + self.strength
+
+    def distances(self, pressure: Array, shear: Array) -> Array:
+        """Distances of r_N and r_T from their bounds, r_N, F r_N + c -+ r_T, shape (3, points)."""
+        bound = self.bound(pressure)
+        return np.stack([pressure, bound - shear, bound + shear])
 
     def given(self, pressure: Array) -> Array:
         """Bound g = (F - D) r_N + c beside associative friction, for given normal forces."""
@@ -301,15 +310,16 @@ class SmoothedLaws:
         shear_q = np.where(self.frictional, 1.0 / by_s, 0.0)
         shear_mu = shear_r * r_mu + side * (of_far - of_near) / by_s
         # z1 + z2 = mu/s + mu/(2 gamma - s)
+        slid = of_near + of_far
         slid_s = of_far / far - of_near / near
         slid_r = (-slid_s * by_gamma / by_s - 2.0 * of_far / far) * self.friction
         slid_q = np.copysign(1.0, q) * -slid_s / by_s
-        slid_mu = slid_r * r_mu + slid_s * (of_near - of_far) / by_s + (of_near + of_far)
-        by_p = np.array([y_p, r_p, shear_p, shear_p, self.dilatancy * (slid_r * r_p)])
-        by_q = np.array([none, none, shear_q - 1.0, shear_q, self.dilatancy * slid_q])
-        by_mu = np.array([r_mu, r_mu, shear_mu, shear_mu, self.dilatancy * slid_mu])
-        dilation = self.dilatancy * (of_near + of_far)
-        states = JointStates(np.array([y, r, shear - q, shear, dilation]))
+        slid_mu = slid_r * r_mu + slid_s * (of_near - of_far) / by_s + slid
+        dilations = self.dilatancy * np.array([slid, slid_r * r_p, slid_q, slid_mu])
+        by_p = np.array([y_p, r_p, shear_p, shear_p, dilations[1]])
+        by_q = np.array([none, none, shear_q - 1.0, shear_q, dilations[2]])
+        by_mu = np.array([r_mu, r_mu, shear_mu, shear_mu, dilations[3]])
+        states = JointStates(np.array([y, r, shear - q, shear, dilations[0]]))
         return states, np.array([by_p, by_q, by_mu])
 
     def _bound(self, pressure: Array) -> Array:
