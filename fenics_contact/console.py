@@ -370,7 +370,8 @@ def _gap_text(law: JointLaw) -> str:
 
 
 def _bond_text(law: JointLaw) -> str:
-    return f", tensile strength {law.tensile_strength:g} Pa" if law.tensile_strength else ""
+    tension = f", tensile strength {law.tensile_strength:g} Pa" if law.tensile_strength else ""
+    return tension + ", strength lost where it opens" * law.loses
 
 
 def _law_text(law: JointLaw) -> str:

@@ -33,7 +33,7 @@ IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Blocks that are listed by number.
 LISTED = 40
 #: Values that are 0 where they are not used.
-UNUSED = {"body", "tilt", "cohesion"}
+UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened"}
 
 Record = Mapping[str, Any]
 
@@ -426,7 +426,7 @@ def _rows(tables: Record, units: Record) -> Iterator[tuple[str, str, str]]:
                         if v is not None
                     )
                     yield name, f"{label} {place}", ", ".join(texts)
-            elif value is not None and not (key in UNUSED and value in (0.0, [0.0, 0.0])):
+            elif value is not None and not (key in UNUSED and value in (0.0, [0.0, 0.0], "kept")):
                 yield name, label, _value(value, units.get(key, ""))
 
 
