@@ -66,7 +66,8 @@ class LowestOptions:
         below: A load factor on block modes is lower by this part of its size at least.
         same: Load factors of one state differ by less, relative.
         small: Load factors are judged relative to themselves, or this part of the typical one.
-        aligned: Cosine of the angle between modes of one state at least.
+        aligned: Cosine of the angle between modes of one state at least, and
+        closely: where several states are asked for (those of W3, 0.356 and 0.384, have 0.9995).
         iterations: Of the fixed point at most, and
         tolerance: its tolerance on bound and load factor, relative: states below are finished.
     """
@@ -81,6 +82,7 @@ class LowestOptions:
     same: float = 1e-4
     small: float = 1e-3
     aligned: float = 0.99
+    closely: float = 0.9999
     iterations: int = 30
     tolerance: float = 1e-3
 
@@ -302,7 +304,7 @@ def _met(
     budget = LOWEST.start * cost, LOWEST.start * cost
     for name, search in _searches(case):
         try:
-            state = _other(task, search, mode, budget)
+            state = _other(task, search, mode, budget, aligned=LOWEST.closely)
         except SolverError as error:
             _log.info("  %s: %s", name, error)
             continue
@@ -335,6 +337,7 @@ def _other(
     mode: Array | None,
     budget: tuple[float, float],
     below: float = np.inf,
+    aligned: float = LOWEST.aligned,
 ) -> State | None:
     """State of block modes that a search leads to; None if it is a known one, or not low.
 
@@ -344,6 +347,7 @@ def _other(
         mode: The known mode; None if none is known.
         budget: Cost of the search, and of following where it leads, at most.
         below: Load factor below which it is low.
+        aligned: Cosine of the angle to the known mode at which a state is a known one.
 
     Raises:
         SolverError: If there is none, or the budget does not suffice.
@@ -353,7 +357,7 @@ def _other(
         known = None if mode is None else modes.motion(mode)
 
         def recognised(u: Array) -> bool:
-            return known is not None and _aligned(kkt.problem, u, known)
+            return known is not None and _aligned(kkt.problem, u, known, aligned)
 
         with effort.at_most(budget[0]):
             state, mu = search(modes, kkt, task, recognised)
@@ -382,10 +386,12 @@ def _end_at_known(recognised: Callable[[Array], bool], below: float, point: Path
         raise _KnownError
 
 
-def _aligned(problem: ContactProblem, one: Array, other: Array) -> bool:
+def _aligned(
+    problem: ContactProblem, one: Array, other: Array, least: float = LOWEST.aligned
+) -> bool:
     """Whether two motions point the same way."""
     sizes = problem.dot(one, one) * problem.dot(other, other)
-    return problem.dot(one, other) >= LOWEST.aligned * np.sqrt(sizes)
+    return problem.dot(one, other) >= least * np.sqrt(sizes)
 
 
 def _finished(case: LoadCase, state: State, tolerance: float) -> Collapse:

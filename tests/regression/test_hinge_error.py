@@ -192,17 +192,16 @@ def test_strong_stone_has_point_hinges_and_weak_stone_those_of_the_mesh():
     assert factors[-1] == pytest.approx(W4, rel=5e-3)
 
 
-def test_a_state_that_degree_2_does_not_have_is_told():
-    """W4 under a load on its top: nothing near by converges, and the error is 5 %."""
+def test_an_error_of_5_percent_is_told():
+    """W4 under a load on its top: elements of degree 2 slide elsewhere."""
     recipe = wall_recipe("W4", coulomb(0.65))
     dead = replace(WEIGHT, traction={"top": (0.0, -2e4)})
-    result = limit_load(replace(recipe, parts={"dead": dead}).scene(4, error=True))
-    error = result.positive.mesh_error
-    assert math.isnan(error.estimate)
-    (change,) = error.state_changes
-    assert change.before == result.load_factor
-    assert math.isnan(change.after)
-    assert "another collapse state on a finer mesh, not found" in summary(result)
+    loaded = replace(recipe, parts={"dead": dead})
+    coarse = limit_load(loaded.scene(4, error=True)).positive
+    fine = limit_load(loaded.scene(16))
+    far = coarse.load_factor / fine.load_factor - 1.0
+    assert far > 0.04
+    assert far < coarse.mesh_error.estimate < 1.5 * far
 
 
 def test_load_control_and_reversed_load_have_an_estimate():
