@@ -9,6 +9,7 @@ import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -42,24 +43,66 @@ def default_comm() -> MPI.Comm:
     return PETSc.Sys.getDefaultComm().tompi4py()
 
 
+def comm_of(size: int) -> MPI.Comm:
+    """The communicator that PETSc was started with, but this rank alone for a size of 1."""
+    return MPI.COMM_SELF if size == 1 < default_comm().size else default_comm()
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Ranks to which the cells that this rank gives are sent, its own rank first.
+
+    Attributes:
+        ends: Where the ranks of every cell begin and end in `ranks`, shape (cells + 1,).
+        ranks: Those of all cells in a row: the owner, then those that have the cell as a ghost.
+    """
+
+    ends: npt.NDArray[np.int32]
+    ranks: npt.NDArray[np.int32]
+
+    def __call__(self, *_: Any) -> Any:
+        """The answer of a partitioner of dolfinx."""
+        make = getattr(dolfinx_graph, "adjacencylist", None) or cpp.graph.AdjacencyList_int32
+        found = make(self.ranks, self.ends)
+        return getattr(found, "_cpp_object", found)
+
+    @classmethod
+    def to(cls, ranks: npt.NDArray[np.int32]) -> Partition:
+        """Every cell to one rank."""
+        return cls(np.arange(len(ranks) + 1, dtype=np.int32), ranks)
+
+
 def create_mesh(
     comm: MPI.Comm,
     cell_name: str,
     cells: npt.NDArray[np.int64],
     points: npt.NDArray[np.float64],
-    destinations: npt.NDArray[np.int32] | None,
-) -> mesh.Mesh:
+    partition: Partition | None,
+) -> tuple[mesh.Mesh, Partition]:
     """Distribute a mesh given on one rank (the others pass empty arrays), without ghost cells.
 
-    `cells` have their points in gmsh order, shape (cells, nodes); `points` are coordinates, shape
-    (points, 2); `destinations` is the rank of every cell given here, None for graph partitioning.
+    Args:
+        comm: Ranks.
+        cell_name: "triangle" or "quadrilateral".
+        cells: Points of the cells given here, in gmsh order, shape (cells, nodes).
+        points: Their coordinates, shape (points, 2).
+        partition: Of the cells given here; None for graph partitioning.
+
+    Returns:
+        The mesh, and the partition that makes it again.
     """
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
-    if destinations is None:
-        partitioner = _graph_partition(() if _with_ghost_mode() else (mesh.GhostMode.none,))
-    else:
-        partitioner = _given_partition(destinations)
-    return _created(comm, cell_name, cells, points, partitioner)
+    if partition is not None:
+        return _created(comm, cell_name, cells, points, partition), partition
+    graph_partition = _graph_partition(() if _with_ghost_mode() else (mesh.GhostMode.none,))
+    made = []
+
+    def partitioner(*given: Any) -> Any:
+        found = graph_partition(*given)
+        made.append(Partition(np.array(found.offsets), np.array(found.array)))
+        return found
+
+    return _created(comm, cell_name, cells, points, partitioner), made[0]
 
 
 def create_mesh_in_place(
@@ -70,7 +113,7 @@ def create_mesh_in_place(
     `cells` count the points of all ranks, shape (cells, 3); `points` are coordinates, shape
     (points, 2).
     """
-    stay = _given_partition(np.full(len(cells), comm.rank, dtype=np.int32))
+    stay = Partition.to(np.full(len(cells), comm.rank, dtype=np.int32))
     partitioner = _staying if _with_ghost_mode() else stay
     return _created(comm, "triangle", cells, points, partitioner)
 
@@ -108,15 +151,6 @@ def _graph_partition(mode: tuple[mesh.GhostMode, ...]) -> Any:
         return mesh.create_cell_partitioner(*mode)
     except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
         return mesh.create_cell_partitioner(*mode, 2)
-
-
-def _given_partition(destinations: npt.NDArray[np.int32]) -> Any:
-    def partitioner(*_: Any) -> Any:
-        make = getattr(dolfinx_graph, "adjacencylist", None) or cpp.graph.AdjacencyList_int32
-        ranks = make(destinations[:, None])
-        return getattr(ranks, "_cpp_object", ranks)
-
-    return partitioner
 
 
 def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:

@@ -159,9 +159,9 @@ def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool) -> No
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
     cells = np.arange(len(corners))[None, :]
-    ranks = np.zeros(1, dtype=np.int32)
+    here = compat.Partition.to(np.zeros(1, dtype=np.int32))
     with compat.quiet_compiler(), compat.form_cache():
-        domain = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, ranks)
+        domain, _ = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, here)
         domain.topology.create_connectivity(1, 2)
         space = compat.function_space(domain, "Lagrange", degree, (2,))
         by_cell = compat.function_space(domain, "DG", 0)

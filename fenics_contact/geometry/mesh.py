@@ -27,6 +27,7 @@ from fenics_contact.geometry.planar_cells import (
     connected,
     sides_of,
 )
+from fenics_contact.geometry.stored_mesh import StoredMesh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -89,7 +90,7 @@ class BlockMesh(TaggedMesh):
     """A distributed mesh whose bodies (connected sets of cells) share no node.
 
     Attributes:
-        domain: dolfinx mesh.
+        stored: The dolfinx mesh and what it was made of.
         body: Body of every local cell; bodies are numbered by first cell.
         body_count: Number of bodies on all ranks.
         cell_groups: Physical groups of every local cell, as an index into `cell_sets`.
@@ -97,7 +98,7 @@ class BlockMesh(TaggedMesh):
             surfaces are blocks.
     """
 
-    domain: Any
+    stored: StoredMesh
     body: Labels
     body_count: int
     cell_groups: Labels
@@ -107,9 +108,14 @@ class BlockMesh(TaggedMesh):
         return f"<BlockMesh: {self.body_count} blocks, from {self.source}>"
 
     @property
+    def domain(self) -> Any:
+        """The dolfinx mesh; of a mesh that was unpickled, made when first asked for: collective."""
+        return self.stored.domain
+
+    @property
     def comm(self) -> MPI.Comm:
         """Communicator of the mesh."""
-        return self.domain.comm
+        return self.stored.comm
 
     @classmethod
     def from_file(
@@ -189,14 +195,15 @@ class BlockMesh(TaggedMesh):
         rest, whole, joined = comm.bcast((rest, rank is not None, joined))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
-        domain = compat.create_mesh(comm, mesh.cell_name, mesh.cells, mesh.points, rank)
+        arrays = mesh.cells, mesh.points, rank
+        stored = StoredMesh.distributed(comm, mesh.cell_name, *arrays)
         numbers = np.column_stack([body, mesh.cell_groups])
-        input_cells = comm.gather(np.asarray(domain.topology.original_cell_index))
+        input_cells = comm.gather(np.asarray(stored.domain.topology.original_cell_index))
         body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T
         count = comm.allreduce(int(body.max(initial=-1)), MPI.MAX) + 1
         tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
         of_bodies = {"body": body, "body_count": count, "joined": joined}
-        return cls(**tags, **of_bodies, domain=domain, cell_groups=groups)
+        return cls(**tags, **of_bodies, stored=stored, cell_groups=groups)
 
 
 @contextmanager

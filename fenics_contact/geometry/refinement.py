@@ -19,6 +19,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
+from fenics_contact.geometry.stored_mesh import StoredMesh
 
 #: Facets coincide when their middles and lengths agree to this fraction of their length.
 COINCIDING = 1e-4
@@ -167,11 +168,11 @@ def _remade(
 
     Tagged facets are left as they are.
     """
-    domain = compat.create_mesh_in_place(mesh.comm, cells, points)
+    stored = StoredMesh.in_place(mesh.comm, cells, points)
     first = sum(mesh.comm.allgather(len(cells))[: mesh.comm.rank])
-    parent = parent[np.asarray(domain.topology.original_cell_index) - first]
+    parent = parent[np.asarray(stored.domain.topology.original_cell_index) - first]
     labels = {"body": mesh.body[parent], "cell_groups": mesh.cell_groups[parent]}
-    return replace(mesh, domain=domain, **labels), parent
+    return replace(mesh, stored=stored, **labels), parent
 
 
 def _triangles(mesh: BlockMesh) -> tuple[BlockMesh, Indices]:
