@@ -92,7 +92,7 @@ def at_hinges(scene: Scene, places: np.ndarray) -> Scene:
 
 def row_of(kind: str, result: Any, seconds: float = 0.0) -> Row:
     """A row for a result, after some seconds that were spent before."""
-    count, seconds = result.discretization.size, seconds + result.seconds["total"]
+    count, seconds = result.layout.size, seconds + result.seconds["total"]
     found = {"displacements": count, "load_factor": result.load_factor, "seconds": seconds}
     return {"kind": kind, **found}
 
@@ -111,7 +111,7 @@ def rows_on_meshes(recipe: Recipe) -> Iterator[Row]:
     for _ in range(TIMES):
         result = limit_load(scene)
         yield (row := row_of("refined at hinges, degree 2", result, seconds))
-        seconds, joints = row["seconds"], result.discretization.joints
+        seconds, joints = row["seconds"], result.layout.joints
         turning = result.positive.joints.hinges(joints.neighbours)
         if not len(turning):
             break

@@ -75,7 +75,7 @@ class Profile:
         """Pressure, shear and slip (Pa, m) of a state, shear and slip as motions to the right."""
         if found.status != "equilibrium":
             raise RuntimeError(f"{found.status}: {found.reason}")
-        joints = found.discretization.joints
+        joints = found.layout.joints
         order = np.argsort(joints.position[:, 0])
         towards = np.sign(joints.tangent[:, 0])  # of the second side, which the first holds
         values = {

@@ -65,7 +65,7 @@ def measure(seed: int, most: int) -> Row:
 def _spent(scene: Scene, **options: Any) -> tuple[Any, float]:
     """Result with some options, and the cost of all factorisations."""
     result = limit_load(replace(scene, solve=replace(scene.solve, error=False, **options)))
-    return result, result.discretization.effort.spent
+    return result, result.cost
 
 
 def show(row: Row) -> None:

@@ -76,7 +76,7 @@ found, _ = standing(1e-2)
 if mesh.comm.rank == 0:
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     left, right, below = (figure.add_subplot(2, 2, place) for place in (1, 2, (3, 4)))
-view = view_of(found.discretization, found.state.displacement, found.joint_values)
+view = view_of(found.layout, found.state.displacement, found.joint_values)
 view = replace(view, body=view.forces)  # no live load
 if mesh.comm.rank == 0:
     draw_mode(left, view).set_title("springings spread (grey outline: as drawn)")

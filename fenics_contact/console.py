@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.mesh_error import MeshError, Pass
 from fenics_contact.results.plan import skipped
@@ -201,6 +201,7 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         *_peak_lines(end),
         *_lowest_lines(end),
         *_mesh_lines(end),
+        *([f"warning: {end.contradiction}"] if end.contradiction else []),
     ]
 
 
@@ -322,21 +323,20 @@ def _other_errors(error: MeshError) -> str:
     return f"other errors {100.0 * error.algebraic_error:.2g} %"
 
 
-def description(discretization: Discretization) -> str:
+def description(layout: Layout) -> str:
     """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
-    scene = discretization.scene
-    bodies = discretization.bodies
-    boundary = discretization.boundary
+    scene = layout.scene
+    bodies = layout.bodies
+    boundary = layout.boundary
     mesh = scene.mesh
     cells = mesh.domain.topology.index_map(2).size_global
-    nodes = discretization.elasticity.space.dofmap.index_map.size_global
     floating = int(bodies.floating.sum())
     lines = [
         scene.title or "(no title)",
         f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
-        f" supports), {cells} cells, {2 * nodes} displacements,"
-        f" area {discretization.bodies_area():.6g} m2",
-        *_joint_lines(discretization.joints),
+        f" supports), {cells} cells, {layout.size} displacements,"
+        f" area {layout.bodies_area():.6g} m2",
+        *_joint_lines(layout.joints),
     ]
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()

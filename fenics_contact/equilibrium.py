@@ -17,6 +17,7 @@ from fenics_contact.collapse.service_state import (
 from fenics_contact.collapse.stopping import within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, Stopped
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays
@@ -28,10 +29,12 @@ class Equilibrium(ServiceState):
     """Result of `equilibrium`, with its fields.
 
     Attributes:
-        discretization: Joints and elements of the scene.
+        layout: Blocks, joints and supports of the scene as arrays.
+        factorizations: Numeric factorisations.
     """
 
-    discretization: Discretization
+    layout: Layout
+    factorizations: int
 
     def __repr__(self) -> str:
         return f"<Equilibrium: {self.status}, load factor {self.load_factor:.8g}>"
@@ -39,13 +42,13 @@ class Equilibrium(ServiceState):
     @property
     def joints(self) -> NamedArrays:
         """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
-        return joint_arrays(self.discretization, self.joint_values)
+        return joint_arrays(self.layout, self.joint_values)
 
     @property
     def blocks(self) -> NamedArrays:
         """Arrays over all blocks by name, the same on all ranks; see `block_arrays`. Collective."""
         moved = None if self.state is None else self.state.displacement
-        return block_arrays(self.discretization, moved, None)
+        return block_arrays(self.layout, moved, None)
 
     @property
     def displacement(self) -> fem.Function | None:
@@ -53,7 +56,7 @@ class Equilibrium(ServiceState):
         if self.state is None:
             return None
         values = self.state.displacement
-        return displacement_function(self.discretization, values, "displacement")
+        return displacement_function(self.layout, values, "displacement")
 
 
 def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equilibrium:
@@ -87,7 +90,7 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         blocks = RigidBlocks.of(made, sign)
         proved = without_equilibrium(blocks, abs(load_factor), sign)
         if proved is not None:
-            return Equilibrium(**vars(proved), discretization=made)
+            return Equilibrium(**vars(proved), layout=made.layout, factorizations=0)
         made.end_when(within(scene.solve.time))
         try:
             bonded = made.bonded(strategy.kind)
@@ -95,4 +98,5 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
             found = service_state(case, strategy, scene.solve, abs(load_factor), steps)
         except Stopped as stop:
             found = ServiceState("not_converged", load_factor, reason=str(stop))
-    return Equilibrium(**vars(found), discretization=made)
+        count = made.factorizations()
+    return Equilibrium(**vars(found), layout=made.layout, factorizations=count)

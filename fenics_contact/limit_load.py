@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import logging
 import math
 import time
@@ -34,7 +35,14 @@ from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.mesh_error.accuracy import to_accuracy
+from fenics_contact.mesh_error.accuracy import (
+    finer_scene,
+    inaccurate,
+    is_accurate,
+    why_no_finer,
+    with_costs,
+    with_pass,
+)
 from fenics_contact.mesh_error.further import additions, with_peak
 from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
 from fenics_contact.mesh_error.nearby import near as start_near
@@ -52,7 +60,7 @@ from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.plan import skipped, skipped_iterations
-from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.result import Collapse, Result, known_bounds
 from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
@@ -71,45 +79,30 @@ class LimitLoad(Result):
         """Displacement field of the collapse, a dolfinx function; None without a limit."""
         if self.collapse is None or self.collapse.mode is None:
             return None
-        return displacement_function(self.discretization, self.collapse.mode, "collapse_mode")
+        return displacement_function(self.layout, self.collapse.mode, "collapse_mode")
 
     @property
     def displacement(self) -> fem.Function | None:
         """Displacements at the state reached, m, a dolfinx function; None if there is none."""
         if self.collapse is None or self.collapse.state is None:
             return None
-        values = self.discretization.with_imposed(self.collapse.state).displacement
-        return displacement_function(self.discretization, values, "displacement")
-
-    def hold_against_brackets(self) -> None:
-        """Solve the rigid-block programs for the brackets, and see that load factors are inside.
-
-        `write` does so. Not done by `limit_load`: the programs may take longer than the limit load
-        of a large wall, and the forces of a verified state imply what they say.
-        """
-        start = time.perf_counter()
-        comm = self.scene.comm
-        for name, end in self.ends.items():
-            bounds = comm.bcast(end.bounds if comm.rank == 0 else None)
-            known = replace(end, program=partial(_known, bounds))
-            self.ends[name] = known.held_against_bracket()
-        self.seconds["bounds"] += time.perf_counter() - start
+        values = self.layout.with_imposed(self.collapse.state).displacement
+        return displacement_function(self.layout, values, "displacement")
 
     def summary(self) -> str:
         """Load factors, brackets and verification as text. Collective: it solves for brackets."""
-        self.hold_against_brackets()
-        return summary(self)
+        return summary(self.with_brackets())
 
-    def trace_capacity(
+    def with_capacity(
         self,
         monitor: Monitor | None = None,
         points: int = 0,
         stop: Callable[[], str] = lambda: "",
-    ) -> tuple[CapacityPoint, ...]:
-        """Compute the capacity curve, hundreds of factorisations, and keep it as `capacity`.
+    ) -> LimitLoad:
+        """The result with its capacity curve, hundreds of factorisations. Collective.
 
-        Collective. It is none of `limit_load`; `write` does so where the scene asks for a curve.
-        It counts for `solve.time` like the solve before.
+        It is none of `limit_load`; `write` does so where the scene asks for a curve. It counts
+        for `solve.time` like the solve before.
 
         Args:
             monitor: Told of every point.
@@ -121,7 +114,7 @@ class LimitLoad(Result):
         direction, end = next(iter(self.ends.items()), ("", None))
         points = points or scene.output.capacity or CURVE
         if end is None or end.status != "limit":
-            return ()
+            return self
         if end.torn is not None:
             raise InputError("joints with opened = 'lost' have no capacity curve")
         sign = SIGNS[direction]
@@ -135,16 +128,29 @@ class LimitLoad(Result):
                 case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
                 if end.peak is not None and end.peak.status == "not_known":
                     end = with_peak(case, end, CURVE_SOLVE, asked=True)
-                    known = end if sign > 0.0 else end.reversed()
-                    self.ends[direction] = replace(self.ends[direction], peak=known.peak)
                 with crushed_like(case, end) as crushed:
                     curve = capacity_curve(crushed, end, points, monitor.point)
-            self.factorizations += made.factorizations()
-            self.mode_factorizations += made.mode_tally.count
-        self.capacity = tuple(replace(p, load_factor=sign * p.load_factor) for p in curve)
-        self.seconds["capacity"] = seconds = time.perf_counter() - start
-        self.seconds["total"] += seconds
-        return self.capacity
+        known = end if sign > 0.0 else end.reversed()
+        passed = time.perf_counter() - start
+        seconds = {"capacity": passed, "total": self.seconds["total"] + passed}
+        return replace(
+            self,
+            ends={**self.ends, direction: replace(self.ends[direction], peak=known.peak)},
+            capacity=tuple(replace(p, load_factor=sign * p.load_factor) for p in curve),
+            factorizations=self.factorizations + made.factorizations(),
+            mode_factorizations=self.mode_factorizations + made.mode_tally.count,
+            cost=self.cost + made.effort.spent,
+            seconds={**self.seconds, **seconds},
+        )
+
+    def trace_capacity(
+        self,
+        monitor: Monitor | None = None,
+        points: int = 0,
+        stop: Callable[[], str] = lambda: "",
+    ) -> tuple[CapacityPoint, ...]:
+        """Points of the capacity curve, traced at every call: `with_capacity` keeps them."""
+        return self.with_capacity(monitor, points, stop).capacity
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the collapse mode. Collective; returns the axes on rank 0, else None.
@@ -159,7 +165,7 @@ class LimitLoad(Result):
         return self._plotted(draw_forces, axes)
 
     def plot_capacity(self, axes: Any = None) -> Any:
-        """Draw the capacity curve, traced if it was not yet; as `plot`."""
+        """Draw the capacity curve, as `plot`; it is traced if the result is without."""
         self._drawn()
         curve = self.capacity or self.trace_capacity()
         if self.scene.comm.rank != 0:
@@ -189,7 +195,7 @@ class LimitLoad(Result):
 
     def _view(self) -> View:
         """What pictures show of the collapse. Collective."""
-        view = view_of(self.discretization, *self._drawn(), self._sign)
+        view = view_of(self.layout, *self._drawn(), self._sign)
         return replace(view, verified=self.status == "limit")
 
     @property
@@ -212,17 +218,13 @@ class LimitLoad(Result):
     def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
         """Write result.json, and what the scene's output options say; the folder is made.
 
-        Once `hurry` is true, on all ranks, only result.json and the report are written.
+        It solves for the brackets, and traces the capacity curve where the scene asks for one, if
+        the result is without. Once `hurry` is true, on all ranks, only result.json and the report
+        are written.
         """
-        if self.scene.output.capacity and not (self.capacity or self.stopped):
-            self.trace_capacity()
-        self.hold_against_brackets()
-        write_result(self, Path(folder), hurry)
-
-
-def _known(bounds: LimitBounds) -> LimitBounds:
-    """Bounds that were solved for."""
-    return bounds
+        curve = self.scene.output.capacity and not (self.capacity or self.stopped)
+        whole = self.with_capacity() if curve else self
+        write_result(whole.with_brackets(), Path(folder), hurry)
 
 
 class Monitor(Protocol):
@@ -307,14 +309,30 @@ def limit_load(
             _log.warning("warning: %s", text)
         result = limit_load_of(discretization, monitor, asked)
     if scene.solve.accuracy is not None and result.status == "limit":
-        result = to_accuracy(result, partial(_on_another_mesh, monitor, asked))
-    result.seconds["total"] = time.perf_counter() - start
+        result = _to_accuracy(result, monitor, asked)
+    total = {"total": time.perf_counter() - start}
+    return replace(result, seconds={**result.seconds, **total})
+
+
+def _to_accuracy(result: LimitLoad, monitor: Monitor | None, asked: Callable[[], str]) -> LimitLoad:
+    """The limit load on a mesh that is fine enough for the accuracy that its scene wishes.
+
+    Where there is none, `inaccurate` says so.
+    """
+    result = with_pass(result)
+    for meshes in itertools.count(1):
+        if is_accurate(result):
+            return result
+        finer = finer_scene(result, meshes)
+        if finer is None:
+            return inaccurate(result, why_no_finer(result, meshes))
+        with Discretization(finer) as discretization:
+            new = limit_load_of(discretization, monitor, asked)
+        if new.status != "limit":
+            missed = new.stopped or f"no limit load was found on mesh {meshes + 1}"
+            return inaccurate(with_costs(result, new), missed)
+        result = with_pass(replace(with_costs(new, result), passes=result.passes))
     return result
-
-
-def _on_another_mesh(monitor: Monitor | None, asked: Callable[[], str], scene: Scene) -> LimitLoad:
-    with Discretization(scene) as discretization:
-        return limit_load_of(discretization, monitor, asked)
 
 
 def limit_load_of(
@@ -334,9 +352,8 @@ def limit_load_of(
         return _solved(discretization, monitor, seconds)
     except Stopped as stop:
         reason = f"{stop}, before any state was looked for"
-        nothing = Collapse(
-            "not_converged", math.nan, lambda: LimitBounds(None, None), reason=reason
-        )
+        unknown = partial(known_bounds, LimitBounds(None, None))
+        nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
         return _result(discretization, dict.fromkeys(_asked(scene), nothing), seconds)
 
 
@@ -389,8 +406,8 @@ def _solved(
         if end.status == "limit" and blocks.crushing is None:
             found[name] = with_least_forces(cases[name].discretization, end)
         if discretization.effort.watch.reason:
-            program = partial(_bounds_so_far, cases[name].blocks, stands_frictionless)
-            found[name] = replace(found[name], program=program)
+            so_far = scene.comm.bcast(_bounds_so_far(cases[name].blocks, stands_frictionless))
+            found[name] = replace(found[name], program=partial(known_bounds, so_far))
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
 
@@ -427,7 +444,7 @@ class _Crushed(ExitStack):
 
 
 def _bounds_so_far(blocks: RigidBlocks, stands_frictionless: bool) -> LimitBounds:
-    """The bracket as far as it is known without a long program, on this rank."""
+    """The bracket as far as rank 0 knows it without a long program, on this rank."""
     lower = 0.0 if stands_frictionless else None
     return LimitBounds(lower, blocks.limit_so_far(), lower)
 
@@ -507,12 +524,13 @@ def _result(
     for item in spared:
         _log.info("skipped: %s", item)
     return LimitLoad(
-        discretization,
+        discretization.layout,
         ends,
         (*skipped(discretization.scene), *spared),
         seconds,
         discretization.factorizations(),
         discretization.mode_tally.count,
+        discretization.effort.spent,
         stopped=discretization.effort.watch.reason,
         fall=fall,
     )

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -80,10 +81,9 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
             monitor = progress if loud else None
             result = limit_load(scene, monitor, stop=signals)
             if scene.output.capacity and not result.stopped:
-                result.trace_capacity(monitor, stop=signals)
-        result.seconds["read"] = read
-        result.seconds["total"] += read
-        result.hold_against_brackets()
+                result = result.with_capacity(monitor, stop=signals)
+        seconds = {"read": read, "total": result.seconds["total"] + read}
+        result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
         result.write(folder, lambda: _first_signal(signals, comm) > 0)
         say(f"written to {folder}")

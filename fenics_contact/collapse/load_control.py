@@ -73,7 +73,7 @@ def raise_load(
     The first state is next to `start`, or else next to the bonded response to the dead load. Steps
     cost at most `cost` factorisations of the structure.
     """
-    bounds = case.problem.comm.bcast(case.blocks.classical_bounds())
+    bounds = case.blocks.classical_bounds()
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -26,6 +25,7 @@ from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, ground_motion
 from fenics_contact.discretization.joints import find_joints, joint_operators
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,
@@ -41,7 +41,7 @@ from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, number
 from fenics_contact.solvers.effort import Effort, Tally, Watch
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap, State
+from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
@@ -73,19 +73,12 @@ class Bonded:
     seconds: float
 
 
-class Discretization:
+class Discretization(Layout):
     """Elasticity, joints and supports of a scene, and the operators made of them.
 
     Attributes:
-        scene: What was discretised.
-        boundary: Facets of the blocks.
-        supports: Held displacements.
         elasticity: K, f_D, f_L.
-        joints: Joint points.
-        warnings: What is legal and probably meant otherwise, for people.
         operators: Rows of B_N and B_T.
-        bodies: Rigid motions of the blocks.
-        imposed: u_d of `imposed`, this rank's part in the supports' coordinates, m.
         problem: What the solvers see; its displacements are u - u_d.
         effort: Cost of all factorisations, with its limit.
         tally: Counts factorisations of the structure.
@@ -102,18 +95,25 @@ class Discretization:
         self.compile_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.scene = scene
-        space = displacement_space(scene)
+        self.space = space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
         self.joints = find_joints(scene, self.boundary)
         self.warnings = self._not_compiled + doubts(scene, self.boundary, self.joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
+        self.node_body = made.node_body
+        self.arm = made.arm
+        self.law = made.law
+        nodes = space.dofmap.index_map
+        self.first_node = nodes.local_range[0]
+        self.size = 2 * int(nodes.size_global)
         self.bodies = bodies = self._rigid_bodies()
         sides = self.joints.bodies
         position = self.joints.position
         check_held(sides, position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
         self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
+        self.points = rows.points
         matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
         stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
         self._owned = ExitStack()
@@ -164,7 +164,7 @@ class Discretization:
             shares: Their shares in all points, as in `Joints.moved`.
             force: Normal forces at all points, part of the dead load from now on, N/m.
         """
-        new = copy(self)
+        new = self._copy()
         problem = self.problem
         new._original = self.original
         new._owned = ExitStack()
@@ -233,7 +233,7 @@ class Discretization:
             InputError: If loads do not fit the mesh.
         """
         start = time.perf_counter()
-        new = copy(self)
+        new = self._copy()
         new.scene = scene
         new.compile_seconds = 0.0
         new.supports = find_supports(scene, self.boundary)
@@ -251,6 +251,12 @@ class Discretization:
         new.seconds = time.perf_counter() - start
         return new
 
+    def _copy(self) -> Discretization:
+        """The same objects under another name, to change some of them there."""
+        new = Discretization.__new__(Discretization)
+        vars(new).update(vars(self))
+        return new
+
     def _rigid_bodies(self) -> RigidBodies:
         made = self.elasticity
         points = self.boundary.points
@@ -265,11 +271,6 @@ class Discretization:
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
         self.effort.watch = Watch(self.scene.comm, asked)
-
-    @property
-    def size(self) -> int:
-        """Number of displacements."""
-        return 2 * int(self.elasticity.space.dofmap.index_map.size_global)
 
     def factorizations(self) -> int:
         """Numeric factorisations so far, those of block modes among them."""
@@ -311,60 +312,13 @@ class Discretization:
         """The structure whose blocks only move, stretch and bend; made when first asked for."""
         elasticity = self.elasticity
         count = len(self.bodies.centre)
-        nodes = self._first_node + np.arange(len(elasticity.arm))
+        nodes = self.first_node + np.arange(len(elasticity.arm))
         directions = self.supports.free_directions(nodes)
         shapes = np.einsum("nji,njk->nik", directions, modes(elasticity.arm))
         points = self.operators.points
         sides = self.joints.bodies
         blocks = Blocks(elasticity.node_body, points, sides, count)
         return self._owned.enter_context(BlockModes(self.problem, shapes, blocks))
-
-    @property
-    def _first_node(self) -> int:
-        return self.elasticity.space.dofmap.index_map.local_range[0]
-
-    def bodies_area(self) -> float:
-        """Area of all bodies, m2."""
-        return float(self.boundary.areas(self.bodies.centre).sum())
-
-    def block_motions(self, values: Array) -> Array:
-        """Mean displacement, m, and rotation, rad, of every body, shape (bodies, 3). Collective.
-
-        `values` are this rank's displacements in the supports' coordinates.
-        """
-        u = self.cartesian(values)
-        arm = self.elasticity.arm
-        turning = arm[:, 0] * u[:, 1] - arm[:, 1] * u[:, 0]
-        columns = np.column_stack([np.ones(len(u)), np.sum(arm**2, axis=1), u, turning])
-        sums = np.zeros((len(self.bodies.centre), 5))
-        np.add.at(sums, self.elasticity.node_body, columns)
-        sums = self.scene.comm.allreduce(sums)
-        return np.asarray(sums[:, 2:] / sums[:, [0, 0, 1]])
-
-    def all_points(self, values: Array) -> Array:
-        """Values of this rank's joint points (its rows) as those of all points, on all ranks."""
-        everything = np.zeros(len(self.joints.length))
-        everything[self.operators.points] = values
-        self.scene.comm.Allreduce(MPI.IN_PLACE, everything, MPI.SUM)
-        return everything
-
-    def with_imposed(self, state: State) -> State:
-        """A state of the solvers with its displacements u in place of u - u_d, to write."""
-        if not self.scene.dead.movement:
-            return state
-        u = state.displacement + self.imposed
-        elastic = state.elastic + self.imposed
-        return replace(state, displacement=u, elastic=elastic)
-
-    def cartesian(self, values: Array) -> Array:
-        """Displacements in x and y, shape (nodes, 2), of this rank's in supports' coordinates."""
-        return self.supports.to_cartesian(values, self._first_node).reshape(-1, 2)
-
-    def rigid_motion(self, motion: Array) -> Array:
-        """Displacements, in supports' coordinates, of motions (a, b, c), shape (bodies, 3)."""
-        per_unit = motions(self.elasticity.arm, 1.0)
-        u = np.einsum("nkm,nm->nk", per_unit, motion[self.elasticity.node_body])
-        return self.supports.to_supports(u.ravel(), self._first_node)
 
 
 def find_supports(scene: Scene, boundary: Boundary) -> Supports:

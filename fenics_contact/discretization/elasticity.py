@@ -66,8 +66,14 @@ class Elasticity:
 
     def law_matrices(self) -> Array:
         """D of a given law in this rank's cells, Pa, shape (cells, 3, 3)."""
-        law: Any = self.law
-        return np.asarray(law.x.array.reshape(-1, 3, 3)[compat.cell_dofs(law.function_space)[:, 0]])
+        return law_matrices(self.law)
+
+
+def law_matrices(law: forms.Law) -> Array:
+    """D of a law that was given as such, in this rank's cells, Pa, shape (cells, 3, 3)."""
+    given: Any = law
+    rows = given.x.array.reshape(-1, 3, 3)
+    return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
 
 
 def displacement_space(scene: Scene) -> Any:
@@ -90,13 +96,18 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     sums = _sums_over_bodies(scene, body, np.ones(len(body)), *position.T)
     centre = sums[:, 1:] / sums[:, :1]
     arm = position - centre[body]
-    law = _given_law(scene, scene.stress) if scene.stress else _lame(scene)
+    law = stress_law(scene)
     stiffness = fem_petsc.assemble_matrix(forms.stiffness(space, law))
     stiffness.assemble()
     stiffness = supports.constrain_matrix(stiffness)
     none = np.zeros(2 * len(body))
     made = Elasticity(space, stiffness, none, none, law, body, arm, centre, none, none)
     return with_loads(made, scene, boundary, supports)
+
+
+def stress_law(scene: Scene) -> forms.Law:
+    """Stress by strain in every cell, by the materials. Collective."""
+    return _given_law(scene, scene.stress) if scene.stress else _lame(scene)
 
 
 def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:

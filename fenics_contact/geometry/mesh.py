@@ -195,8 +195,8 @@ class BlockMesh(TaggedMesh):
         rest, whole, joined = comm.bcast((rest, rank is not None, joined))
         mesh = mesh or rest
         rank = rank if comm.rank == 0 or not whole else body
-        arrays = mesh.cells, mesh.points, rank
-        stored = StoredMesh.distributed(comm, mesh.cell_name, *arrays)
+        given = mesh.cells, mesh.points, rank
+        stored = StoredMesh.distributed(comm, mesh.cell_name, *given)
         numbers = np.column_stack([body, mesh.cell_groups])
         input_cells = comm.gather(np.asarray(stored.domain.topology.original_cell_index))
         body, groups = comm.scatter([numbers[cells] for cells in input_cells or ()]).T

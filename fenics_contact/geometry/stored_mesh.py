@@ -6,7 +6,7 @@ again has the numbers of the first one, and so have all values by node and by ce
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,7 +41,7 @@ class StoredMesh:
     cells: Numbers
     points: Array
     partition: compat.Partition | None = None
-    numbering: Numbers | None = None
+    numbering: Numbers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @classmethod
     def distributed(

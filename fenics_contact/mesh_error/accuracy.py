@@ -8,10 +8,8 @@ SIAM J. Numer. Anal. 30 (1993) 921). How the blocks strain decides how the joint
 
 from __future__ import annotations
 
-import itertools
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -19,7 +17,8 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_contact import compat
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.elasticity import law_matrices
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.stress_law import mean_shear_modulus
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
@@ -53,56 +52,55 @@ class AccuracyOptions:
 OPTIONS = AccuracyOptions()
 
 
-def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
-    """The limit load on a mesh that is fine enough for the accuracy that its scene wishes.
+def is_accurate(result: Result) -> bool:
+    """Whether the last load factors are as accurate as the scene wishes."""
+    wished = result.scene.solve.accuracy
+    return wished is None or all(row.estimate <= wished for row in _last_rows(result).values())
 
-    Where there is none, `inaccurate` says so.
 
-    Args:
-        result: On the mesh given, with status "limit".
-        solve: Finds it for a scene with another mesh.
-    """
-    for meshes in itertools.count(1):
-        _report_most_accurate(result)
-        wished = result.scene.solve.accuracy
-        last = {row.direction: row for row in result.passes}
-        if wished is None or all(row.estimate <= wished for row in last.values()):
-            return result
-        # Finer cells do not help where it is not known what short hinges do.
-        known = all(row.hinge_error <= wished for row in last.values())
-        finer = None
-        if meshes < OPTIONS.meshes and (known or result.scene.degree == 1):
-            finer = _finer(result)
-        if finer is None:
-            size = result.discretization.size
-            result.inaccurate = f"not with {meshes} meshes of up to {size} displacements"
-            result.inaccurate += "" if known else "; what short hinges do is not known"
-            break
-        new = solve(finer)
-        if new.status != "limit":
-            _add_costs(result, new)
-            result.inaccurate = new.stopped or f"no limit load was found on mesh {meshes + 1}"
-            break
-        _add_costs(new, result)
-        new.passes = result.passes
-        result = new
+def finer_scene(result: Result, meshes: int) -> Scene | None:
+    """The scene on the next mesh, after so many; None if there is none to be tried. Collective."""
+    scene = result.scene
+    if meshes >= OPTIONS.meshes or not (_hinges_known(result) or scene.degree == 1):
+        return None
+    if scene.degree == 2:
+        scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
+    corners = scene.mesh.domain.topology.index_map(0).size_global
+    # With the middles of sides there are four times as many nodes, about.
+    return replace(scene, degree=2) if 8 * corners <= OPTIONS.displacements else None
+
+
+def why_no_finer(result: Result, meshes: int) -> str:
+    """Why no mesh after so many is tried, for people."""
+    why = f"not with {meshes} meshes of up to {result.layout.size} displacements"
+    return why + ("" if _hinges_known(result) else "; what short hinges do is not known")
+
+
+def inaccurate(result: Found, why: str) -> Found:
+    """A result that says why it is not as accurate as its scene wishes."""
     if result.scene.comm.rank == 0:
-        _log.warning("warning: the accuracy wished is not reached: %s", result.inaccurate)
-    return result
+        _log.warning("warning: the accuracy wished is not reached: %s", why)
+    return replace(result, inaccurate=why)
 
 
-def _add_costs(result: Result, other: Result) -> None:
-    """Add the time and the factorisations of another result to those of one."""
-    result.factorizations += other.factorizations
-    result.mode_factorizations += other.mode_factorizations
-    for name, value in other.seconds.items():
-        result.seconds[name] = result.seconds.get(name, 0.0) + value
+def with_costs(result: Found, other: Result) -> Found:
+    """A result with the time and the factorisations of another one added to its own."""
+    names = dict.fromkeys([*result.seconds, *other.seconds])
+    return replace(
+        result,
+        factorizations=result.factorizations + other.factorizations,
+        mode_factorizations=result.mode_factorizations + other.mode_factorizations,
+        cost=result.cost + other.cost,
+        seconds={n: result.seconds.get(n, 0.0) + other.seconds.get(n, 0.0) for n in names},
+    )
 
 
-def _report_most_accurate(result: Result) -> None:
-    """Put collapses with point hinges in place of others, and add rows for what was found."""
-    before = {row.direction: row for row in result.passes}
+def with_pass(result: Found) -> Found:
+    """A result with the most accurate collapses that were found, and rows for all. Collective."""
+    before = _last_rows(result)
     seconds = sum(result.seconds.values())
+    ends = dict(result.ends)
+    rows = list(result.passes)
     for name, end in result.ends.items():
         if end.status != "limit":
             continue
@@ -118,45 +116,47 @@ def _report_most_accurate(result: Result) -> None:
             algebraic = float(np.fmax(error.algebraic_error, least))  # of what is known
             error = replace(error, algebraic_error=algebraic)
             found = replace(one, mesh_error=error, attempts=end.attempts, trace=end.trace)
-            result.ends[name] = found = found.with_errors_in_bracket()
+            ends[name] = found = found.with_errors_in_bracket()
             error = found.mesh_error or error
-            about = name, result.discretization.size, result.scene.degree, hinges
+            about = name, result.layout.size, result.scene.degree, hinges
             row = Pass(*about, one.load_factor, error.hinge_error, error.algebraic_error, seconds)
             _log.info("pass: %s, estimate %.2g", row, row.estimate)
-            result.passes += (row,)
+            rows.append(row)
+    return replace(result, ends=ends, passes=tuple(rows))
 
 
-def _finer(result: Result) -> Scene | None:
-    """The scene on the next mesh; None where that is too large."""
-    scene = result.scene
-    if scene.degree == 2:
-        scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
-    corners = scene.mesh.domain.topology.index_map(0).size_global
-    # With the middles of sides there are four times as many nodes, about.
-    return replace(scene, degree=2) if 8 * corners <= OPTIONS.displacements else None
+def _last_rows(result: Result) -> dict[str, Pass]:
+    """The last row of every direction."""
+    return {row.direction: row for row in result.passes}
+
+
+def _hinges_known(result: Result) -> bool:
+    """Whether it is known what short hinges do: finer cells do not help where it is not."""
+    wished = result.scene.solve.accuracy
+    return wished is None or all(row.hinge_error <= wished for row in _last_rows(result).values())
 
 
 def _cells_to_refine(result: Result) -> Flags:
     """This rank's cells with more than the mean surplus, at any end."""
-    whole = result.discretization
-    marked = np.zeros(len(whole.scene.mesh.body), dtype=bool)
+    layout = result.layout
+    marked = np.zeros(len(layout.scene.mesh.body), dtype=bool)
     for end in result.ends.values():
         if end.state is not None and end.status == "limit":
-            surplus = _surplus(whole, end.state.elastic)
-            total, count = whole.scene.comm.allreduce(np.array([surplus.sum(), len(surplus)]))
+            surplus = _surplus(layout, end.state.elastic)
+            total, count = layout.scene.comm.allreduce(np.array([surplus.sum(), len(surplus)]))
             marked |= surplus * count > total
     return marked
 
 
-def _surplus(whole: Discretization, displacement: Array) -> Array:
+def _surplus(layout: Layout, displacement: Array) -> Array:
     """What makes displacements of degree 2 other than linear, in the norm of the energy, by cell.
 
     In this rank's cells; up to a factor.
     """
-    space = whole.elasticity.space
-    law = whole.elasticity.law
+    space = layout.space
+    law = layout.law
     field = fem.Function(space)
-    field.x.array[: len(displacement)] = whole.cartesian(displacement).ravel()
+    field.x.array[: len(displacement)] = layout.cartesian(displacement).ravel()
     field.x.scatter_forward()
     nodes = compat.cell_dofs(space)
     sides = SIDES[nodes.shape[1]]
@@ -166,5 +166,5 @@ def _surplus(whole: Discretization, displacement: Array) -> Array:
     if isinstance(law, tuple):
         stiffness = law[1].x.array[compat.cell_dofs(law[1].function_space)[:, 0]]
     else:
-        stiffness = mean_shear_modulus(whole.elasticity.law_matrices())
+        stiffness = mean_shear_modulus(law_matrices(layout.law))
     return np.asarray(np.sqrt(stiffness * np.sum(apart**2, axis=(1, 2))))

@@ -13,11 +13,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.elasticity import cell_field
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.imposed import ground_motion
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.folder import writing
 from fenics_contact.results.history import CapacityPoint
@@ -29,57 +29,58 @@ VTK_LINE = 3
 AMPLITUDE = 0.08
 
 
-def displacement_function(discretization: Discretization, values: Array, name: str) -> fem.Function:
+def displacement_function(layout: Layout, values: Array, name: str) -> fem.Function:
     """Displacement field in x and y, from this rank's part in the supports' coordinates."""
-    function = fem.Function(discretization.elasticity.space, name=name)
-    function.x.array[: len(values)] = discretization.cartesian(values).ravel()
+    function = fem.Function(layout.space, name=name)
+    function.x.array[: len(values)] = layout.cartesian(values).ravel()
     function.x.scatter_forward()
     return function
 
 
-def at_nodes(discretization: Discretization, values: Array, nodes: Indices) -> Array:
+def at_nodes(layout: Layout, values: Array, nodes: Indices) -> Array:
     """Displacements at a table of nodes, on all ranks, shape (*nodes.shape, 2); 0 on the ground.
 
     Collective. `values` are this rank's in the supports' coordinates.
     """
-    displacement = discretization.cartesian(values)
-    first, end = discretization.elasticity.space.dofmap.index_map.local_range
+    displacement = layout.cartesian(values)
+    first = layout.first_node
+    end = first + len(displacement)
     mine = (nodes >= first) & (nodes < end)
     found = np.zeros((*nodes.shape, 2))
     found[mine] = displacement[nodes[mine] - first]
-    discretization.scene.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
+    layout.scene.comm.Allreduce(MPI.IN_PLACE, found, MPI.SUM)
     return found
 
 
-def at_joints(discretization: Discretization, values: Array, ground: Array | float = 0.0) -> Array:
+def at_joints(layout: Layout, values: Array, ground: Array | float = 0.0) -> Array:
     """Mean displacement of both sides at all joint points, on all ranks, shape (points, 2).
 
     On rigid ground, that of `ground`. Collective; `values` as for `at_nodes`.
     """
-    joints = discretization.joints
-    of_nodes = at_nodes(discretization, values, joints.stencil.nodes)
+    joints = layout.joints
+    of_nodes = at_nodes(layout, values, joints.stencil.nodes)
     middle = np.einsum("psk,pskd->pd", 0.5 * joints.stencil.weights, of_nodes)
     on_ground = joints.bodies[:, :1] == GROUND
     return np.where(on_ground, ground, middle)
 
 
-def mode_scale(discretization: Discretization, mode: Array) -> float:
+def mode_scale(layout: Layout, mode: Array) -> float:
     """Factor that makes the largest displacement of a mode `AMPLITUDE` of the structure's size."""
-    boundary = discretization.boundary
-    fastest = np.linalg.norm(at_nodes(discretization, mode, boundary.nodes), axis=2).max()
+    boundary = layout.boundary
+    fastest = np.linalg.norm(at_nodes(layout, mode, boundary.nodes), axis=2).max()
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     return AMPLITUDE * size / (float(fastest) or 1.0)
 
 
-def cell_stresses(discretization: Discretization, displacement: Array) -> Array:
+def cell_stresses(layout: Layout, displacement: Array) -> Array:
     """sigma_xx, sigma_yy, sigma_xy and von Mises stress in this rank's cells, Pa, shape (cells, 4).
 
     At the centres of the cells. In plane strain, von Mises has the stress out of the plane,
     nu (sigma_x + sigma_y). With a stress law of the scene it is left out, shape (cells, 3).
     """
-    scene = discretization.scene
-    law = discretization.elasticity.law
-    function = displacement_function(discretization, displacement, "displacement")
+    scene = layout.scene
+    law = layout.law
+    function = displacement_function(layout, displacement, "displacement")
     expression, space = stress_expression(function, law, scene.plane)
     together = fem.Function(space)
     together.interpolate(expression)
@@ -101,7 +102,7 @@ def principal_stresses(stress: Array) -> tuple[Array, Array]:
 
 
 def write_blocks(
-    path: Path, discretization: Discretization, displacement: Array, elastic: Array, mode: Array
+    path: Path, layout: Layout, displacement: Array, elastic: Array, mode: Array
 ) -> None:
     """Write displacement and collapse mode by node, stresses and numbers by cell, as a .pvd file.
 
@@ -111,17 +112,15 @@ def write_blocks(
     Raises:
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
-    scale = mode_scale(discretization, mode)
-    comm = discretization.scene.comm
+    scale = mode_scale(layout, mode)
+    comm = layout.scene.comm
     moving = {"displacement": displacement, "collapse_mode": scale * mode}
-    functions = [displacement_function(discretization, u, name) for name, u in moving.items()]
-    functions += _cell_functions(discretization, elastic)
+    functions = [displacement_function(layout, u, name) for name, u in moving.items()]
+    functions += _cell_functions(layout, elastic)
     _write(path, comm, [(0.0, functions)], [{"mode_scale": scale}])
 
 
-def write_series(
-    path: Path, discretization: Discretization, points: Sequence[CapacityPoint]
-) -> None:
+def write_series(path: Path, layout: Layout, points: Sequence[CapacityPoint]) -> None:
     """Write the displacements along a capacity curve as a .pvd file with a time for every point.
 
     Collective. The time is the mean displacement along the live load, mm, or the number of the
@@ -131,12 +130,12 @@ def write_series(
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
     points = [point for point in points if point.motion is not None]
-    comm = discretization.scene.comm
+    comm = layout.scene.comm
     times = [1e3 * point.displacement for point in points]
     if np.any(np.diff(times) <= 0.0):
         times = [float(number) for number in range(len(points))]
     steps = (
-        (time, [displacement_function(discretization, point.motion, "displacement")])
+        (time, [displacement_function(layout, point.motion, "displacement")])
         for time, point in zip(times, points, strict=True)
         if point.motion is not None
     )
@@ -157,23 +156,23 @@ def _write(
             compat.tidy_vtk(path, numbers)
 
 
-def _cell_functions(discretization: Discretization, elastic: Array) -> list[fem.Function]:
+def _cell_functions(layout: Layout, elastic: Array) -> list[fem.Function]:
     """Stresses, principal stresses with the direction of the second, block and material."""
-    mesh = discretization.scene.mesh
-    stress = cell_stresses(discretization, elastic)
+    mesh = layout.scene.mesh
+    stress = cell_stresses(layout, elastic)
     values, first = principal_stresses(stress[:, :3])
     names = "stress_xx", "stress_yy", "stress_xy", "von_mises"
     columns = dict(zip(names[: stress.shape[1]], stress.T, strict=True))
     columns |= {"principal_1": values[:, 0], "principal_2": values[:, 1]}
     # dolfinx 0.5 writes no vectors by cell.
     columns |= {"direction_2_x": -first[:, 1], "direction_2_y": first[:, 0]}
-    columns |= {"body": mesh.body, "material": material_numbers(discretization)[mesh.cell_groups]}
+    columns |= {"body": mesh.body, "material": material_numbers(layout)[mesh.cell_groups]}
     return [cell_field(mesh, name, value) for name, value in columns.items()]
 
 
-def material_numbers(discretization: Discretization) -> Indices:
+def material_numbers(layout: Layout) -> Indices:
     """Number of the material, in the scene's order, for every set of groups of cells."""
-    scene = discretization.scene
+    scene = layout.scene
     names = list(scene.materials)
     found = [names.index(scene.material_name(groups)) for groups in scene.mesh.cell_sets]
     return np.array(found, dtype=np.int64)
@@ -188,7 +187,7 @@ def facet_contact(values: JointValues, segments: Indices) -> npt.NDArray[np.int6
 
 def write_joints(
     path: Path,
-    discretization: Discretization,
+    layout: Layout,
     values: JointValues,
     displacement: Array,
     mode: Array,
@@ -202,14 +201,14 @@ def write_joints(
     Raises:
         OutputError: On all ranks, with the reason, if the file cannot be written.
     """
-    joints = discretization.joints
-    scale = mode_scale(discretization, mode)
+    joints = layout.joints
+    scale = mode_scale(layout, mode)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
     points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
-    ground = ground_motion(discretization.scene, discretization.boundary, joints)
-    points |= {"displacement": at_joints(discretization, displacement, ground)}
-    points |= {"collapse_mode": scale * at_joints(discretization, mode)}
+    ground = ground_motion(layout.scene, layout.boundary, joints)
+    points |= {"displacement": at_joints(layout, displacement, ground)}
+    points |= {"collapse_mode": scale * at_joints(layout, mode)}
     first = joints.segments[:, 0]
     lines = {"state": facet_contact(values, joints.segments), "group": joints.law[first]}
     lines |= {"friction": joints.friction[first]}
@@ -224,8 +223,8 @@ def write_joints(
     _add_arrays(piece, "Points", {"points": joints.position})
     for section, columns in (("Cells", cells), ("PointData", points), ("CellData", lines)):
         _add_arrays(piece, section, columns)
-    with writing(discretization.scene.comm):
-        if discretization.scene.comm.rank == 0:
+    with writing(layout.scene.comm):
+        if layout.scene.comm.rank == 0:
             ElementTree(file).write(path, encoding="us-ascii", xml_declaration=True)
 
 

@@ -73,9 +73,9 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
     options = result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
         _write_fields(result, hidden, hurry)
-        if hurry():
-            result.skipped = (*result.skipped, SKIPPED_FILES)
-        result.seconds["write"] = time.perf_counter() - start
+        left_out = (SKIPPED_FILES,) if hurry() else ()
+        seconds = {**result.seconds, "write": time.perf_counter() - start}
+        result = replace(result, skipped=(*result.skipped, *left_out), seconds=seconds)
         record = strict(result_record(result))
         with writing(comm):
             if comm.rank == 0:
@@ -90,7 +90,7 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> No
     comm = result.scene.comm
     options = result.scene.output
     if result.fall is not None and options.pictures and not hurry():
-        view = view_of(result.discretization, result.discretization.rigid_motion(result.fall))
+        view = view_of(result.layout, result.layout.rigid_motion(result.fall))
         marked = partial(draw_marked, blocks=result.falling)
         _draw(result, view, "falls under its dead load", {folder / "collapse": [marked]})
     for direction, end in result.ends.items():
@@ -99,7 +99,7 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> No
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
-        write_series(folder / "capacity.pvd", result.discretization, result.capacity)
+        write_series(folder / "capacity.pvd", result.layout, result.capacity)
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -138,38 +138,38 @@ def _write_collapse(
     result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
 ) -> None:
     """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
-    discretization = result.discretization
+    layout = result.layout
     options = result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
         if options.pictures and not hurry():
-            view = view_of(discretization, sign=sign)
+            view = view_of(layout, sign=sign)
             title = f"these blocks wedge{reversal}"
             marked = partial(draw_marked, blocks=result.wedged(end))
             _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
         return
     if end.state is None or end.mode is None or end.joints is None:
         return
-    state = discretization.with_imposed(end.state)
+    state = layout.with_imposed(end.state)
     mode = end.mode
     if options.pictures and not hurry():
-        stress = partial(draw_stress, raster=stress_raster(discretization, state.elastic))
+        stress = partial(draw_stress, raster=stress_raster(layout, state.elastic))
         panels: dict[str, list[Draw]] = {
             "collapse": [draw_mode, draw_forces],
             "thrust": [draw_thrust],
             "stress": [stress],
         }
         pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
-        view = view_of(discretization, mode, end.joints, sign)
+        view = view_of(layout, mode, end.joints, sign)
         view = replace(view, verified=end.status == "limit")
         _draw(result, view, _title(end, reversal), pictures)
         _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
     if options.paraview and not hurry():
         path = folder / f"blocks{suffix}.pvd"
-        write_blocks(path, discretization, state.displacement, state.elastic, mode)
+        write_blocks(path, layout, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
-        write_joints(path, discretization, end.joints, state.displacement, mode)
+        write_joints(path, layout, end.joints, state.displacement, mode)
 
 
 def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:
@@ -180,7 +180,7 @@ def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) 
     for number, state in enumerate(end.states[1:DRAWN_STATES], start=2):
         if state.mode is None or state.joints is None:
             continue
-        view = view_of(result.discretization, state.mode, state.joints, sign)
+        view = view_of(result.layout, state.mode, state.joints, sign)
         factor = rounded_alike([state.load_factor])[0]
         title = f"another collapse state, load factor {factor}"
         name = first.name.replace("collapse", f"collapse_state_{number}")
@@ -207,7 +207,7 @@ def result_record(result: Result) -> Record:
     negative = result.negative
     scene = result.scene
     mesh = scene.mesh
-    discretization = result.discretization
+    layout = result.layout
     record: Record = {
         "status": result.status,
         "title": scene.title,
@@ -241,14 +241,14 @@ def result_record(result: Result) -> Record:
     return record | {
         "mesh": {
             "bodies": mesh.body_count,
-            "floating_bodies": int(discretization.bodies.floating.sum()),
+            "floating_bodies": int(layout.bodies.floating.sum()),
             "cells": int(mesh.domain.topology.index_map(2).size_global),
-            "dofs": discretization.size,
-            "joint_points": len(discretization.joints.length),
+            "dofs": layout.size,
+            "joint_points": len(layout.joints.length),
         },
-        "scene": scene_record(discretization),
+        "scene": scene_record(layout),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
-        "warnings": [*discretization.warnings, *_mesh_warnings(result)],
+        "warnings": [*layout.warnings, *result.contradictions, *_mesh_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
@@ -264,7 +264,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
     """What one end of the range of load factors is, and what the blocks do there. Collective."""
     moves = None
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
-        found = mechanism(result.discretization, end.mode, end.joints)
+        found = mechanism(result.layout, end.mode, end.joints)
         moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
     return {
         "status": end.status,
@@ -299,7 +299,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record["states"] = [_record(state, *names) for state in collapse.states]
     record["lowest"] = collapse.lowest and _lowest_record(collapse.lowest)
     if certificate is not None:
-        record |= _certificate_record(certificate, result.discretization.joints)
+        record |= _certificate_record(certificate, result.layout.joints)
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["crushing"] = _crushing_record(collapse)
     record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")

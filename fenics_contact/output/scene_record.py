@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.scene.scene import Load, function_name
 
 #: Units by key; keys without one have numbers without unit, or words.
@@ -41,11 +41,11 @@ UNITS: Mapping[str, str] = {
 }
 
 
-def scene_record(discretization: Discretization) -> dict[str, Any]:
+def scene_record(layout: Layout) -> dict[str, Any]:
     """What was solved, as in a scene file, and what the mesh makes of it; the same on all ranks."""
-    scene = discretization.scene
-    bodies = discretization.bodies
-    width, height = np.ptp(discretization.boundary.points.reshape(-1, 2), axis=0).tolist()
+    scene = layout.scene
+    bodies = layout.bodies
+    width, height = np.ptp(layout.boundary.points.reshape(-1, 2), axis=0).tolist()
     tables = {
         name: {key: asdict(value) for key, value in getattr(scene, name).items()}
         for name in ("materials", "joints", "foundations")
@@ -54,7 +54,7 @@ def scene_record(discretization: Discretization) -> dict[str, Any]:
     return {
         "plane": scene.plane,
         "degree": scene.degree,
-        "size": {"width": width, "height": height, "area": discretization.bodies_area()},
+        "size": {"width": width, "height": height, "area": layout.bodies_area()},
         "stress": function_name(scene.stress) or None,
         **tables,
         "supports": dict(scene.supports),
@@ -62,7 +62,7 @@ def scene_record(discretization: Discretization) -> dict[str, Any]:
         "resultants": {
             n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
         },
-        "contacts": _contacts(discretization.joints),
+        "contacts": _contacts(layout.joints),
         "solve": asdict(scene.solve),
         "units": dict(UNITS),
     }

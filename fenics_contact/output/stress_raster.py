@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import cell_stresses
 
@@ -42,18 +42,18 @@ class StressRaster:
         return StressRaster(self.corner, factor * self.step, *_means(sums))
 
 
-def stress_raster(discretization: Discretization, elastic: Array) -> StressRaster:
+def stress_raster(layout: Layout, elastic: Array) -> StressRaster:
     """Mean stresses of a displacement field, this rank's part in the supports' coordinates.
 
     Collective. What the ranks send does not grow with the mesh.
     """
-    points = discretization.boundary.points[:, :2].reshape(-1, 2)
+    points = layout.boundary.points[:, :2].reshape(-1, 2)
     corner = points.min(axis=0)
     extent = np.ptp(points, axis=0)
     step = float(extent.max()) / SQUARES
     columns, rows = (int(n) for n in np.maximum(np.ceil(extent / step - 1e-9), 1))
-    stress = cell_stresses(discretization, elastic)[:, :3]
-    domain = discretization.scene.mesh.domain
+    stress = cell_stresses(layout, elastic)[:, :3]
+    domain = layout.scene.mesh.domain
     corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
     sums = np.zeros((rows * columns, 4))  # area, and area times stresses
     for cells, shapes in _samples(corners, step):
@@ -67,7 +67,7 @@ def stress_raster(discretization: Discretization, elastic: Array) -> StressRaste
         for total, weight in zip(sums.T, [share, *(share * stress[cells].T)], strict=True):
             weights = np.broadcast_to(weight, square.shape).ravel()
             total += np.bincount(square.ravel(), weights, rows * columns)
-    discretization.scene.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+    layout.scene.comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
     return StressRaster(corner, step, *_means(sums.reshape(rows, columns, 4)))
 
 

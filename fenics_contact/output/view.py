@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import forces_on_facets
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import at_joints, at_nodes, material_numbers, mode_scale
@@ -91,7 +91,7 @@ class View:
 
 
 def view_of(
-    discretization: Discretization,
+    layout: Layout,
     mode: Array | None = None,
     values: JointValues | None = None,
     sign: float = 1.0,
@@ -101,45 +101,45 @@ def view_of(
     `mode` is this rank's part in the supports' coordinates; `sign` is -1 where the live load is
     reversed.
     """
-    boundary = discretization.boundary
-    joints = discretization.joints
+    boundary = layout.boundary
+    joints = layout.joints
     motion = np.zeros((len(boundary.nodes), 2, 2))
     at_points = np.zeros((len(joints.nodes), 2))
     if mode is not None:
-        scale = mode_scale(discretization, mode)
-        motion = scale * at_nodes(discretization, mode, boundary.nodes[:, :2])
-        at_points = scale * at_joints(discretization, mode)
-    tractions, forces, body = _live_load(discretization, sign)
+        scale = mode_scale(layout, mode)
+        motion = scale * at_nodes(layout, mode, boundary.nodes[:, :2])
+        at_points = scale * at_joints(layout, mode)
+    tractions, forces, body = _live_load(layout, sign)
     return View(
         boundary=boundary,
         joints=joints,
         values=values,
         motion=motion,
         joint_motion=at_points,
-        centre=discretization.bodies.centre,
-        area=discretization.bodies_area(),
-        material=_materials(discretization),
-        materials=tuple(discretization.scene.materials),
+        centre=layout.bodies.centre,
+        area=layout.bodies_area(),
+        material=_materials(layout),
+        materials=tuple(layout.scene.materials),
         tractions=tractions,
         forces=forces,
         body=body,
     )
 
 
-def _materials(discretization: Discretization) -> Indices:
+def _materials(layout: Layout) -> Indices:
     """Material of every block: the first in the scene's order, if it has several."""
-    mesh = discretization.scene.mesh
-    number = np.full(mesh.body_count, len(discretization.scene.materials), dtype=np.int64)
-    np.minimum.at(number, mesh.body, material_numbers(discretization)[mesh.cell_groups])
+    mesh = layout.scene.mesh
+    number = np.full(mesh.body_count, len(layout.scene.materials), dtype=np.int64)
+    np.minimum.at(number, mesh.body, material_numbers(layout)[mesh.cell_groups])
     mesh.comm.Allreduce(MPI.IN_PLACE, number, MPI.MIN)
     return number
 
 
-def _live_load(discretization: Discretization, sign: float) -> tuple[Arrows, Arrows, Arrows]:
+def _live_load(layout: Layout, sign: float) -> tuple[Arrows, Arrows, Arrows]:
     """Tractions, forces at places, and the body force, of the live load as it acts."""
-    boundary = discretization.boundary
-    bodies = discretization.bodies
-    load = discretization.scene.live
+    boundary = layout.boundary
+    bodies = layout.bodies
+    load = layout.scene.live
     points = boundary.points
     on_facets = [*_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
     rest = bodies.live * [1.0, 1.0, bodies.size]

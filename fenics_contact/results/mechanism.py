@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.results.joint_values import Contact, JointValues
 
@@ -46,10 +46,10 @@ class Mechanism:
     sliding: int
 
 
-def mechanism(discretization: Discretization, mode: Array, values: JointValues) -> Mechanism:
+def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
     """What a mode does; `mode` is this rank's part in the supports' coordinates. Collective."""
-    centre = discretization.bodies.centre
-    velocity, speed, edge_speed = _motions(discretization, mode)
+    centre = layout.bodies.centre
+    velocity, speed, edge_speed = _motions(layout, mode)
     fastest = int(np.argmax(speed))
     least = MOVES * speed[fastest]
     pace = float(np.linalg.norm(velocity[fastest]))
@@ -60,20 +60,20 @@ def mechanism(discretization: Discretization, mode: Array, values: JointValues) 
         fastest,
         centre[fastest],
         direction,
-        *_counts(discretization.joints, values),
+        *_counts(layout.joints, values),
     )
 
 
-def _motions(discretization: Discretization, mode: Array) -> tuple[Array, Array, Array]:
+def _motions(layout: Layout, mode: Array) -> tuple[Array, Array, Array]:
     """Of all bodies: mean velocity, largest speed of a node, and the speed that turning gives it.
 
     Arms of nodes are measured from the mean of the body's nodes.
     """
-    comm = discretization.scene.comm
-    count = len(discretization.bodies.centre)
-    body = discretization.elasticity.node_body
-    arm = discretization.elasticity.arm
-    v = discretization.cartesian(mode)
+    comm = layout.scene.comm
+    count = len(layout.bodies.centre)
+    body = layout.node_body
+    arm = layout.arm
+    v = layout.cartesian(mode)
     reach = np.linalg.norm(arm, axis=1)
     spin = arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]
     sums = np.zeros((count, 5))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.joint_values import JointValues
 
@@ -44,7 +44,7 @@ class NamedArrays(Mapping[str, Values]):
         return f"<{self._what}: {', '.join(self)}>"
 
 
-def joint_arrays(discretization: Discretization, values: JointValues | None) -> NamedArrays:
+def joint_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
     """Arrays over all joint points; the state is left out where there is none.
 
     | name | unit | |
@@ -60,7 +60,7 @@ def joint_arrays(discretization: Discretization, values: JointValues | None) -> 
     | `opening_rate`, `slip_rate` | m | in the collapse mode, on which the live load does work 1 |
     | `state` | | 0 open, 1 slip, 2 stick |
     """
-    joints = discretization.joints
+    joints = layout.joints
     sources: dict[str, Callable[[], Values]] = {
         "position": lambda: joints.position,
         "normal": lambda: joints.normal,
@@ -80,9 +80,7 @@ def joint_arrays(discretization: Discretization, values: JointValues | None) -> 
     return NamedArrays("joints", sources)
 
 
-def block_arrays(
-    discretization: Discretization, displacement: Array | None, mode: Array | None
-) -> NamedArrays:
+def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None) -> NamedArrays:
     """Arrays over all blocks; motions are left out where there are none.
 
     | name | unit | |
@@ -97,10 +95,10 @@ def block_arrays(
     Collective: a motion must be asked for on all ranks together. `displacement` and `mode` are
     this rank's part, in the supports' coordinates.
     """
-    bodies = discretization.bodies
+    bodies = layout.bodies
     sources: dict[str, Callable[[], Values]] = {
         "centre": lambda: bodies.centre,
-        "area": partial(discretization.boundary.areas, bodies.centre),
+        "area": partial(layout.boundary.areas, bodies.centre),
         "dead_load": lambda: bodies.dead[:, :2],
         "live_load": lambda: bodies.live[:, :2],
     }
@@ -109,10 +107,10 @@ def block_arrays(
         ("mode", "mode_rotation", mode),
     ):
         if values is not None:
-            sources[name] = partial(_motions, discretization, values, slice(2))
-            sources[turn] = partial(_motions, discretization, values, 2)
+            sources[name] = partial(_motions, layout, values, slice(2))
+            sources[turn] = partial(_motions, layout, values, 2)
     return NamedArrays("blocks", sources)
 
 
-def _motions(discretization: Discretization, values: Array, columns: int | slice) -> Values:
-    return discretization.block_motions(values)[:, columns]
+def _motions(layout: Layout, values: Array, columns: int | slice) -> Values:
+    return layout.block_motions(values)[:, columns]

@@ -7,15 +7,17 @@ numpy's; nothing here holds a PETSc object.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, Self
 
 import numpy as np
 
 from fenics_contact.discretization.crushing import CrushedEnds, CrushedPlace
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.certificate import Certificate
@@ -52,7 +54,7 @@ class Collapse:
         status: "limit", "unbounded", "not_converged", or "no_equilibrium" if none was found under
             the dead load alone, which moves the blocks as a mechanism.
         load_factor: lambda; nan if no state was found.
-        program: Solves the rigid-block programs for the bracket of this end.
+        program: Solves the rigid-block programs for the bracket of this end on rank 0. Collective.
         state: State reached, in the supports' coordinates; None if there is none.
         mode: v likewise, this rank's part; f_L.v = 1 with the live load as it acts.
         joints: Forces, openings and slips of the joints in this state and mode.
@@ -65,7 +67,8 @@ class Collapse:
         reason: Why there is no limit load, for people.
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
-        mesh_error: Estimate of the discretisation error; None if it was not made.
+        mesh_error: Estimate of the discretisation error; None if it was not made. The bracket,
+            once it is known, may narrow it: `with_bracket`.
         at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
             where that changes nothing, or was not looked for.
         attempts: What was tried, in order.
@@ -112,44 +115,73 @@ class Collapse:
 
     @property
     def bounds(self) -> LimitBounds:
-        """Bracket from the rigid-block programs, solved when it is first asked for."""
+        """Bracket from the rigid-block programs, solved on rank 0 when first asked for. Collective.
+
+        It is no part of the verification: the forces of a verified state are admissible in the
+        associative program, and its mode takes at least the least friction there can be, so that
+        a verified load factor is in its bracket as far as its residuals are zero.
+        """
         return self.program()
 
-    def held_against_bracket(self) -> Collapse:
-        """With the load factor's distance from its bracket in the certificate, and what follows.
+    def with_bracket(self) -> Collapse:
+        """With its bracket solved for, and what that says of it; the status stays. Collective.
 
-        The forces of a verified state solve the associative program: this checks the other
-        residuals. Errors by the mesh do not lead out of the bracket. The load factor of a state
-        that is none of equilibrium is left out if it is beyond the bracket.
+        The distance of a limit load from its bracket becomes a residual of the certificate: it
+        checks the programs and the other residuals. Errors by the mesh do not lead out of the
+        bracket. The load factor of a state that is none of equilibrium is left out if it is beyond.
         """
-        if self.certificate is None or self.status == "unbounded":
-            return self
         bounds = self.bounds
+        outside = self._outside(bounds)
+        known = replace(self, program=partial(known_bounds, bounds))
+        if self.certificate is None or self.status != "limit":
+            beyond = self.status != "unbounded" and outside > 0.0
+            return replace(known, load_factor=np.nan) if beyond else known
+        residuals = {**self.certificate.residuals, "bracket": outside}
+        known = replace(known, certificate=replace(self.certificate, residuals=residuals))
+        return known.with_errors_in_bracket() if known.in_bracket else known
+
+    @property
+    def in_bracket(self) -> bool:
+        """Whether the load factor is not known to be outside its bracket."""
+        return self.certificate is None or "bracket" not in self.certificate.failures
+
+    @property
+    def contradiction(self) -> str:
+        """What is to be thought of a load factor outside its bracket, for people; else empty."""
+        if self.in_bracket:
+            return ""
+        outside = f"the load factor {self.load_factor:.6g} is outside its bracket ({self.bounds})"
+        return f"{outside}: one of them is wrong, do not rely on it"
+
+    def held_against_bracket(self) -> Collapse:
+        """As `with_bracket`; the status of a limit load outside its bracket is "not_converged"."""
+        held = self.with_bracket()
+        if held.in_bracket:
+            return held
+        return replace(held, status="not_converged", reason=held.contradiction)
+
+    def _outside(self, bounds: LimitBounds) -> float:
+        """Distance from a bracket, relative, beyond what the state's own accuracy leaves."""
+        certificate = self.certificate
+        if certificate is None:
+            return 0.0
         # Equilibrium without a collapse may be below the lower end.
         lower = bounds.lower if self.status == "limit" else bounds.frictionless
         lower = -np.inf if lower is None else lower
         upper = np.inf if bounds.upper is None else bounds.upper
         # The lower end is that of exact states: those found are as near as was asked for.
-        lower -= self.certificate.tolerance * self.certificate.size
+        lower -= certificate.tolerance * certificate.size
         outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
-        gap = np.nan_to_num(self.certificate.error_estimate)
-        outside = max(outside - gap, 0.0) / self.certificate.size
-        if self.status != "limit":
-            return replace(self, load_factor=np.nan) if outside > 0.0 else self
-        residuals = {**self.certificate.residuals, "bracket": outside}
-        certificate = replace(self.certificate, residuals=residuals)
-        if certificate.passed:
-            return replace(self, certificate=certificate).with_errors_in_bracket()
-        reason = f"the load factor {self.load_factor:.6g} is outside its bracket ({bounds})"
-        return replace(self, status="not_converged", certificate=certificate, reason=reason)
+        gap = np.nan_to_num(certificate.error_estimate)
+        return float(max(outside - gap, 0.0) / certificate.size)
 
     def with_errors_in_bracket(self) -> Collapse:
-        """With errors by the mesh that do not lead out of the bracket."""
-        bounds = self.bounds
+        """With errors by the mesh that do not lead out of the bracket. Collective."""
         error = self.mesh_error
         finer = self.at_point_hinges
         if error is None:
             return self
+        bounds = self.bounds
         lower = -math.inf if bounds.lower is None else bounds.lower
         upper = math.inf if bounds.upper is None else bounds.upper
         error = error.within(self.load_factor, self.size, (lower, upper))
@@ -168,7 +200,7 @@ class Collapse:
         return replace(
             self,
             load_factor=-self.load_factor,
-            program=lambda: self.program().reversed(),
+            program=partial(_reversed, self.program),
             state=_negated(self.state, "load_factor", "work"),
             certificate=_negated(self.certificate, "static_factor", "kinematic_factor"),
             history=tuple(map(with_steps, self.history)),
@@ -181,6 +213,16 @@ class Collapse:
             torn=_negated(self.torn, "load_factor_whole"),
             mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
         )
+
+
+def known_bounds(bounds: LimitBounds) -> LimitBounds:
+    """Bounds that were solved for, as a program."""
+    return bounds
+
+
+def _reversed(program: Callable[[], LimitBounds]) -> LimitBounds:
+    """The bounds of a program in the opposite sign of the live load."""
+    return program().reversed()
 
 
 def _large(size: Array) -> Indices:
@@ -203,18 +245,21 @@ def _negated(record: Any, *fields: str) -> Any:
     return record and replace(record, **{name: -getattr(record, name) for name in names})
 
 
-@dataclass(repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Result:
-    """Limit load of a scene, in one direction of the live load or both.
+    """Limit load of a scene, in one direction of the live load or both: data, and final.
+
+    It can be pickled and copied; on several ranks each has its part of the fields.
 
     Attributes:
-        discretization: Scene, joints, supports and function space; its matrices may be gone.
+        layout: Scene, blocks, joints and supports as arrays.
         ends: Collapse by direction, "positive" first; empty if the dead load has no equilibrium.
         skipped: What the scene did not need and why, for people.
         seconds: Time by phase, s.
         factorizations: Numeric factorisations in all.
         mode_factorizations: Those of them that were of the blocks' modes only.
-        capacity: Points of the capacity curve, once `trace_capacity` or `write` has found it.
+        cost: Of all factorisations, in units of one of the structure.
+        capacity: Points of the capacity curve; none if it was not traced.
         passes: What was found on the way to the accuracy wished.
         inaccurate: Why that accuracy was not reached, for people; empty where it was.
         stopped: Why the run was ended early, for people; empty where it was not.
@@ -222,12 +267,13 @@ class Result:
             their centres by which it falls, shape (bodies, 3); no joint resists them.
     """
 
-    discretization: Discretization
-    ends: dict[str, Collapse]
+    layout: Layout
+    ends: Mapping[str, Collapse]
     skipped: tuple[str, ...]
-    seconds: dict[str, float]
+    seconds: Mapping[str, float]
     factorizations: int
     mode_factorizations: int = 0
+    cost: float = 0.0
     capacity: tuple[CapacityPoint, ...] = ()
     fall: Array | None = None
     passes: tuple[Pass, ...] = ()
@@ -243,7 +289,7 @@ class Result:
     def joints(self) -> NamedArrays:
         """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
         end = self.collapse
-        return joint_arrays(self.discretization, None if end is None else end.joints)
+        return joint_arrays(self.layout, None if end is None else end.joints)
 
     @property
     def blocks(self) -> NamedArrays:
@@ -253,14 +299,14 @@ class Result:
         """
         end = self.collapse
         if end is None or end.state is None:
-            return block_arrays(self.discretization, None, None)
-        state = self.discretization.with_imposed(end.state)
-        return block_arrays(self.discretization, state.displacement, end.mode)
+            return block_arrays(self.layout, None, None)
+        state = self.layout.with_imposed(end.state)
+        return block_arrays(self.layout, state.displacement, end.mode)
 
     @property
     def scene(self) -> Scene:
         """Scene that was solved."""
-        return self.discretization.scene
+        return self.layout.scene
 
     @property
     def status(self) -> str:
@@ -278,21 +324,21 @@ class Result:
         """Numbers of the blocks that fall under the dead load alone."""
         if self.fall is None:
             return np.empty(0, dtype=np.int64)
-        turning = np.abs(self.fall[:, 2]) * self.discretization.bodies.size
+        turning = np.abs(self.fall[:, 2]) * self.layout.bodies.size
         return _large(np.hypot(self.fall[:, 0], self.fall[:, 1]) + turning)
 
     def wedged(self, end: Collapse) -> Indices:
         """Numbers of the blocks that wedge where nothing limits the load of one end."""
-        size = np.zeros(len(self.discretization.bodies.centre))
+        size = np.zeros(len(self.layout.bodies.centre))
         if end.wedging is not None:
             force = np.abs(end.wedging).max(axis=0)
-            for side in self.discretization.joints.bodies.T:
+            for side in self.layout.joints.bodies.T:
                 np.maximum.at(size, side[side != GROUND], force[side != GROUND])
         return _large(size)
 
     def reason(self, end: Collapse | None = None) -> str:
         """Why there is no limit load, of one end or at all, for people; empty where there is."""
-        centre = self.discretization.bodies.centre
+        centre = self.layout.bodies.centre
         if not self.ends:
             blocks = _named(self.falling, centre, "fall")
             return f"there is no equilibrium under the dead load alone: {blocks}"
@@ -338,5 +384,35 @@ class Result:
 
     @property
     def bounds(self) -> LimitBounds | None:
-        """Bracket of the rigid-block programs for the collapse that fields show."""
+        """Bracket of the rigid-block programs for the collapse that fields show. Collective.
+
+        It is solved for when it is first asked for, which may take as long as the limit load.
+        """
         return None if self.collapse is None else self.collapse.bounds
+
+    def with_brackets(self) -> Self:
+        """The result with all brackets solved for, and what they say; no status changes.
+
+        Collective. The programs may take as long as the limit load.
+        """
+        return self._timed("bounds", Collapse.with_bracket)
+
+    def hold_against_brackets(self) -> Self:
+        """As `with_brackets`, without the limit loads that are outside: "not_converged".
+
+        No verified one is, but for an error in the programs or in the verification. The command
+        line asks for it before it says anything.
+        """
+        return self._timed("bounds", Collapse.held_against_bracket)
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """What is to be thought of load factors outside their brackets, for people."""
+        return tuple(filter(None, (end.contradiction for end in self.ends.values())))
+
+    def _timed(self, phase: str, change: Callable[[Collapse], Collapse]) -> Self:
+        """The result with its ends changed, and the time that it took among those of a phase."""
+        start = time.perf_counter()
+        ends = {name: change(end) for name, end in self.ends.items()}
+        seconds = self.seconds.get(phase, 0.0) + time.perf_counter() - start
+        return replace(self, ends=ends, seconds={**self.seconds, phase: seconds})

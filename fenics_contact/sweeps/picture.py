@@ -147,7 +147,7 @@ def save_worst(result: Result, values: Values, folder: Path) -> None:
     if end is None or end.mode is None or end.joints is None or end.status != "limit":
         return
     sign = 1.0 if result.positive is not None else -1.0
-    view = view_of(result.discretization, end.mode, end.joints, sign)
+    view = view_of(result.layout, end.mode, end.joints, sign)
     title = f"lowest load factor {end.load_factor:.5g}: {_drawn(_said(values))}"
     with writing(result.scene.comm):
         if result.scene.comm.rank == 0:

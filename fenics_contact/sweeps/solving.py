@@ -59,9 +59,9 @@ def solve(scene: Scene, structure: Structure) -> LimitLoad:
         result = limit_load_of(structure.of(scene))
     else:
         result = limit_load(scene)  # on meshes of its own
-    result.hold_against_brackets()
-    result.seconds["total"] = time.perf_counter() - start
-    return result
+    result = result.hold_against_brackets()
+    seconds = {**result.seconds, "total": time.perf_counter() - start}
+    return replace(result, seconds=seconds)
 
 
 def solve_point(family: Family, structure: Structure, values: Values) -> Point:

@@ -42,7 +42,7 @@ def test_ten_times_fewer_displacements_than_uniform_meshes():
     assert [row.displacements for row in result.passes] == [580, 580]
     for elements, degree in ((8, 1), (4, 2)):
         uniform = limit_load(W4.scene(elements, variant=Variant(degree=degree), error=False))
-        assert uniform.discretization.size > 10000
+        assert uniform.layout.size > 10000
         assert abs(uniform.load_factor / 0.279515 - 1.0) > 2e-2
 
 

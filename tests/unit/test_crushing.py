@@ -231,9 +231,10 @@ def test_walls_that_slide_and_crush(name, factor, associative):
     end = result.positive
     assert end.load_factor == pytest.approx(factor, rel=1e-5)
     assert end.bounds.upper == pytest.approx(associative, rel=5e-6)
-    blocks = RigidBlocks.of(result.discretization)
-    friction = result.discretization.joints.friction * end.joints.normal_force
-    assert blocks.collapse(friction)[0] == pytest.approx(end.load_factor, rel=1e-5)
+    friction = result.layout.joints.friction * end.joints.normal_force
+    with Discretization(result.scene) as made:
+        factor, _ = RigidBlocks.of(made).collapse(friction)
+    assert factor == pytest.approx(end.load_factor, rel=1e-5)
     assert end.peak.status == end.lowest.status == "not_known"
 
 

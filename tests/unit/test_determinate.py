@@ -20,7 +20,7 @@ from tests.property.scenes import Draw
 )
 def test_determinate_mechanisms(name, expected):
     result = limit_load(BANK[name].scene(error=False))
-    whole = result.discretization
+    whole = result.layout
     assert is_determinate(whole.joints, result.positive.joints, whole.bodies) is expected
 
 
@@ -30,7 +30,7 @@ def test_shear_of_open_joints_with_a_strength(seed, expected):
     recipe, factors = Draw.of_seed(seed).recipe(), []
     for elements in (2, 4):
         result = limit_load(recipe.scene(elements, error=False))
-        whole, values = result.discretization, result.positive.joints
+        whole, values = result.layout, result.positive.joints
         assert is_determinate(whole.joints, values, whole.bodies) is expected
         factors.append(result.load_factor)
     assert (factors[1] == pytest.approx(factors[0], rel=1e-6)) is expected

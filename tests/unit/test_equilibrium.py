@@ -52,14 +52,14 @@ def test_load_that_is_proved_too_large_costs_no_factorisation(factor, carried):
     found = equilibrium(BLOCK.scene(2), factor)
     assert found.status == "no_equilibrium" and found.load_factor == factor
     assert found.reason == f"with associative friction rigid blocks carry {carried} at most"
-    assert found.discretization.factorizations() == 0
+    assert found.factorizations == 0
 
 
 def test_dead_load_that_falls_costs_no_factorisation():
     found = equilibrium(BANK["sliding stack -0.001"].scene(1), 0.0)
     assert found.status == "no_equilibrium"
     assert found.reason.endswith("rigid blocks do not stand under the dead load alone")
-    assert found.discretization.factorizations() == 0
+    assert found.factorizations == 0
 
 
 def test_where_associative_friction_proves_nothing_the_state_is_only_not_found():

@@ -130,8 +130,7 @@ def test_a_closed_bracket_is_said():
     result = limit_load(BANK["trilith 0.7"].scene(1))
     assert "no other collapse state exists" in result.summary()
     open_ = replace(result.positive, program=lambda: LimitBounds(0.1, 0.3, 0.0))
-    result.ends = {"positive": open_}
-    assert "no other" not in summary(result)
+    assert "no other" not in summary(replace(result, ends={"positive": open_}))
 
 
 @pytest.mark.parametrize(

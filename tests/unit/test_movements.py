@@ -58,10 +58,10 @@ def clamped(drawing: Drawing, degree: int = 2) -> Scene:
 
 def displacements(found) -> tuple[np.ndarray, np.ndarray]:
     """Positions of all nodes and their displacements, on all ranks."""
-    made = found.discretization
+    made = found.layout
     mine = made.cartesian(found.state.displacement)
     parts = made.scene.comm.allgather(mine)
-    return node_positions(made.elasticity.space), np.concatenate(parts)
+    return node_positions(made.space), np.concatenate(parts)
 
 
 def force_at(found, x: float) -> tuple[float, float, float]:
@@ -150,7 +150,7 @@ def test_simply_supported_row_turns_and_nothing_else(ground, degree):
     assert before.status == after.status == "equilibrium"
     force = after.joint_values.normal_force
     assert force == pytest.approx(before.joint_values.normal_force, abs=1e-9 * force.max())
-    joints = after.discretization.joints
+    joints = after.layout.joints
     weight, arm = STONE.density * 9.81 * 3.0 * 0.4, 2.6
     # It rests on the inner edge of one pier and the outer one of the other.
     for name, share, x in (("a", 1.5, 0.4), ("b", 1.1, 3.0)):
@@ -179,7 +179,7 @@ def test_joint_on_a_settling_support_opens_by_the_settlement():
     )
     drops = 0.03, 0.05
     found = [equilibrium(moving(scene, bottom1=Movement((0.0, -drop))), 0.0) for drop in drops]
-    gaps, made = [one.joints["gap"] for one in found], found[0].discretization
+    gaps, made = [one.joints["gap"] for one in found], found[0].layout
     pier = made.joints.position[:, 1] < 1.2
     assert gaps[0][pier].min() > 0.0
     assert (gaps[1] - gaps[0])[pier] == pytest.approx(np.full(pier.sum(), 0.02), rel=1e-9)

@@ -15,6 +15,7 @@ from fenics_contact.collapse.peak import NOT_ASKED, TOO_DEAR, Above, Limits, fin
 from fenics_contact.collapse.strategy import COULOMB
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.results.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
@@ -67,7 +68,8 @@ def test_peak_is_found_above_the_collapse(result):
     assert peak.status == "found"
     assert peak.load_factor == pytest.approx(PEAK, rel=3e-4)
     assert peak.load_factor < peak.not_found_at < 1.001 * peak.load_factor
-    unit = np.abs(result.discretization.problem.live).sum()
+    with Discretization(result.scene) as made:
+        unit = np.abs(made.problem.live).sum()
     assert peak.displacement_m == pytest.approx(peak.work / unit)
     assert 0.0 < peak.work < result.positive.state.work
     assert "at least 0.492" in summary(result)
@@ -168,7 +170,7 @@ def test_not_looked_for():
 
 
 def test_files_hold_the_peak_and_the_curve_passes_it(result, tmp_path):
-    result.trace_capacity(points=6)
+    result = result.with_capacity(points=6)
     result.write(tmp_path)
     record = json.loads((tmp_path / "result.json").read_text())
     given = result.positive.peak

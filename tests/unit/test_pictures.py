@@ -30,7 +30,7 @@ def solved(scene) -> tuple[View, object]:
     """What pictures show of the collapse of a scene, and its result."""
     result = limit_load(scene)
     assert result.status == "limit"
-    return view_of(result.discretization, result.collapse.mode, result.collapse.joints), result
+    return view_of(result.layout, result.collapse.mode, result.collapse.joints), result
 
 
 def thrust(view: View) -> ThrustLines:
@@ -147,7 +147,7 @@ def test_resultants_balance_the_loads():
 def test_raster_carries_the_weight(degree, quadrilaterals):
     model = polygons([rectangle(0.0, 0.0, 1.0, 0.5)], 0.25, quadrilaterals=quadrilaterals)
     result = limit_load(on_ground(model, JointLaw(friction=0.3), degree=degree))
-    raster = stress_raster(result.discretization, result.collapse.state.elastic)
+    raster = stress_raster(result.layout, result.collapse.state.elastic)
     assert raster.area.sum() == pytest.approx(0.5, rel=1e-9)
     inside = raster.area > 0.0
     assert inside.mean() > 0.98

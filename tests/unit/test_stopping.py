@@ -9,6 +9,7 @@ import pytest
 
 from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
 from fenics_contact.collapse.stopping import within
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import Stopped
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.history import CapacityPoint
@@ -63,7 +64,8 @@ def test_stopped_on_the_path():
     assert end.attempts[-1].outcome.endswith("stopped by a test")
     assert not end.attempts[-1].found
     # The best point shows how the blocks begin to move, and lies in the bracket's numbers.
-    work = found.discretization.elasticity.live @ end.mode
+    with Discretization(found.scene) as made:
+        work = made.elasticity.live @ end.mode
     assert work == pytest.approx(1.0)
     assert "not verified" in found.plot().get_title()
     assert "not verified" in found.plot_forces().get_title()

@@ -31,7 +31,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -40,6 +39,7 @@ import numpy as np
 import numpy.typing as npt
 from mpi4py import MPI
 
+from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
 from fenics_contact.discretization.crushing import Crushing, strength_of
@@ -217,6 +217,10 @@ class _Program:
         return motion
 
 
+def _wait_on() -> None:
+    """Wait for a program, however long it takes."""
+
+
 class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
@@ -241,7 +245,7 @@ class RigidBlocks:
         comm: MPI.Comm,
         faces: Faces | None = None,
         crushing: Crushing | None = None,
-        patient: Callable[[], None] = lambda: None,
+        patient: Callable[[], None] = _wait_on,
     ) -> None:
         """Take all joint points, the bodies' motions and loads, and the ranks to share results.
 
@@ -260,6 +264,17 @@ class RigidBlocks:
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
         self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The programs and what was solved of them, without ranks and processes."""
+        alone = {"_comm": self._comm.size, "_patient": _wait_on, "_begun": None}
+        return vars(self) | alone
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _comm=compat.comm_of(state["_comm"]))
+
+    def __deepcopy__(self, _: object) -> RigidBlocks:
+        return self  # nothing changes them
 
     @cached_property
     def frictionless(self) -> RigidBlocks:
@@ -373,9 +388,9 @@ class RigidBlocks:
     def bounds(self) -> LimitBounds:
         """The bracket, its lower end as in `lower_end` where that is better than no friction.
 
-        Solved on this rank alone, once, where and when it is shown.
+        Solved on rank 0, once, when it is first asked for; collective, as all that is solved here.
         """
-        return self._bounds
+        return self._on_root(lambda: self._bounds)
 
     def proved_lower(self) -> float | None:
         """The lower end of `bounds`, on all ranks."""
@@ -386,7 +401,7 @@ class RigidBlocks:
 
         A program that fails leaves its bound unknown: by then there is a result to be shown.
         """
-        return self._classical_bounds
+        return self._on_root(lambda: self._classical_bounds)
 
     @cached_property
     def _bounds(self) -> LimitBounds:
