@@ -193,7 +193,7 @@ class Discretization(Layout):
 
     def with_torn(self, torn: Flags) -> Discretization:
         """The structure with joint points that have lost their strengths; it keeps the matrices."""
-        new = copy(self)
+        new = self._copy()
         new.joints = replace(self.joints, torn=torn)
         new.problem = replace(self.problem, law=new._law())
         new.problem, new.imposed = _with_imposed(new)

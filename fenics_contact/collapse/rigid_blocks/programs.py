@@ -363,7 +363,8 @@ class RigidBlocks:
         """
         loaded = _resultants(self._joints, self._bodies, force)
         bodies = replace(self._bodies, dead=self._bodies.dead + loaded)
-        new = copy(self)
+        new = RigidBlocks.__new__(RigidBlocks)
+        vars(new).update(vars(self))
         new._tangents = _Program(joints, bodies, straight_faces(joints))
         return new
 
