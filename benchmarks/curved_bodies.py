@@ -135,7 +135,9 @@ def pressed(scene: Scene, contact: HertzContact) -> Profile:
         bonded = made.bonded(strategy.kind)
         case = LoadCase.of(made, bonded, 1.0, strategy.kind, lambda step: None)
         found = service_state(case, strategy, scene.solve, 1.0, 1)
-    return Profile.of(Equilibrium(**vars(found), discretization=made))
+    return Profile.of(
+        Equilibrium(**vars(found), layout=made.layout, factorizations=made.factorizations())
+    )
 
 
 @dataclass(frozen=True)
