@@ -83,7 +83,8 @@ class StoredMesh:
         return made
 
     def _made(self, domain: Any) -> StoredMesh:
-        new = replace(self, numbering=_numbering(domain))
+        # The mesh has a communicator of its own, which lives as long as it does.
+        new = replace(self, comm=domain.comm, numbering=_numbering(domain))
         vars(new)["domain"] = domain
         return new
 
