@@ -25,6 +25,7 @@ from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
+    ArclengthOptions,
     Continuation,
     PathPoint,
 )
@@ -62,6 +63,8 @@ class PathOptions:
         finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
         falls: How often the products fall at most, each time at more work.
         further: Factor from the work of one fall to that of the next.
+        structure: Of the path on the structure, which is short where block modes lead to it: it
+            needs 19 steps without progress at most where it is followed, and wanders for hundreds.
         settled: Distance from the path, relative to p and q, of a point that is a state.
         small_factor: Load factors change relative to this part of the typical one at least.
     """
@@ -75,6 +78,7 @@ class PathOptions:
     )
     falls: int = 3
     further: float = 1.5
+    structure: ArclengthOptions = field(default_factory=lambda: ArclengthOptions(patience=40))
     settled: float = 1e-6
     small_factor: float = 1e-3
 
@@ -372,7 +376,8 @@ def to_end(task: Task, state: State, mu: float, kkt: PerturbedKKT | None = None)
     its end, the last point found answers if its load factor is known to the tolerance.
     """
     kkt = replace(task.kkt if kkt is None else kkt, work=state.work)
-    path = falling(kkt, passed=task.case.record.along("structure, falling products"))
+    passed_by = task.case.record.along("structure, falling products")
+    path = falling(kkt, passed=passed_by, options=OPTIONS.structure)
     point = path.begin(state, mu)
     passed: list[PathPoint] = []
     try:
