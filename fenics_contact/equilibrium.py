@@ -87,7 +87,7 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
     strategy = strategy_of(scene)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
-        blocks = RigidBlocks.of(made, sign)
+        blocks = RigidBlocks.of(made.original, sign, made.effort.wait)
         proved = without_equilibrium(blocks, abs(load_factor), sign)
         if proved is not None:
             return Equilibrium(**vars(proved), layout=made.layout, factorizations=0)

@@ -19,6 +19,7 @@ from dolfinx import fem
 
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
+from fenics_contact.collapse.further import with_lowest, with_peak
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve, raise_load
@@ -43,7 +44,7 @@ from fenics_contact.mesh_error.accuracy import (
     with_costs,
     with_pass,
 )
-from fenics_contact.mesh_error.further import additions, with_peak
+from fenics_contact.mesh_error.estimate import with_error
 from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
 from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
@@ -61,7 +62,7 @@ from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
-from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.scene import Scene, SolveOptions
 
 _log = logging.getLogger("fenics_contact")
 
@@ -69,6 +70,10 @@ _log = logging.getLogger("fenics_contact")
 CURVE = 25
 #: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
 CURVE_SOLVE = 10.0
+
+
+#: Adds to a collapse of a load case, at a cost in units of one factorisation of the structure.
+Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
 
 class LimitLoad(Result):
@@ -363,6 +368,20 @@ def _asked(scene: Scene) -> tuple[str, ...]:
     return tuple(SIGNS) if direction == "both" else (direction,)
 
 
+def _additions(options: SolveOptions) -> dict[str, tuple[str, Addition]]:
+    """What is added to a collapse: by name, in words, and how.
+
+    Each takes the load case, its collapse, and the cost of the collapse in units of one
+    factorisation of the structure.
+    """
+    wanted: dict[str, tuple[str, Addition]] = {"peak": ("peak of the loading path", with_peak)}
+    if options.lowest is not False and not options.fast:
+        wanted["lowest"] = "second opinion on the collapse", with_lowest
+    if options.error is not False and not options.fast:
+        wanted["error"] = "estimate of the error", with_error
+    return wanted
+
+
 def _solved(
     discretization: Discretization, monitor: Monitor, seconds: dict[str, float]
 ) -> LimitLoad:
@@ -374,7 +393,7 @@ def _solved(
     scene = discretization.scene
     asked = _asked(discretization.scene)
     start = time.perf_counter()
-    blocks = RigidBlocks.of(discretization)
+    blocks = RigidBlocks.of(discretization.original, patient=discretization.effort.wait)
     stands_frictionless = blocks.frictionless.stands()
     fall = None if stands_frictionless else blocks.fall()
     seconds["bounds"] = time.perf_counter() - start
@@ -395,7 +414,7 @@ def _solved(
     with _Crushed() as crushed:
         found, cost = _collapses(cases, asked, stands_frictionless, crushed)
         seconds["solve"] = time.perf_counter() - start
-        for phase, (text, add) in additions(scene.solve).items():
+        for phase, (text, add) in _additions(scene.solve).items():
             start = time.perf_counter()
             if not (scene.solve.fast or discretization.effort.watch.reason):
                 monitor.phase(text)

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import SIGNS, LoadCase
+from fenics_contact.collapse.load_case import SIGNS, LoadCase, Task
 from fenics_contact.collapse.load_control import raise_load
-from fenics_contact.collapse.strategy import Strategy, Task, strategy_of
+from fenics_contact.collapse.strategy import Strategy, strategy_of
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import SolverError
 from fenics_contact.results.result import Collapse

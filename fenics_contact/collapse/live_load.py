@@ -11,17 +11,13 @@ that has a state of its own, with lambda > 0, load factors grow like lambda T' /
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.strategy import (
-    Task,
-    along_falling_products,
-    interior_point,
-    name_of,
-)
+from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
+from fenics_contact.collapse.record import name_of
 from fenics_contact.errors import SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
 
@@ -45,8 +41,10 @@ class LiveLoadOptions:
 OPTIONS = LiveLoadOptions()
 
 
-def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
-    """Lambda / T of a verified state under the live load alone; None if none is found."""
+def slope_without_dead_load(
+    case: LoadCase, tolerance: float, attempts: Sequence[Attempt]
+) -> float | None:
+    """Lambda / T of a verified state under the live load alone; None if no attempt finds one."""
     still = np.zeros_like
     problem = case.problem
     none = still(case.problem.dead)
@@ -63,7 +61,7 @@ def slope_without_dead_load(case: LoadCase, tolerance: float) -> float | None:
     task = Task(case, work, case.scales_at(work), tolerance)
     count = discretization.factorizations
     effort = discretization.effort
-    for attempt in (interior_point, along_falling_products):
+    for attempt in attempts:
         name = f"live load alone, {name_of(attempt)}"
         try:
             with effort.at_most(OPTIONS.cost), record.attempt(name, work, count, effort) as ended:

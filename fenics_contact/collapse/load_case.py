@@ -12,8 +12,9 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.geometry.mesh import Flags
-from fenics_contact.results.history import Step
+from fenics_contact.results.history import History, Step
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.solvers.interior_point import Solution, Tolerances
 from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
@@ -76,7 +77,7 @@ class LoadCase:
             moved = MOVED * problem.max(np.abs(problem.law.origins))
             scales = replace(scales, displacement=max(scales.displacement, moved))
         bonded = replace(bonded, live=sign * bonded.live)
-        blocks = RigidBlocks.of(discretization, sign)
+        blocks = RigidBlocks.of(discretization.original, sign, discretization.effort.wait)
         stiffness = discretization.stiffness(kind)
         made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
         return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, listener))
@@ -182,3 +183,44 @@ def joint_values(
         clearance_rate=gather(problem.clearance_rates(mode)),
         bond=bond,
     )
+
+
+@dataclass(frozen=True)
+class Task:
+    """What an attempt is asked for.
+
+    Attributes:
+        case: The load case.
+        work: T, N m per metre of thickness.
+        scales: Typical sizes at that work.
+        tolerance: On the load factor, relative.
+        last: A state at less work, if there is one.
+    """
+
+    case: LoadCase
+    work: float
+    scales: Scales
+    tolerance: float
+    last: State | None = None
+
+    def mu(self, products: float) -> float:
+        """Products in units of force times displacement, given those by elastic displacement."""
+        return products * self.scales.elastic_part
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exact the state has to be for the load factor."""
+        if not self.case.problem.coulomb:
+            return Tolerances()  # converges to rounding at once
+        residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
+        return Tolerances(residual, 5e-2 * self.tolerance)
+
+    @property
+    def kkt(self) -> PerturbedKKT:
+        """Conditions of the state."""
+        return self.case.coulomb(self.work, self.scales)
+
+
+#: What an attempt answers, and what leads from a task to it.
+Answer = tuple[Solution, History]
+Attempt = Callable[[Task], Answer]

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.strategy import Strategy, Task, next_to, states_along_rising_work
+from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact.collapse.strategy import Strategy, next_to, states_along_rising_work
 from fenics_contact.errors import EffortError, SolverError, Stopped
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import Collapse

@@ -25,11 +25,10 @@ from functools import partial
 import numpy as np
 
 from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.strategy import (
     COULOMB,
     OPTIONS,
-    Task,
     WorkOptions,
     falling,
     monolithic,

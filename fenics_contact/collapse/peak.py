@@ -33,16 +33,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.collapse.collapse_mode import rates
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.record import Way
 from fenics_contact.collapse.strategy import (
-    Task,
     WarmStart,
     at_work,
     coulomb_equilibrium,
     falling,
     next_to,
     rising,
+    rising_mu,
 )
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
@@ -314,7 +314,7 @@ def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
     with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
         for state in way.states:
             scales = case.scales_at(state.work, above.load_factor)
-            mu = Task(case, state.work, scales, tolerance=1e-6).rising_mu
+            mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
             kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
             now = kkt.on_central_path(state, mu)
             step = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])[0]

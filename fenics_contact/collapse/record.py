@@ -17,6 +17,12 @@ from fenics_contact.solvers.effort import Effort
 from fenics_contact.solvers.problem import State
 
 
+def name_of(attempt: Callable[..., Any]) -> str:
+    """Name of an attempt: that of its function, in words."""
+    name: str = getattr(attempt, "func", attempt).__name__
+    return name.replace("_", " ")
+
+
 class Listener:
     """Is told how the search for a collapse goes, on all ranks; this one does not listen."""
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fenics_contact.collapse import coulomb
 from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions, GivenFriction
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import Answer, Attempt, Task
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import state_residuals
 from fenics_contact.results.history import History, Step
@@ -45,7 +45,7 @@ from fenics_contact.solvers.joint_forces.splitting import (
 )
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT
-from fenics_contact.solvers.problem import Array, Scales, State
+from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -132,56 +132,18 @@ class HighFrictionOptions:
 HIGH_FRICTION = HighFrictionOptions()
 
 
-@dataclass(frozen=True)
-class Task:
-    """What an attempt is asked for.
-
-    Attributes:
-        case: The load case.
-        work: T, N m per metre of thickness.
-        scales: Typical sizes at that work.
-        tolerance: On the load factor, relative.
-        last: A state at less work, if there is one.
-    """
-
-    case: LoadCase
-    work: float
-    scales: Scales
-    tolerance: float
-    last: State | None = None
-
-    def mu(self, products: float) -> float:
-        """Products in units of force times displacement, given those by elastic displacement."""
-        return products * self.scales.elastic_part
-
-    @property
-    def rising_mu(self) -> float:
-        """Products while the work rises."""
-        larger = max(1.0, self.case.block_count / OPTIONS.few) ** OPTIONS.many
-        return self.mu(OPTIONS.rising_work * larger)
-
-    @property
-    def tolerances(self) -> Tolerances:
-        """How exact the state has to be for the load factor."""
-        if not self.case.problem.coulomb:
-            return Tolerances()  # converges to rounding at once
-        residual = float(np.clip(1e-3 * self.tolerance, 1e-12, 1e-9))
-        return Tolerances(residual, 5e-2 * self.tolerance)
-
-    @property
-    def kkt(self) -> PerturbedKKT:
-        """Conditions of the state."""
-        return self.case.coulomb(self.work, self.scales)
-
-
-Answer = tuple[Solution, History]
-Attempt = Callable[[Task], Answer]
 Minimiser = Callable[[ProximalStep, Array], Array]
 _Given = ParamSpec("_Given")
 
 #: Continuation of conditions `PerturbedKKT`; to replace the method, replace it here.
 falling = partial(Continuation, path=FALLING_PRODUCTS)
 rising = partial(Continuation, path=RISING_WORK)
+
+
+def rising_mu(task: Task) -> float:
+    """Products while the work rises, in units of force times displacement."""
+    larger = max(1.0, task.case.block_count / OPTIONS.few) ** OPTIONS.many
+    return task.mu(OPTIONS.rising_work * larger)
 
 
 def monolithic(
@@ -303,7 +265,7 @@ def _ends_of_modes(
     start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
     on_the_way = partial(case.record.along, prolonged=modes.prolonged)
     rise = rising(kkt, passed=on_the_way(f"{name}, rising work"))
-    point = rise.begin(start, task.rising_mu)
+    point = rise.begin(start, rising_mu(task))
     work = task.work
     for _ in range(OPTIONS.falls):
         point = rise.follow(point, work)
@@ -355,7 +317,7 @@ def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tup
     """States at rising work up to the task's, with numbers from 1; those not found are left out."""
     path = rising(task.kkt)
     start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
-    point = path.begin(start, task.rising_mu)
+    point = path.begin(start, rising_mu(task))
     for number, work in enumerate(works, 1):
         try:
             point = path.follow(point, work)
@@ -509,12 +471,6 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 
 
 # ---- the list
-
-
-def name_of(attempt: Attempt) -> str:
-    """Name of an attempt: that of its function, in words."""
-    name: str = getattr(attempt, "func", attempt).__name__
-    return name.replace("_", " ")
 
 
 @dataclass(frozen=True)

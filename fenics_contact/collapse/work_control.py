@@ -18,14 +18,14 @@ from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.live_load import slope_without_dead_load
-from fenics_contact.collapse.load_case import LoadCase, joint_values
+from fenics_contact.collapse.load_case import Attempt, LoadCase, Task, joint_values
 from fenics_contact.collapse.reasons import missed
+from fenics_contact.collapse.record import name_of
 from fenics_contact.collapse.strategy import (
-    Attempt,
     Strategy,
-    Task,
     WorkOptions,
-    name_of,
+    along_falling_products,
+    interior_point,
 )
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
@@ -235,7 +235,8 @@ class _Search:
     @cached_property
     def _line(self) -> float | None:
         """Load factor per work of a state under the live load alone, if one is found."""
-        return slope_without_dead_load(self.case, self.tolerance)
+        alone = interior_point, along_falling_products
+        return slope_without_dead_load(self.case, self.tolerance, alone)
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""

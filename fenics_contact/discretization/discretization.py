@@ -17,7 +17,6 @@ from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import (
     Elasticity,
     assemble,
-    displacement_space,
     internal_forces,
     with_loads,
 )
@@ -26,6 +25,7 @@ from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, ground_motion
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.material_fields import displacement_space
 from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.rigid_motions import (
     RigidBodies,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,11 +14,11 @@ from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.loads import nodal_forces
-from fenics_contact.discretization.stress_law import law_matrix
+from fenics_contact.discretization.material_fields import law_matrices, material_field, stress_law
 from fenics_contact.discretization.supports import Supports
-from fenics_contact.errors import InputError, raised_together
-from fenics_contact.geometry.mesh import Array, BlockMesh, Labels
-from fenics_contact.scene.scene import Material, Scene, StressLaw
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.mesh import Array, Labels
+from fenics_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -69,18 +68,6 @@ class Elasticity:
         return law_matrices(self.law)
 
 
-def law_matrices(law: forms.Law) -> Array:
-    """D of a law that was given as such, in this rank's cells, Pa, shape (cells, 3, 3)."""
-    given: Any = law
-    rows = given.x.array.reshape(-1, 3, 3)
-    return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
-
-
-def displacement_space(scene: Scene) -> Any:
-    """Continuous displacements inside every block, of the scene's degree."""
-    return compat.function_space(scene.mesh.domain, "Lagrange", scene.degree, (2,))
-
-
 def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -> Elasticity:
     """Assemble K, f_D and f_L of a scene on its displacement space.
 
@@ -105,34 +92,6 @@ def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -
     return with_loads(made, scene, boundary, supports)
 
 
-def stress_law(scene: Scene) -> forms.Law:
-    """Stress by strain in every cell, by the materials. Collective."""
-    return _given_law(scene, scene.stress) if scene.stress else _lame(scene)
-
-
-def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
-    """Lame's numbers of the materials."""
-    nus = 2.0 if scene.plane == "strain" else 1.0
-    return (
-        _material_field(
-            scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
-        ),
-        _material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
-    )
-
-
-def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
-    """D of the materials by a law of the user."""
-    mesh = scene.mesh
-    names = [scene.material_name(groups) for groups in mesh.cell_sets]
-    with raised_together(scene.comm):
-        rows = [law_matrix(law, scene.materials[name], name).ravel() for name in names]
-    space = compat.function_space(mesh.domain, "DG", 0, (9,))
-    field = fem.Function(space, name="law")
-    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = np.array(rows)[mesh.cell_groups]
-    return field
-
-
 def with_loads(
     elasticity: Elasticity, scene: Scene, boundary: Boundary, supports: Supports
 ) -> Elasticity:
@@ -144,7 +103,7 @@ def with_loads(
     space = elasticity.space
     body = elasticity.node_body
     arm = elasticity.arm
-    density = _material_field(scene, lambda material: material.density)
+    density = material_field(scene, lambda material: material.density)
     loads = []
     resultants = []
     for kind in ("dead", "live"):
@@ -169,20 +128,6 @@ def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Ar
     fem.assemble_vector(force.x.array, forms.internal_forces(u, elasticity.law))
     compat.add_ghosts(force.x)
     return supports.constrain_vector(force.x.array[:count], first)
-
-
-def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
-    """Function that is constant in every cell, from the local cells' values."""
-    space = compat.function_space(mesh.domain, "DG", 0)
-    field = fem.Function(space, name=name)
-    field.x.array[compat.cell_dofs(space)[:, 0]] = values
-    return field
-
-
-def _material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Function:
-    """A value of the materials, constant by cell."""
-    values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
-    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
 
 
 def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:

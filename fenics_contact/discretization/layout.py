@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.elasticity import displacement_space, stress_law
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.forms import Law
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.material_fields import displacement_space, stress_law
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.geometry.mesh import Array, Indices, Labels

@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import Attempt, LoadCase
 from fenics_contact.collapse.strategy import (
-    Attempt,
     Strategy,
     WarmStart,
     WorkOptions,

@@ -21,9 +21,9 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_contact.collapse.crushed import CrushedJoints, strengths
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.strategy import Task, WarmStart, next_to
+from fenics_contact.collapse.strategy import WarmStart, next_to
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.errors import EffortError, SolverError
@@ -155,7 +155,7 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
             case,
             discretization=whole,
             problem=replace(whole.problem, live=case.sign * whole.problem.live),
-            blocks=RigidBlocks.of(whole, case.sign),
+            blocks=RigidBlocks.of(whole.original, case.sign, whole.effort.wait),
             bonded=Bonded(dead, live, of_dead, of_live, bonded.seconds),
             kind=GENERAL,
             stiffness=whole.stiffness(GENERAL),

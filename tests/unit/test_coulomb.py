@@ -10,8 +10,8 @@ import pytest
 
 from fenics_contact import SolverError
 from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions
-from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.strategy import Task, fixed_point
+from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact.collapse.strategy import fixed_point
 from fenics_contact.meshing import running_bond
 from fenics_contact.results.history import History, Step
 from fenics_contact.solvers.interior_point import Solution

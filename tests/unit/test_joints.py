@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact import InputError, JointLaw, Scene
 from fenics_contact.discretization.discretization import find_supports
-from fenics_contact.discretization.elasticity import Elasticity, assemble, displacement_space
+from fenics_contact.discretization.elasticity import Elasticity, assemble
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import (
     GROUND,
@@ -18,6 +18,7 @@ from fenics_contact.discretization.joints import (
     find_joints,
     joint_operators,
 )
+from fenics_contact.discretization.material_fields import displacement_space
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import (

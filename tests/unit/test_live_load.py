@@ -9,7 +9,13 @@ import pytest
 
 from fenics_contact import Load, SolverError
 from fenics_contact.collapse.live_load import slope_without_dead_load
-from fenics_contact.collapse.strategy import COULOMB, Task, WorkOptions, interior_point
+from fenics_contact.collapse.load_case import Task
+from fenics_contact.collapse.strategy import (
+    COULOMB,
+    WorkOptions,
+    along_falling_products,
+    interior_point,
+)
 from fenics_contact.collapse.work_control import find_collapse
 from tests.bank import GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.unit.core import load_case
@@ -20,13 +26,17 @@ TOLERANCE = 1e-6
 DOWN, ASIDE = Load((0.1 * GRAVITY, -GRAVITY)), Load((GRAVITY, 0.0))
 
 
+#: What looks for states under the live load alone.
+ALONE = interior_point, along_falling_products
+
+
 def no_state(task: Task):
     raise SolverError("none")
 
 
 def test_load_factors_approach_the_line_of_the_live_load():
     with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
-        slope = slope_without_dead_load(case, TOLERANCE)
+        slope = slope_without_dead_load(case, TOLERANCE, ALONE)
         works = np.array([3.0, 100.0]) * case.bonded_work
         tasks = [Task(case, work, case.scales_at(work), TOLERANCE) for work in works]
         factors = [interior_point(task)[0].state.load_factor for task in tasks]
@@ -42,7 +52,7 @@ def test_no_line_where_the_live_load_alone_moves_the_block(live, law):
     recipe = block_recipe(0.4, 0.4, 0.5, live=live)
     recipe = recipe if law is None else replace(recipe, law=law)
     with load_case(recipe.scene(2)) as case:
-        assert slope_without_dead_load(case, TOLERANCE) is None
+        assert slope_without_dead_load(case, TOLERANCE, ALONE) is None
 
 
 def test_unbounded_is_said_at_once_where_no_state_is_found():

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolveOptions, SolverError, limit_load
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.load_control import OPTIONS, capacity_curve, raise_load
-from fenics_contact.collapse.strategy import COULOMB, GIVEN, Strategy, Task
+from fenics_contact.collapse.strategy import COULOMB, GIVEN, Strategy
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.results.history import CapacityPoint

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.discretization.elasticity import displacement_space
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import find_joints
+from fenics_contact.discretization.material_fields import displacement_space
 from fenics_contact.geometry.mesh import GmshMesh, bodies_of_cells, extract, gmsh_session
 from fenics_contact.meshing import (
     arch,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.reasons import explained
-from fenics_contact.collapse.strategy import Strategy, Task, WorkOptions, interior_point
+from fenics_contact.collapse.strategy import Strategy, WorkOptions, interior_point
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene import SolveOptions

@@ -9,8 +9,13 @@ import pytest
 
 from fenics_contact import SolverError, limit_load
 from fenics_contact.collapse import strategy as attempts
-from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.strategy import COULOMB, GIVEN, JOINT_FORCES, Task, strategy_of
+from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact.collapse.strategy import (
+    COULOMB,
+    GIVEN,
+    JOINT_FORCES,
+    strategy_of,
+)
 from fenics_contact.solvers.interior_point import InteriorPointOptions
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import Load, SolverError
-from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
 from fenics_contact.collapse.strategy import (
     COULOMB,
-    Attempt,
     Strategy,
-    Task,
     WorkOptions,
     interior_point,
 )

@@ -43,9 +43,9 @@ from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
 from fenics_contact.discretization.crushing import Crushing, strength_of
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
 from fenics_contact.discretization.joints import Joints
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.bounds import LimitBounds
@@ -225,17 +225,16 @@ class RigidBlocks:
     """The linear programs of one structure, solved on rank 0."""
 
     @classmethod
-    def of(cls, whole: Discretization, sign: float = 1.0) -> RigidBlocks:
-        """Those of a discretised scene, with its live load or the reverse of it (sign -1)."""
-        joints = whole.original.joints
-        bodies = whole.original.bodies
+    def of(
+        cls, whole: Layout, sign: float = 1.0, patient: Callable[[], None] = _wait_on
+    ) -> RigidBlocks:
+        """Those of a structure, with its live load or the reverse of it (sign -1)."""
+        joints = whole.joints
+        bodies = whole.bodies
         dead = bodies.dead - _resultants(joints, bodies, joints.bond)
         bodies = replace(bodies, dead=dead, live=sign * bodies.live)
         faces = straight_faces(joints)
-        crushing = Crushing.of(
-            joints, strength_of(whole.original.scene, whole.original.joints), faces.of_point
-        )
-        patient = whole.effort.wait
+        crushing = Crushing.of(joints, strength_of(whole.scene, joints), faces.of_point)
         return cls(joints, bodies, whole.scene.comm, faces, crushing, patient)
 
     def __init__(

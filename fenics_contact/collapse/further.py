@@ -1,4 +1,4 @@
-"""What is said of a collapse beside its load factor: peak, lower states, error by the mesh.
+"""What is said of a collapse beside its load factor: the peak of its path, and lower states.
 
 Each has a hard limit on its cost, in units of that of the collapse. Where a run is stopped, what
 was found before stays, and the rest is not known.
@@ -7,8 +7,6 @@ was found before stays, and the rest is not known.
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Callable
 from dataclasses import replace
 
 from fenics_contact.collapse.load_case import LoadCase
@@ -25,34 +23,15 @@ from fenics_contact.collapse.peak import (
 )
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.mesh_error.hinges import with_mesh_error
 from fenics_contact.results.history import Lowest, Peak
-from fenics_contact.results.mesh_error import MeshError
 from fenics_contact.results.result import Collapse
-from fenics_contact.scene.scene import SolveOptions
 
 _log = logging.getLogger("fenics_contact")
-
-Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
 #: Why something is not known.
 NOT_REACHED = "a load that rises step by step does not reach the collapse"
 FAST = "solve.fast = true leaves it out"
 TEARS = "what joints carry before they tear depends on the way of the load"
-
-
-def additions(options: SolveOptions) -> dict[str, tuple[str, Addition]]:
-    """What is added to a collapse: by name, in words, and how.
-
-    Each takes the load case, its collapse, and the cost of the collapse in units of one
-    factorisation of the structure.
-    """
-    wanted: dict[str, tuple[str, Addition]] = {"peak": ("peak of the loading path", with_peak)}
-    if options.lowest is not False and not options.fast:
-        wanted["lowest"] = "second opinion on the collapse", with_lowest
-    if options.error is not False and not options.fast:
-        wanted["error"] = "estimate of the error", with_error
-    return wanted
 
 
 def with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool = False) -> Collapse:
@@ -128,32 +107,3 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
         return second_opinion(case, end, options.tolerance, cost)
     except Stopped as stop:
         return replace(end, lowest=Lowest("not_known", reason=str(stop)))
-
-
-def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
-    """A collapse with the estimate of its discretisation error, if its load case led to it."""
-    if end.status != "limit" or end.mode is None:
-        return end
-    if end.torn is not None:
-        _log.info("no error estimate: on other meshes other points tear")
-        return end
-    try:
-        return _with_estimate(case.unrecorded, end)
-    except Stopped as stop:
-        unknown = MeshError(math.nan, math.nan, math.nan, unknown=str(stop))
-        return replace(end, mesh_error=unknown)
-
-
-def _with_estimate(case: LoadCase, end: Collapse) -> Collapse:
-    """A limit load with the estimate of its discretisation error."""
-    scene = case.discretization.scene
-    if end.path is not None and scene.solve.slip == "load-steps":
-        _log.info("no error estimate: slip is measured from the step before")
-        return end
-    tolerance = scene.solve.tolerance
-    live = case.problem.live
-    mode = end.mode
-    if mode is not None and case.problem.dot(live, mode) < 0.0:  # the dead load does the work
-        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
-        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
-    return with_mesh_error(case, end, tolerance)

@@ -1,0 +1,240 @@
+"""The discretisation error of a load factor: what it owes to the length of hinges, and the rest.
+
+Hinges are followed to points (`hinges`). Joints that slide while they are closed over a length have
+an error that is algebraic in h: that is the change of the load factor to the other degree of the
+displacements (`other_degree`). The estimate has a hard limit on its cost, in units of that of the
+collapse. Where a run is stopped, it is not known.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.errors import EffortError, Stopped
+from fenics_contact.geometry.mesh import Indices
+from fenics_contact.mesh_error import hinges
+from fenics_contact.mesh_error.contact_lengths import ContactLengths
+from fenics_contact.mesh_error.hinges import Way, determinate, independent, to_point_hinges
+from fenics_contact.mesh_error.nearby import Softened, collapse_next_to, near, on_mesh
+from fenics_contact.mesh_error.other_degree import first_look_cost, with_other_degree
+from fenics_contact.results.joint_values import Contact, JointValues
+from fenics_contact.results.mesh_error import MeshError, StateChange
+from fenics_contact.results.result import Collapse
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class ErrorOptions:
+    """Numbers of the estimate.
+
+    Attributes:
+        share: Largest cost of the estimate, in units of that of the collapse: what is done unasked.
+        asked: The same where the scene asks for the estimate.
+        usual_solve: Cost of the collapse, at least, in factorisations of the structure. Its
+            steps on block modes take as long as factorisations do; under load control it is near.
+        large: Changes of the load factor to the other degree above this are looked at closely.
+        rough: Those below this are none, relative.
+        error_of_degree: Error of the load factor of a degree, in units of the difference between
+            degrees 1 and 2; measured. For degree 2 it is 0.3 mostly, and 1 where corners decide.
+        lengths: Solves at most for the lengths of hinges by the compressive strength.
+        settled: They end where the load factor changes by less than this, relative.
+    """
+
+    share: float = 0.6
+    asked: float = 3.0
+    usual_solve: float = 40.0
+    large: float = 1e-3
+    rough: float = 1e-5
+    error_of_degree: tuple[float, float] = (1.15, 0.5)
+    lengths: int = 6
+    settled: float = 1e-5
+
+
+OPTIONS = ErrorOptions()
+
+
+def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with the estimate of its discretisation error, if its load case led to it."""
+    if end.status != "limit" or end.mode is None:
+        return end
+    if end.torn is not None:
+        _log.info("no error estimate: on other meshes other points tear")
+        return end
+    try:
+        return _with_estimate(case.unrecorded, end)
+    except Stopped as stop:
+        unknown = MeshError(math.nan, math.nan, math.nan, unknown=str(stop))
+        return replace(end, mesh_error=unknown)
+
+
+def _with_estimate(case: LoadCase, end: Collapse) -> Collapse:
+    """A limit load with the estimate of its discretisation error."""
+    scene = case.discretization.scene
+    if end.path is not None and scene.solve.slip == "load-steps":
+        _log.info("no error estimate: slip is measured from the step before")
+        return end
+    tolerance = scene.solve.tolerance
+    live = case.problem.live
+    mode = end.mode
+    if mode is not None and case.problem.dot(live, mode) < 0.0:  # the dead load does the work
+        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
+        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
+    return with_mesh_error(case, end, tolerance)
+
+
+def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
+    """A collapse with what its load factor owes to the mesh, and that with point hinges.
+
+    Args:
+        case: The load case.
+        end: Its collapse, with status "limit".
+        tolerance: On the load factor, relative.
+    """
+    if end.joints is None:
+        return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
+    effort = case.discretization.effort
+    largest = _largest_cost(case, end)
+    with effort.at_most(largest):
+        found = _estimated(case, end, end.joints, tolerance)
+        error = found.mesh_error
+        if error is not None and math.isnan(error.estimate):
+            error = replace(error, unknown=_why(case, error, effort.left, largest))
+    return replace(found, mesh_error=error)
+
+
+def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: float) -> Collapse:
+    """As `with_mesh_error`, as far as the effort allows."""
+    whole = case.discretization
+    lengths = ContactLengths.of(whole)
+    points = values.hinges(whole.joints.neighbours)
+    way = Way((end,), (points,), ended=len(points) == 0 or determinate(case, end))
+    way = to_point_hinges(case, way, max(tolerance, hinges.OPTIONS.unchanged))
+    length = lengths.of_mesh(points, values.normal_force)
+    error = replace(_hinge_error(way), hinge_length=length)
+    if way.complete:
+        error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough))
+    error = _with_lengths(case, way, error, lengths)
+    return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
+
+
+def _largest_cost(case: LoadCase, end: Collapse) -> float:
+    """Cost of the estimate, at most, in factorisations of the structure."""
+    options = case.discretization.scene.solve
+    if options.accuracy is not None:
+        return math.inf
+    return (OPTIONS.asked if options.error else OPTIONS.share) * _solve_cost(end)
+
+
+def _why(case: LoadCase, error: MeshError, left: float, largest: float) -> str:
+    """Why an error is not known, and what to do, for people."""
+    by_hinges = math.isnan(error.hinge_error)
+    if left >= (1.0 if by_hinges else first_look_cost(case)):
+        what = "shorter hinges" if by_hinges else "displacements of the other degree"
+        return f"no collapse state next to this one was found with {what}; a finer mesh may tell"
+    asked = case.discretization.scene.solve.error
+    more = "solve.accuracy sets none" if asked else "solve.error = true sets a higher one"
+    return f"the estimate ended at its limit of {largest:.3g} factorisations; {more}"
+
+
+def _solve_cost(end: Collapse) -> float:
+    """Cost of a collapse, or what one costs from the bonded structure, in factorisations."""
+    found = sum(step.factorizations for history in end.history for step in history.steps)
+    return max(found, OPTIONS.usual_solve)
+
+
+def _hinge_error(way: Way) -> MeshError:
+    """The hinge part of the error; nan where the limit of point hinges is not known."""
+    if not way.complete:
+        return MeshError(math.nan, math.nan, math.nan, state_changes=way.changes)
+    end = way.states[0]
+    limit = way.states[-1].load_factor + way.rest
+    jumps = sum(change.after - change.before for change in way.changes)
+    error = abs(limit - end.load_factor - jumps) / end.size
+    return MeshError(math.nan, limit, error, state_changes=way.changes)
+
+
+def _with_algebraic_error(
+    case: LoadCase, way: Way, error: MeshError, negligible: float
+) -> MeshError:
+    """With the error of joints that slide while they are closed over a length.
+
+    It is not known where the other degree is too dear, or has no collapse state near by.
+    """
+    last, points, halvings = way.last
+    size = way.states[0].size
+    degree = case.discretization.scene.degree
+    slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
+    if not np.any(slides) or independent(case, last):
+        return replace(error, algebraic_error=0.0)
+    try:
+        other = with_other_degree(case, last, Softened(points, halvings), OPTIONS.large * size)
+    except EffortError as reason:
+        _log.info("  %s", reason)
+        return error
+    change = abs(other.load_factor - last.load_factor) / size
+    if change <= negligible:
+        return replace(error, algebraic_error=0.0)
+    if other.another_state:
+        jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
+        return replace(error, state_changes=(*error.state_changes, jump))
+    return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
+
+
+def _at_point_hinges(case: LoadCase, way: Way, error: MeshError) -> Collapse | None:
+    """The last state of the way, with what is left of c / m; None where hinges change nothing."""
+    if not way.complete or len(way.states) == 1:
+        return None
+    found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
+    left = abs(way.rest) / way.states[0].size
+    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
+
+
+def _with_lengths(case: LoadCase, way: Way, error: MeshError, lengths: ContactLengths) -> MeshError:
+    """With the load factor for hinges of the lengths that their compressive strength leaves."""
+    end = way.states[0]
+    if not lengths.given or end.joints is None:
+        return error
+    if math.isnan(error.load_factor_point_hinges):
+        return replace(error, warnings=lengths.warnings(end.joints))
+    state = end
+    points = way.points[0]
+    if len(way.states) > 1:
+        state, points = _with_strength(case, way, lengths)
+    values = state.joints or end.joints
+    length = lengths.by_strength(points, values.normal_force)
+    factor = state.load_factor
+    warnings = lengths.warnings(values)
+    return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
+
+
+def _with_strength(case: LoadCase, way: Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
+    """The collapse with lengths of hinges that its own forces give, and its hinges."""
+    end = way.states[0]
+    size = way.states[0].size
+    if end.joints is None:
+        return end, way.points[0]
+    halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
+    # Start from the stiffest hinges that are not stiffer than most of them.
+    start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
+    state = way.states[start]
+    points = way.points[start]
+    for _ in range(OPTIONS.lengths):
+        force = (state.joints or end.joints).normal_force
+        soft = Softened(points, lengths.halvings(points, force))
+        new = collapse_next_to(case, state, soft, near)
+        if new.status != "limit" or new.joints is None:
+            return replace(state, load_factor=math.nan), points
+        settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
+        found = np.union1d(points, new.joints.hinges(case.discretization.joints.neighbours))
+        settled &= len(found) == len(points)
+        state = new
+        points = found
+        if settled:
+            break
+    return state, points
