@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         OutputOptions,
         Scene,
         SolveOptions,
+        Tie,
     )
     from fenics_contact.sweeps.points import Point
     from fenics_contact.sweeps.sweep import Sweep, sweep
@@ -48,6 +49,7 @@ __all__ = [
     "SolveOptions",
     "SolverError",
     "Sweep",
+    "Tie",
     "__version__",
     "equilibrium",
     "limit_load",
@@ -70,6 +72,7 @@ _HOMES = {
     "Scene": "scene.scene",
     "SolveOptions": "scene.scene",
     "Sweep": "sweeps.sweep",
+    "Tie": "scene.scene",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",
     "sweep": "sweeps.sweep",

@@ -169,8 +169,8 @@ def joint_values(
     bond = gather(problem.law.bond)
     normal = gather(state.pressure) - bond
     shear = gather(state.shear)
-    gap = problem.openings(state.displacement)
-    slip = whole.problem.slips(state.displacement)
+    gap = problem.openings(state.displacement) - problem.law.apart
+    slip = whole.problem.motion_of(state)[1]
     return JointValues(
         normal_force=normal,
         shear_force=shear,

@@ -294,7 +294,7 @@ class _Climb:
         self.problem = case.problem
         case.record.passed("rising load factor", target, state.work, lambda: state)
         if self._options.slip == "load-steps":
-            origin = case.problem.tangential @ state.displacement
+            origin = case.problem.law.slip_origin + case.problem.motion_of(state)[1]
             self.case = replace(case, problem=case.problem.with_law(slip_origin=origin))
         return True
 

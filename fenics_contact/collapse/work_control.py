@@ -302,15 +302,15 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     problem = case.problem
     state = verified.state
     mode = verified.mode
-    slip = problem.slips(state.displacement)
-    opening = problem.law.clearance(problem.openings(state.displacement), slip)
+    opening, slip = problem.motion_of(state)
+    opening = problem.law.clearance(opening, slip)
     opening_rate = problem.clearance_rates(mode)
     slip_rate = problem.tangential @ mode
     # The work by which a joint that moves in the mode has moved so far.
     tiny = 1e-6 * problem.max(np.maximum(np.abs(opening_rate), np.abs(slip_rate)))
     opens = opening_rate > tiny
     slips = np.abs(slip_rate) > tiny
-    slips &= (state.pressure > 0.0) | (problem.law.dilatancy > 0.0)
+    slips &= (state.pressure > 0.0) | (problem.law.dilatancy > 0.0) | (problem.law.apart > 0.0)
     moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
     least = min(float(np.min(m, initial=np.inf)) for m in moved)
     least = problem.comm.allreduce(least, MPI.MIN)

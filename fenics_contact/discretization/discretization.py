@@ -23,7 +23,7 @@ from fenics_contact.discretization.elasticity import (
 from fenics_contact.discretization.facets import Boundary, collect_boundary
 from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, ground_motion
-from fenics_contact.discretization.joints import find_joints, joint_operators
+from fenics_contact.discretization.joints import Joints, find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.material_fields import displacement_space
 from fenics_contact.discretization.movements import facet_motion
@@ -34,6 +34,7 @@ from fenics_contact.discretization.rigid_motions import (
     rigid_bodies,
 )
 from fenics_contact.discretization.supports import Supports, supports_of
+from fenics_contact.discretization.ties import find_ties
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Flags, Indices
 from fenics_contact.scene.scene import Scene
@@ -98,8 +99,8 @@ class Discretization(Layout):
         self.space = space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
         self.supports = find_supports(scene, self.boundary)
-        self.joints = find_joints(scene, self.boundary)
-        self.warnings = self._not_compiled + doubts(scene, self.boundary, self.joints)
+        self.joints = joints = self._find_joints(scene)
+        self.warnings = self._not_compiled + doubts(scene, self.boundary, joints)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         self.node_body = made.node_body
         self.arm = made.arm
@@ -108,9 +109,8 @@ class Discretization(Layout):
         self.first_node = nodes.local_range[0]
         self.size = 2 * int(nodes.size_global)
         self.bodies = bodies = self._rigid_bodies()
-        sides = self.joints.bodies
-        position = self.joints.position
-        check_held(sides, position, self.supports, bodies, scene.mesh.source)
+        closed = joints.without_ties()
+        check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
         self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
         self.points = rows.points
@@ -121,7 +121,8 @@ class Discretization(Layout):
             self._owned.callback(operator.close)
         loads = (made.dead, made.live)
         law = self._law()
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid)
+        give = self._compliance()
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
         self.problem, self.imposed = _with_imposed(self)
         self.effort = Effort()
         self.tally = Tally(effort=self.effort)
@@ -215,6 +216,11 @@ class Discretization(Layout):
         for name in (item.name for item in fields(scene)):
             one = getattr(self.scene, name)
             other = getattr(scene, name)
+            if name == "ties":
+                one, other = (
+                    [(key, tie.from_, tie.to, tie.ground) for key, tie in ties.items()]
+                    for ties in (one, other)
+                )
             if name in LAWS:  # gaps decide which facets face each other
                 one, other = (
                     [(key, law.gap) for key, law in laws.items()] for laws in (one, other)
@@ -237,12 +243,13 @@ class Discretization(Layout):
         new.scene = scene
         new.compile_seconds = 0.0
         new.supports = find_supports(scene, self.boundary)
-        new.joints = find_joints(scene, self.boundary)
+        new.joints = self._find_joints(scene)
         new.warnings = self._not_compiled + doubts(scene, self.boundary, new.joints)
         new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
         new.bodies = new._rigid_bodies()
         _check_live_load(made, new.bodies, scene)
-        new.problem = replace(self.problem, live=made.live, law=new._law())
+        laws = {"law": new._law(), "compliance": new._compliance()}
+        new.problem = replace(self.problem, live=made.live, **laws)
         new.problem, new.imposed = _with_imposed(new)
         if "block_modes" in self.__dict__:
             new.block_modes = self.block_modes.changed(new.problem)
@@ -268,6 +275,16 @@ class Discretization(Layout):
         """Law of this rank's rows."""
         return self.joints.point_laws.at(self.operators.points)
 
+    def _compliance(self) -> Array:
+        """Normal and tangential compliance of this rank's rows, shape (2, rows)."""
+        tangential = self.joints.compliance[self.operators.points]
+        return np.stack([np.zeros_like(tangential), tangential])
+
+    def _find_joints(self, scene: Scene) -> Joints:
+        """Joint points and ties."""
+        ties = find_ties(scene, self.boundary, self.space)
+        return find_joints(scene, self.boundary).with_ties(ties)
+
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
         self.effort.watch = Watch(self.scene.comm, asked)
@@ -286,8 +303,13 @@ class Discretization(Layout):
     def stiffness_with(self, elastic: SparseMap, kind: str) -> JointStiffness:
         """Another stiffness of the blocks with joint springs; the caller closes it."""
         made = self.operators
-        rows = JointRows.single(made.dofs, made.normal_rows, made.tangential_rows)
-        return JointStiffness(elastic, rows, kind, self.tally)
+        rows = made.dofs, made.normal_rows, made.tangential_rows
+        first = int(np.searchsorted(made.points, self.joints.joint_count))
+        # Ties may have many more nodes than joint points.
+        parts = [JointRows.single(*(table[:first] for table in rows))]
+        if self.joints.ties is not None:
+            parts.append(JointRows.single(*(table[first:] for table in rows)))
+        return JointStiffness(elastic, parts, kind, self.tally)
 
     def bonded(self, kind: str) -> Bonded:
         """Solve with all joints closed, under the dead and under the live load.
@@ -298,7 +320,7 @@ class Discretization(Layout):
         problem = self.problem
         stiffness = self.stiffness(kind)
         spring = np.full(problem.points, BONDED_SPRING * stiffness.mean_diagonal)
-        factor = stiffness.factor(spring, spring)
+        factor = stiffness.factor(spring, spring / (1.0 + spring * problem.compliance[1]))
         load, origin = _sizing_load(self, spring)
         dead, live = (factor.solve(each) for each in (load, problem.live))
         pressed = spring * (origin - problem.normal @ dead) + problem.law.bond
@@ -346,7 +368,7 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
     points = made.operators.points
     field = np.zeros_like(dead)
     opening = -joints.gap[points]
-    slip = np.zeros(len(points))
+    slip = joints.origin[points]
     if made.scene.dead.movement:
         ground = ground_motion(made.scene, made.boundary, joints)
         found = Imposed.of(supports, made.bodies, made.boundary, joints, ground)
@@ -359,6 +381,8 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
     law = replace(problem.law, opening_origin=opening, slip_origin=slip)
     if np.any(joints.bond > 0.0):
         dead = dead - problem.normal.T @ law.bond
+    if joints.ties is not None:
+        dead = dead - problem.tangential.T @ law.pull
     return replace(problem, dead=dead, law=law), field
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.movements import displacements
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
@@ -73,10 +73,14 @@ class Imposed:
         scaled = np.einsum("nij,nj->ni", inverse, right)
         missed = held - np.einsum("nsm,nm->ns", rows, scaled[supports.body])
         rest = np.einsum("nks,ns->nk", supports.frame, missed)
-        moved = np.zeros((int(boundary.nodes.max(initial=-1)) + 1, 2))
-        arm = boundary.points - bodies.centre[boundary.body][:, None]
-        per_motion = motions(arm.reshape(-1, 2), bodies.size).reshape(*arm.shape, 3)
-        moved[boundary.nodes] = np.einsum("fnkm,fm->fnk", per_motion, scaled[boundary.body])
-        moved[supports.nodes] += rest
+        moved = np.zeros((int(joints.stencil.nodes.max(initial=-1)) + 1, 2))
+        here = supports.nodes < len(moved)
+        moved[supports.nodes[here]] = rest[here]
         jump = joints.stencil.jump(moved) - ground
+        # Both sides move with their bodies where their nodes are.
+        for side, sign in enumerate((-1.0, 1.0)):
+            body = joints.bodies[:, side]
+            arm = joints.sides[:, side] - bodies.centre[body]
+            turned = np.einsum("nkm,nm->nk", motions(arm, bodies.size), scaled[body])
+            jump += sign * np.where(body[:, None] == GROUND, 0.0, turned)
         return cls(scaled / [1.0, 1.0, bodies.size], rest, jump)

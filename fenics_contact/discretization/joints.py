@@ -8,7 +8,7 @@ the second and t = n turned by 90 degrees anticlockwise,
 
 on rigid ground the first side does not move. w_N = B_N u and w_T = B_T u, one row per point.
 Nodal weights are the exact integrals of the Lagrange functions on a facet (degree 1: trapezoidal
-rule, degree 2: Simpson's).
+rule, degree 2: Simpson's). Ties are more points, after these: they slide and press nothing (`ties`).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from fenics_contact.discretization.mortar import (
 )
 from fenics_contact.discretization.pairing import joint_stretches
 from fenics_contact.discretization.supports import Supports
+from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene.scene import JointLaw, Scene
@@ -39,7 +40,7 @@ from fenics_contact.solvers.problem import sparse_rows
 
 @dataclass(frozen=True)
 class Joints:
-    """Joint points and the facets between them; the same on all ranks.
+    """Joint points and the facets between them, and then ties; the same on all ranks.
 
     Attributes:
         nodes: Nodes of the first and second side at the point, -1 where none is there: on rigid
@@ -49,10 +50,11 @@ class Joints:
         sides: Where the first and second side carry the force of the point: their nodes' mean with
             the weights of `stencil`, m, shape (points, 2, 2). Across a gap these are two places; on
             rigid ground it is the point's own.
-        normal: Unit normal from first to second side, shape (points, 2).
-        length: Length of joint that belongs to the point, m, shape (points,).
+        normal: Unit normal from first to second side, zero at ties, shape (points, 2).
+        length: Length of joint that belongs to the point, m, shape (points,); the share of a bar in
+            its tie.
         law: Law of every point as an index into `laws`.
-        laws: Those of the scene's joints, then of its foundations.
+        laws: Those of the scene's joints, then of its foundations, then of its ties.
         names: Their groups.
         segments: Points at the ends of every facet, or piece of one, shape (segments, 2).
         middle: With degree 2, the points inside these, shape (segments,); else none.
@@ -60,6 +62,7 @@ class Joints:
         gap: Initial opening of every point, m; 0 where the law gives no gap.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
         torn: Points that have lost cohesion and tensile strength; none if left out.
+        ties: The last points; None: there are none.
     """
 
     nodes: Indices
@@ -77,6 +80,55 @@ class Joints:
     gap: Array
     offset: float = 0.0
     torn: Flags | None = None
+    ties: Ties | None = None
+
+    def with_ties(self, ties: Ties) -> Joints:
+        """Joint points, and the bars of ties after them."""
+        count = len(ties.tie)
+        if not count:
+            return self
+        half = [0.5 * float(np.sum(ties.yields[ties.tie == k])) for k in range(len(ties.names))]
+        none = np.full((count, 2), GROUND)
+        columns = {
+            "nodes": none,
+            "bodies": ties.bodies,
+            "position": ties.sides.mean(axis=1),
+            "sides": ties.sides,
+            "normal": np.zeros((count, 2)),
+            "length": ties.share,
+            "law": len(self.laws) + ties.tie,
+            "gap": np.zeros(count),
+        }
+        return replace(
+            self,
+            **{name: np.concatenate([getattr(self, name), of]) for name, of in columns.items()},
+            stencil=self.stencil.followed_by(ties.stencil),
+            laws=(*self.laws, *(JointLaw("tresca", bound=bound) for bound in half)),
+            names=(*self.names, *(f"ties.{name}" for name in ties.names)),
+            ties=ties,
+        )
+
+    def without_ties(self) -> Joints:
+        """The joint points alone."""
+        if self.ties is None:
+            return self
+        count = self.joint_count
+        laws = len(self.laws) - len(self.ties.names)
+        per_point = "nodes", "bodies", "position", "sides", "normal", "length", "law", "gap"
+        return replace(
+            self,
+            **{name: getattr(self, name)[:count] for name in per_point},
+            stencil=Stencil(self.stencil.nodes[:count], self.stencil.weights[:count]),
+            laws=self.laws[:laws],
+            names=self.names[:laws],
+            torn=None if self.torn is None else self.torn[:count],
+            ties=None,
+        )
+
+    @property
+    def joint_count(self) -> int:
+        """Number of points without those of ties."""
+        return len(self.length) - (0 if self.ties is None else len(self.ties.tie))
 
     def moved(self, points: Indices, shares: Any) -> Joints:
         """Joints some of whose points act elsewhere on their faces, between others.
@@ -104,14 +156,34 @@ class Joints:
 
     @property
     def tangent(self) -> Array:
-        """Unit tangents, shape (points, 2)."""
-        return np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+        """Unit tangents, those of ties along the bars, shape (points, 2)."""
+        turned = np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+        if self.ties is not None:
+            turned[self.joint_count :] = self.ties.direction
+        return turned
 
     @property
     def point_laws(self) -> PointLaws:
         """Law of every point, with openings and slips from where the joints are drawn."""
         dilation = np.array([law.dilation for law in self.laws])[self.law]
-        return PointLaws(self.friction, self.shear_strength, dilation).bonded(self.bond)
+        law = PointLaws(self.friction, self.shear_strength, dilation).bonded(self.bond)
+        return law if self.ties is None else replace(law, apart=self._of_ties(self.ties.length))
+
+    @property
+    def compliance(self) -> Array:
+        """Compliance of the points along their tangents, that of ties, m per N/m."""
+        none = np.zeros(len(self.length))
+        return none if self.ties is None else self._of_ties(self.ties.compliance)
+
+    @property
+    def origin(self) -> Array:
+        """Slip of the structure as drawn, of ties, m (`ties`)."""
+        none = np.zeros(len(self.length))
+        return none if self.ties is None else self._of_ties(self.ties.origin)
+
+    def _of_ties(self, values: Array) -> Array:
+        """Values of ties as those of all points, zero at joints."""
+        return np.concatenate([np.zeros(self.joint_count), values])
 
     @property
     def friction(self) -> Array:

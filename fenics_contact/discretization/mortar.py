@@ -63,6 +63,19 @@ class Stencil:
         shape = (-1, 2, nodes.shape[1])
         return cls(nodes.reshape(shape), weights.reshape(shape))
 
+    def followed_by(self, other: Stencil) -> Stencil:
+        """These points and then others."""
+        width = max(self.nodes.shape[2], other.nodes.shape[2])
+        padding = [((0, 0), (0, 0), (0, width - one.nodes.shape[2])) for one in (self, other)]
+        nodes = [
+            np.pad(one.nodes, pad, constant_values=GROUND)
+            for one, pad in zip((self, other), padding, strict=True)
+        ]
+        weights = [
+            np.pad(one.weights, pad) for one, pad in zip((self, other), padding, strict=True)
+        ]
+        return Stencil(np.concatenate(nodes), np.concatenate(weights))
+
     @property
     def rows(self) -> Any:
         """The weights as such a matrix, as wide as the last node needs."""

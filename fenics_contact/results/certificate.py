@@ -216,8 +216,7 @@ def _joint_misses(
     """What this rank's points miss of the joint laws, relative to `scales`."""
     d = scales.displacement
     f = scales.force
-    opening = problem.openings(state.displacement)
-    slip = problem.slips(state.displacement)
+    opening, slip = problem.motion_of(state)
     law = problem.law if bound is None else problem.law.with_given(bound)
     units = {"tension": f, "penetration": d, "friction": f}
     missed = law.missed(opening, slip, state.pressure, state.shear)

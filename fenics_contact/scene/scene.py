@@ -17,7 +17,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import BLOCKS, BlockMesh
-from fenics_contact.scene.toml_tables import check_types, from_table, read_toml
+from fenics_contact.scene.toml_tables import check_types, from_table, key_of, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
@@ -277,6 +277,57 @@ class Movement:
 
 
 @dataclass(frozen=True)
+class Tie:
+    """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
+
+    Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
+
+    Attributes:
+        from_: Where it begins: a place in a block, m, or the name of a one-dimensional group.
+        yield_: Tension at which it yields, N per metre of thickness.
+        to: Where it ends, likewise.
+        ground: The place in the ground where it ends, m, in place of `to`.
+        stiffness: E A / L, N/m per metre of thickness; None: it does not stretch until it yields.
+        prestress: Tension in the structure as drawn, N per metre of thickness.
+        spacing: Distance of such ties along the thickness, m: forces are then those of one tie, N,
+            and the stiffness that of one, N/m.
+    """
+
+    from_: tuple[float, float] | str
+    yield_: float
+    to: tuple[float, float] | str | None = None
+    ground: tuple[float, float] | None = None
+    stiffness: float | None = None
+    prestress: float = 0.0
+    spacing: float | None = None
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require((self.to is None) != (self.ground is None), "to: give either to or ground")
+        for name, place in (("from", self.from_), ("to", self.to), ("ground", self.ground)):
+            if place is not None and not isinstance(place, str):
+                _require_pair(name, place)
+        for name, value in (
+            ("yield", self.yield_),
+            ("stiffness", self.stiffness),
+            ("spacing", self.spacing),
+        ):
+            if value is not None:
+                _require(value > 0.0, f"{name} = {value} must be a positive number")
+                _require_not_negative(name, value)
+        _require_not_negative("prestress", self.prestress)
+        within = self.prestress <= self.yield_
+        _require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
+        known = self.stiffness is not None or self.prestress == 0.0
+        _require(known, "prestress needs stiffness: a tie that does not stretch keeps no force")
+
+    @property
+    def per_metre(self) -> float:
+        """Ties per metre of thickness, 1 where forces are given so."""
+        return 1.0 if self.spacing is None else 1.0 / self.spacing
+
+
+@dataclass(frozen=True)
 class Load:
     """A body force, tractions, forces at places, earth pressure and movements of supports.
 
@@ -430,6 +481,7 @@ class _Shared:
     joints: Mapping[str, JointLaw] = field(default_factory=dict)
     foundations: Mapping[str, JointLaw] = field(default_factory=dict)
     supports: Mapping[str, str] = field(default_factory=dict)
+    ties: Mapping[str, Tie] = field(default_factory=dict)
     stress: StressLaw | None = None
     title: str = ""
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -448,6 +500,7 @@ class Scene(_Shared):
         joints: Law by name of a one-dimensional group where two blocks touch; "default" for others.
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
+        ties: Ties, anchors and cables, by any name.
         plane: "strain" or "stress".
         degree: Degree of the displacements, 1 or 2.
         stress: In Python only: a function (strain, material) that returns the stress in the plane
@@ -485,6 +538,7 @@ class Scene(_Shared):
         self._check_dilatancy()
         self._check_bonds()
         self._check_lost()
+        self._check_ties()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -570,6 +624,10 @@ class Scene(_Shared):
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
+        for name, tie in self.ties.items():
+            for key, end in (("from", tie.from_), ("to", tie.to)):
+                text = f"ties.{name}.{key} = '{end}': {source} has no one-dimensional group '{end}'"
+                _require(not isinstance(end, str) or end in facets, f"{text}; it has {_listed(facets)}; or give a place, [x, y]")
         held = sorted([*self.foundations, *self.supports])
         for name in sorted(set(self.dead.movement) - set(held)):
             raise InputError(
@@ -622,6 +680,12 @@ class Scene(_Shared):
             text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
             _require(not (losing and refused), f"{text} it cannot be used with {option}")
 
+    def _check_ties(self) -> None:
+        method = self.solve.method
+        given = [f"ties.{name}" for name in self.ties]
+        text = f"solve.method = '{method}' knows no {', '.join(given)}; use solve.method = 'auto'"
+        _require(not (given and method in BY_JOINT_FORCES), text)
+
     def _check_dilatancy(self) -> None:
         dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]
         method = self.solve.method
@@ -647,7 +711,7 @@ def _as_tables(item: Any) -> Any:
         item = {one.name: getattr(item, one.name) for one in fields(item)}
     if not isinstance(item, Mapping):
         return item
-    return {name: _as_tables(value) for name, value in item.items() if value is not None}
+    return {key_of(name): _as_tables(value) for name, value in item.items() if value is not None}
 
 
 # ---- what a scene file holds, table by table

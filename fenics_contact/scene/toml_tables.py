@@ -89,16 +89,18 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
     prefix = f"{key}." if key else ""
     table = _as_table(key, table)
     kinds = get_type_hints(kind)
-    for name in [name for name in table if name not in kinds]:
-        close = difflib.get_close_matches(name, kinds, 1)
-        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(kinds))}"
+    known = [key_of(name) for name in kinds]
+    for name in [name for name in table if name not in known]:
+        close = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(sorted(known))}"
         raise InputError(f"unknown key '{prefix}{name}'; {hint}")
     values = {}
     for item in fields(kind):  # type: ignore[arg-type]
-        inner = prefix + item.name
+        name = key_of(item.name)
+        inner = prefix + name
         nested = is_dataclass(kinds[item.name])
-        if item.name in table:
-            values[item.name] = _value(inner, table[item.name], kinds[item.name])
+        if name in table:
+            values[item.name] = _value(inner, table[name], kinds[item.name])
         elif item.default is MISSING and item.default_factory is MISSING:
             raise InputError(f"{inner} is missing" + (f"; give [{inner}]" if nested else ""))
         elif nested:
@@ -109,9 +111,20 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         raise InputError(f"{prefix}{error}") from None
 
 
+def key_of(name: str) -> str:
+    """Key of a field: its name, without the underscore after a keyword of Python (`from_`)."""
+    return name.removesuffix("_")
+
+
+def _kind_of(value: Any, kind: Any) -> Any:
+    """The type that a value should have of several: the first, or a string for a string."""
+    if not isinstance(kind, UnionType):  # "... | None" for what may be left out
+        return kind
+    return str if isinstance(value, str) and str in get_args(kind) else get_args(kind)[0]
+
+
 def _value(key: str, value: Any, kind: Any) -> Any:
-    if isinstance(kind, UnionType):  # "... | None" for what may be left out
-        kind = get_args(kind)[0]
+    kind = _kind_of(value, kind)
     if is_dataclass(kind):
         return from_table(kind, value, key)  # type: ignore[arg-type]
     if get_origin(kind) is Mapping:
@@ -143,14 +156,13 @@ def check_types(item: Any) -> None:
         InputError: The message names the field.
     """
     for name, kind in get_type_hints(type(item)).items():
-        _check_type(name, getattr(item, name), kind)
+        _check_type(key_of(name), getattr(item, name), kind)
 
 
 def _check_type(key: str, value: Any, kind: Any) -> None:
-    if isinstance(kind, UnionType):
-        if value is None:
-            return
-        kind = get_args(kind)[0]
+    if value is None and isinstance(kind, UnionType):
+        return
+    kind = _kind_of(value, kind)
     if get_origin(kind) is Mapping:
         for name, inner in _as_table(key, value).items():
             _check_type(f"{key}.{name}", inner, get_args(kind)[1])

@@ -151,6 +151,7 @@ class BlockModes(Closing):
         own = unknowns[count * mine.start : count * mine.stop]
         self._unknowns = Share(comm, own, len(unknowns))
         self._indentation = _node_compliance(problem, blocks, options.indentation)
+        self._point_indentation = _point_compliance(problem, self._indentation)
         stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), unknowns)
         _set_diagonal_where_missing(stiffness, is_mode[np.argsort(unknowns)])
         rigid = basis.transposeMatMult(problem.rigid.matrix)
@@ -166,7 +167,6 @@ class BlockModes(Closing):
             normal=SparseMap(normal),
             tangential=SparseMap(tangential),
             rigid=SparseMap(self._unknowns.whole_matrix(rigid, motions)),
-            compliance=self._points.whole(_point_compliance(problem, self._indentation)),
         )
         self._owner = Owner()
         less = self.reduced
@@ -176,19 +176,20 @@ class BlockModes(Closing):
     def _loaded(
         self, reduced: ContactProblem, problem: ContactProblem, **maps: Any
     ) -> ContactProblem:
-        """The reduced structure under the loads and laws of a problem of the structure."""
+        """The reduced structure under the loads, laws and ties of a problem of the structure."""
         return replace(
             reduced,
             dead=self.motion(problem.dead),
             live=self.motion(problem.live),
             law=problem.law.each(self._points.whole),
+            compliance=self._points.whole(self._point_indentation + problem.compliance),
             **maps,
         )
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
         """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""
         rows = _rows(self.reduced, self._blocks.sides, self._modes)
-        return JointStiffness(self.reduced.stiffness, rows, kind, tally)
+        return JointStiffness(self.reduced.stiffness, [rows], kind, tally)
 
     def changed(self, problem: ContactProblem) -> BlockModes:
         """The same modes under other loads and laws; this object keeps the maps."""

@@ -22,6 +22,10 @@ tension cut-off of Coulomb's cone (P.B. Lourenco, J.G. Rots, J. Eng. Mech. 123 (
 r_N' = r_N + t that is the law above, c = c0 - F t, under forces -t on the joint that belong to the
 dead load: a bond is a prestress that opening takes up. Everywhere in the solvers r_N is r_N'.
 
+A tie is a point that slides only: its row of B_N is zero, and it is *apart* by a distance that
+nothing changes, so that r_N = 0. With the yield Y its tension is Y/2 - r_T, |r_T| <= Y/2, under
+forces Y/2 along B_T^T that belong to the dead load (`discretization.ties`).
+
 Solvers, linear programs and certificates ask this module and have no law of their own. `laws.c`
 says in C what `SmoothedLaws` says here.
 """
@@ -59,6 +63,7 @@ class PointLaws:
         bond: t, N per metre of thickness; zero where left out.
         slip_origin: B_T u from which slip is measured, m; zero: the stress-free state.
         opening_origin: B_N u from which openings are measured, m; below zero for initial gaps.
+        apart: Opening of ties, m; zero at joints.
     """
 
     friction: Array
@@ -67,9 +72,10 @@ class PointLaws:
     bond: Array = field(default_factory=_none)
     slip_origin: Array = field(default_factory=_none)
     opening_origin: Array = field(default_factory=_none)
+    apart: Array = field(default_factory=_none)
 
     def __post_init__(self) -> None:
-        for name in ("dilatancy", "bond", "slip_origin", "opening_origin"):
+        for name in ("dilatancy", "bond", "slip_origin", "opening_origin", "apart"):
             if len(getattr(self, name)) != len(self.friction):
                 object.__setattr__(self, name, np.zeros(len(self.friction)))
 
@@ -88,12 +94,13 @@ class PointLaws:
 
     def homogeneous(self) -> PointLaws:
         """Laws that hold for every multiple of a state: without strengths, gaps and origins."""
-        return PointLaws(self.friction, np.zeros_like(self.strength), self.dilatancy)
+        none = np.zeros_like(self.strength)
+        return PointLaws(self.friction, none, self.dilatancy, apart=self.apart)
 
     def frictionless(self) -> PointLaws:
-        """Laws by which no shear is carried."""
+        """Laws by which joints carry no shear; ties stay."""
         none = np.zeros_like(self.friction)
-        return replace(self, friction=none, strength=none, dilatancy=none)
+        return replace(self, friction=none, strength=self.pull, dilatancy=none)
 
     def at_most(self, friction: float) -> PointLaws:
         """Laws with coefficients of friction of at most so much."""
@@ -108,6 +115,11 @@ class PointLaws:
     def origins(self) -> Array:
         """Openings and slips at which the joints are as drawn, m, shape (2, points)."""
         return np.array([self.opening_origin, self.slip_origin])
+
+    @property
+    def pull(self) -> Array:
+        """Tension Y/2 of ties that belongs to the dead load, N per metre of thickness."""
+        return np.where(self.apart > 0.0, self.strength, 0.0)
 
     # ---- bounds
 

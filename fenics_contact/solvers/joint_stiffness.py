@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,17 @@ class JointRows:
         rows = padded.reshape(2, -1, most, dofs.shape[1])
         return cls(np.repeat(shared, parts, axis=0), rows[0], rows[1], place)
 
+    @cached_property
+    def indices(self) -> npt.NDArray[np.integer]:
+        """The dofs as PETSc takes them."""
+        return np.ascontiguousarray(self.dofs, dtype=PETSc.IntType)
+
+    @cached_property
+    def transposed(self) -> Array:
+        """Coefficients of B_N^T and B_T^T, shape (groups, n, 2 points of a group)."""
+        both = np.concatenate([self.normal, self.tangential], axis=1)
+        return np.ascontiguousarray(np.swapaxes(both, 1, 2))
+
     def spread(self, values: Array) -> Array:
         """Values of points as factors of the groups' rows."""
         spread = np.zeros((*self.normal.shape[:2], 1))
@@ -120,7 +132,7 @@ class JointStiffness(Closing):
     def __init__(
         self,
         stiffness: SparseMap,
-        rows: JointRows,
+        rows: Sequence[JointRows],
         kind: str,
         tally: Tally,
         options: MumpsOptions | None = None,
@@ -129,18 +141,15 @@ class JointStiffness(Closing):
 
         Args:
             stiffness: K in the supports' coordinates.
-            rows: Joint rows.
+            rows: Joint rows, one set of points after the other.
             kind: `SYMMETRIC` or `GENERAL`.
             tally: Counts the factorisations.
             options: Of MUMPS.
         """
         self.tally = tally
         self._kind = kind
-        self._rows = rows
+        self._rows = list(rows)
         self._options = options or MumpsOptions()
-        self._dofs = np.ascontiguousarray(rows.dofs, dtype=PETSc.IntType)
-        both = np.concatenate([rows.normal, rows.tangential], axis=1)
-        self._transposed = np.ascontiguousarray(np.swapaxes(both, 1, 2))
         diagonal = stiffness.diagonal()
         total, size = stiffness.comm.allreduce(np.array([diagonal.sum(), len(diagonal)]))
         self.mean_diagonal = float(total / size)
@@ -210,25 +219,29 @@ class JointStiffness(Closing):
         coupling: Array | None = None,
         dilation: Array | None = None,
     ) -> None:
-        rows = self._rows
-        shear = rows.spread(tangential) * rows.tangential
-        if coupling is not None:
-            shear += rows.spread(coupling) * rows.normal
-        pressing = rows.spread(normal) * rows.normal
-        if dilation is not None:
-            pressing += rows.spread(dilation) * rows.tangential
-        forces = np.concatenate([pressing, shear], axis=1)
-        blocks = np.matmul(self._transposed, forces)
-        if len(blocks):  # petsc4py divides by the number of blocks
-            matrix.setValuesRCV(self._dofs, self._dofs, blocks, addv=PETSc.InsertMode.ADD_VALUES)
+        first = 0
+        for rows in self._rows:
+            here = slice(first, first + len(rows.place))
+            first = here.stop
+            shear = rows.spread(tangential[here]) * rows.tangential
+            if coupling is not None:
+                shear += rows.spread(coupling[here]) * rows.normal
+            pressing = rows.spread(normal[here]) * rows.normal
+            if dilation is not None:
+                pressing += rows.spread(dilation[here]) * rows.tangential
+            blocks = np.matmul(rows.transposed, np.concatenate([pressing, shear], axis=1))
+            if len(blocks):  # petsc4py divides by the number of blocks
+                added = PETSc.InsertMode.ADD_VALUES
+                matrix.setValuesRCV(rows.indices, rows.indices, blocks, addv=added)
         matrix.assemble()
 
     def _with_spring_pattern(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """K, with zeros stored where springs add."""
-        most = 6 * self._dofs.shape[1]  # a node, or a block, is joined to a handful of others
+        # A node, or a block, is joined to a handful of others; those of ties are few.
+        most = 6 * self._rows[0].dofs.shape[1]
         springs = PETSc.Mat().createAIJ(stiffness.getSizes(), nnz=(most, most), comm=stiffness.comm)
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        zero = np.zeros(len(self._rows.place))
+        zero = np.zeros(sum(len(rows.place) for rows in self._rows))
         self._add_springs(springs, zero, zero)
         padded = stiffness.copy()
         padded.axpy(1.0, springs, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

@@ -170,7 +170,7 @@ class PerturbedKKT:
             nearest: Least distance of shear from its bound, in units of the bound. Above zero for
                 a state from elsewhere, where no spring may vanish.
         """
-        state = *self._joint_motion(start.displacement, start.pressure, start.shear), *start.forces
+        state = *self.problem.motion_of(start), *start.forces
         units = Units(self.scales.displacement, self.scales.force)
         slacks = slacks_next_to(self.law, self.frictional, state, mu, units, nearest)
         factor = start.load_factor if self.load_factor is None else self.load_factor
@@ -187,7 +187,7 @@ class PerturbedKKT:
             - now.load_factor * p.live
             - p.joint_forces(now.pressure, now.shear)
         )
-        opening, slip = self._joint_motion(now.u, now.pressure, now.shear)
+        opening, slip = p.joint_motion(now.u, now.pressure, now.shear)
         work = p.dot(p.live, now.u) - self.work if self.load_factor is None else 0.0
         clearance = now.y + self.law.dilation(now.z1, now.z2)
         return Residual(equilibrium, clearance - opening, now.slip - slip, work)
@@ -233,12 +233,6 @@ class PerturbedKKT:
             SolverError: If A is singular.
         """
         return Linearization(self, now)
-
-    def _joint_motion(self, u: Array, pressure: Array, shear: Array) -> tuple[Array, Array]:
-        """Openings and slips of this rank's points, with those of the points' own compliance."""
-        p = self.problem
-        c_n, c_t = p.compliance
-        return p.openings(u) + c_n * pressure, p.slips(u) + c_t * shear
 
 
 class Linearization:

@@ -178,7 +178,7 @@ class ContactProblem:
         law: Law of this rank's points.
         rigid: R, rigid motions of blocks without supports as orthonormal columns: K R = 0.
         compliance: Compliance of the joint points themselves that K lacks, normal and tangential,
-            m per N/m, shape (2, points): openings and slips are B u + compliance r.
+            m per N/m, shape (2, points): openings and slips are B u + compliance r. Ties have one.
     """
 
     stiffness: SparseMap
@@ -236,11 +236,20 @@ class ContactProblem:
 
     def openings(self, u: Array) -> Array:
         """Openings of this rank's points, m."""
-        return self.normal @ u - self.law.opening_origin
+        return self.normal @ u - self.law.opening_origin + self.law.apart
 
     def slips(self, u: Array) -> Array:
         """Slips of this rank's points, m."""
         return self.tangential @ u - self.law.slip_origin
+
+    def joint_motion(self, u: Array, pressure: Array, shear: Array) -> tuple[Array, Array]:
+        """Openings and slips of this rank's points, with those of the points' own compliance."""
+        c_n, c_t = self.compliance
+        return self.openings(u) + c_n * pressure, self.slips(u) + c_t * shear
+
+    def motion_of(self, state: State) -> tuple[Array, Array]:
+        """Openings and slips of a state at this rank's points, m."""
+        return self.joint_motion(state.displacement, state.pressure, state.shear)
 
     def clearance_rates(self, mode: Array) -> Array:
         """Rates of the clearances of this rank's points in a motion."""
@@ -251,8 +260,8 @@ class ContactProblem:
         return self.normal.T @ pressure + self.tangential.T @ shear
 
     def acting_forces(self, state: State) -> Array:
-        """Forces of the joints on the nodes, N per metre of thickness: bonds pull, too."""
-        return self.joint_forces(state.pressure - self.law.bond, state.shear)
+        """Forces of the joints on the nodes, N per metre of thickness: bonds and ties pull, too."""
+        return self.joint_forces(state.pressure - self.law.bond, state.shear - self.law.pull)
 
     def elastic_part(self, u: Array) -> Array:
         """The part of u that strains the blocks, (I - R R^T) u.

@@ -135,7 +135,7 @@ def loose(request) -> Iterator[JointStiffness]:
     stiffness = sparse(np.diag([3.0, 3.0, 3.0, 0.0]))
     dofs, upright, level = [[0, 1, 2, 3]], [[0.0, -1.0, 0.0, 1.0]], [[-1.0, 0.0, 1.0, 0.0]]
     rows = JointRows.single(np.array(dofs, np.int32), np.array(upright), np.array(level))
-    with JointStiffness(stiffness, rows, request.param, Tally()) as made:
+    with JointStiffness(stiffness, [rows], request.param, Tally()) as made:
         yield made
     stiffness.close()
 

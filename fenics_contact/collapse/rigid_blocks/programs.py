@@ -231,7 +231,9 @@ class RigidBlocks:
         """Those of a structure, with its live load or the reverse of it (sign -1)."""
         joints = whole.joints
         bodies = whole.bodies
-        dead = bodies.dead - _resultants(joints, bodies, joints.bond)
+        law = joints.point_laws
+        dead = bodies.dead - _resultants(joints, bodies, law.bond, joints.normal)
+        dead -= _resultants(joints, bodies, law.pull, joints.tangent)
         bodies = replace(bodies, dead=dead, live=sign * bodies.live)
         faces = straight_faces(joints)
         crushing = Crushing.of(joints, strength_of(whole.scene, joints), faces.of_point)
@@ -360,7 +362,7 @@ class RigidBlocks:
             joints: With points at the places of the tangents.
             force: Normal forces at the points of these programs that are part of the dead load.
         """
-        loaded = _resultants(self._joints, self._bodies, force)
+        loaded = _resultants(self._joints, self._bodies, force, self._joints.normal)
         bodies = replace(self._bodies, dead=self._bodies.dead + loaded)
         new = RigidBlocks.__new__(RigidBlocks)
         vars(new).update(vars(self))
@@ -768,9 +770,9 @@ class _Tangents:
         raise SolverError("rigid-block linear program with crushing: no end of tangents")
 
 
-def _resultants(joints: Joints, bodies: RigidBodies, force: Array) -> Array:
-    """Resultants on the bodies of normal forces at all joint points, shape (bodies, 3)."""
-    moved = relative_motions(joints, bodies, np.arange(len(force)), joints.normal)
+def _resultants(joints: Joints, bodies: RigidBodies, force: Array, along: Array) -> Array:
+    """Resultants on the bodies of forces along directions at joint points, shape (bodies, 3)."""
+    moved = relative_motions(joints, bodies, np.arange(len(force)), along)
     loaded = (moved.T @ force).reshape(-1, 3)
     return np.asarray(np.einsum("bmk,bk->bm", bodies.free, loaded))
 
