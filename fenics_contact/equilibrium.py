@@ -20,7 +20,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, Stopped
 from fenics_contact.output.fields import displacement_function
-from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.scene.scene import Scene
 
 
@@ -43,6 +43,11 @@ class Equilibrium(ServiceState):
     def joints(self) -> NamedArrays:
         """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
         return joint_arrays(self.layout, self.joint_values)
+
+    @property
+    def ties(self) -> NamedArrays:
+        """Arrays over the bars of all ties by name, the same on all ranks; see `tie_arrays`."""
+        return tie_arrays(self.layout, self.joint_values)
 
     @property
     def blocks(self) -> NamedArrays:

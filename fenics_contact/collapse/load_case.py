@@ -76,6 +76,9 @@ class LoadCase:
         if discretization.scene.dead.movement:
             moved = MOVED * problem.max(np.abs(problem.law.origins))
             scales = replace(scales, displacement=max(scales.displacement, moved))
+        # A tie may stretch by far more than the blocks strain before it yields.
+        stretched = 2.0 * problem.max(problem.law.pull * problem.compliance[1])
+        scales = replace(scales, displacement=max(scales.displacement, stretched))
         bonded = replace(bonded, live=sign * bonded.live)
         blocks = RigidBlocks.of(discretization.original, sign, discretization.effort.wait)
         stiffness = discretization.stiffness(kind)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
@@ -62,6 +62,10 @@ class JointValues:
     slip_rate: Array
     clearance_rate: Array
     bond: Array
+
+    def first(self, count: int) -> JointValues:
+        """Values at the first points: those of joints, before those of ties."""
+        return JointValues(*(getattr(self, item.name)[:count] for item in fields(self)))
 
     @property
     def opens(self) -> npt.NDArray[np.bool_]:

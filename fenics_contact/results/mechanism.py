@@ -60,7 +60,7 @@ def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
         fastest,
         centre[fastest],
         direction,
-        *_counts(layout.joints, values),
+        *_counts(layout.joints.without_ties(), values.first(layout.joints.joint_count)),
     )
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.tie_values import tie_values
 
 Values = npt.NDArray[Any]
 
@@ -60,7 +61,8 @@ def joint_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
     | `opening_rate`, `slip_rate` | m | in the collapse mode, on which the live load does work 1 |
     | `state` | | 0 open, 1 slip, 2 stick |
     """
-    joints = layout.joints
+    joints = layout.joints.without_ties()
+    values = values and values.first(joints.joint_count)
     sources: dict[str, Callable[[], Values]] = {
         "position": lambda: joints.position,
         "normal": lambda: joints.normal,
@@ -78,6 +80,36 @@ def joint_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
             "state": partial(getattr, values, "contact"),
         }
     return NamedArrays("joints", sources)
+
+
+def tie_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
+    """Arrays over the bars of all ties; the state is left out where there is none.
+
+    | name | unit | |
+    |---|---|---|
+    | `name` | | name of the tie; an end at a group on several blocks has a bar to each of them |
+    | `ends` | m | first and second end, shape (bars, 2, 2) |
+    | `blocks` | | of both ends, -1 for the ground, shape (bars, 2) |
+    | `yield` | N/m | tension at which the bar yields, per metre of thickness |
+    | `force` | N/m | tension |
+    | `elongation` | m | from the structure as drawn |
+    | `elongation_rate` | m | in the collapse mode, on which the live load does work 1 |
+    | `state` | | 0 slack, 1 elastic, 2 yields |
+    """
+    bars = layout.joints.ties
+    if bars is None:
+        return NamedArrays("ties", {})
+    found = values and tie_values(layout.joints, values)
+    sources: dict[str, Callable[[], Values]] = {
+        "name": lambda: np.array(bars.names, dtype=str)[bars.tie],
+        "ends": lambda: bars.sides,
+        "blocks": lambda: bars.bodies,
+        "yield": lambda: bars.yields,
+    }
+    if found is not None:
+        names = "force", "elongation", "elongation_rate", "state"
+        sources |= {name: partial(getattr, found, name) for name in names}
+    return NamedArrays("ties", sources)
 
 
 def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None) -> NamedArrays:

@@ -35,7 +35,7 @@ from fenics_contact.results.history import (
 )
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mesh_error import MeshError, Pass
-from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays
+from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -290,6 +290,12 @@ class Result:
         """Arrays over all joint points by name, the same on all ranks; see `joint_arrays`."""
         end = self.collapse
         return joint_arrays(self.layout, None if end is None else end.joints)
+
+    @property
+    def ties(self) -> NamedArrays:
+        """Arrays over the bars of all ties by name, the same on all ranks; see `tie_arrays`."""
+        end = self.collapse
+        return tie_arrays(self.layout, None if end is None else end.joints)
 
     @property
     def blocks(self) -> NamedArrays:
