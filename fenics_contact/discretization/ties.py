@@ -216,9 +216,10 @@ def _end_at_place(
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     here = np.flatnonzero(distance <= AT_BLOCK * size)
     found = None
+    function = fem.Function(space)  # collective
     if len(here):
         cell = int(here[np.argmin(distance[here])])
-        found = float(distance[cell]), *_shape_functions(space, cell, place)
+        found = float(distance[cell]), *_shape_functions(function, cell, place)
     parts = mesh.comm.allgather((np.unique(mesh.body[here]).tolist(), found))
     bodies = sorted({body for part, _ in parts for body in part})
     x, y = place
@@ -249,9 +250,9 @@ def _distances(mesh: BlockMesh, place: Array) -> Array:
     return np.asarray(outward.max(axis=1, initial=-np.inf))
 
 
-def _shape_functions(space: Any, cell: int, place: Array) -> tuple[Indices, Array]:
+def _shape_functions(function: fem.Function, cell: int, place: Array) -> tuple[Indices, Array]:
     """Global nodes of a cell of this rank, and their shape functions at a place."""
-    function = fem.Function(space)
+    space = function.function_space
     dofs = compat.cell_dofs(space)[cell]
     at = np.append(place, 0.0)
     values = np.zeros(len(dofs))
