@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.plan import skipped
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.scene.scene import JointLaw
+from fenics_contact.results.tie_values import TieState
+from fenics_contact.scene.scene import JointLaw, Tie
 
 
 class Progress:
@@ -163,6 +166,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
+        lines += _tension_lines(tie_arrays(result.layout, end.joints))
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
     if result.inaccurate:
@@ -174,6 +178,17 @@ def summary(result: Result) -> str:
             f" {seconds['solve'] / bonded:.1f} bonded solves"
         )
     return "\n".join(lines)
+
+
+def _tension_lines(ties: NamedArrays) -> list[str]:
+    """Forces of ties, one by one."""
+    if "state" not in ties:
+        return []
+    texts = []
+    for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
+        carried = f" {force:.6g} N/m" if state != TieState.SLACK else ""
+        texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
+    return [f"ties: {', '.join(texts)}"]
 
 
 def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
@@ -336,7 +351,8 @@ def description(layout: Layout) -> str:
         f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
         f" supports), {cells} cells, {layout.size} displacements,"
         f" area {layout.bodies_area():.6g} m2",
-        *_joint_lines(layout.joints),
+        *_joint_lines(layout.joints.without_ties()),
+        *_tie_lines(scene.ties),
     ]
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()
@@ -363,6 +379,24 @@ def _joint_lines(joints: Joints) -> list[str]:
             f" {int(mine.sum())} points, length {joints.length[mine].sum():.6g} m"
         )
     return lines
+
+
+def _tie_lines(ties: Mapping[str, Tie]) -> list[str]:
+    """What ties carry, as given."""
+    lines = []
+    for name, tie in ties.items():
+        end = f"the ground at {_end_text(tie.ground)}" if tie.ground else _end_text(tie.to)
+        per = "N" if tie.spacing else "N/m"
+        stretches = f", stiffness {tie.stiffness:g} {per}/m" if tie.stiffness else ""
+        stress = f", prestress {tie.prestress:g} {per}" if tie.prestress else ""
+        apart = f", every {tie.spacing:g} m" if tie.spacing else ""
+        ends = f"from {_end_text(tie.from_)} to {end}"
+        lines.append(f"tie {name}: {ends}, yield {tie.yield_:g} {per}{stretches}{stress}{apart}")
+    return lines
+
+
+def _end_text(end: tuple[float, float] | str | None) -> str:
+    return f"({end[0]:g}, {end[1]:g})" if isinstance(end, tuple) else f"{end}"
 
 
 def _gap_text(law: JointLaw) -> str:

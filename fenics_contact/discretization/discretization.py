@@ -303,12 +303,12 @@ class Discretization(Layout):
     def stiffness_with(self, elastic: SparseMap, kind: str) -> JointStiffness:
         """Another stiffness of the blocks with joint springs; the caller closes it."""
         made = self.operators
-        rows = made.dofs, made.normal_rows, made.tangential_rows
-        first = int(np.searchsorted(made.points, self.joints.joint_count))
         # Ties may have many more nodes than joint points.
-        parts = [JointRows.single(*(table[:first] for table in rows))]
-        if self.joints.ties is not None:
-            parts.append(JointRows.single(*(table[first:] for table in rows)))
+        first = int(np.searchsorted(made.points, self.joints.joint_count))
+        parts = [
+            JointRows.single(made.dofs[rows], made.normal_rows[rows], made.tangential_rows[rows])
+            for rows in (slice(first), slice(first, None))
+        ]
         return JointStiffness(elastic, parts, kind, self.tally)
 
     def bonded(self, kind: str) -> Bonded:

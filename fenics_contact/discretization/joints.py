@@ -8,7 +8,8 @@ the second and t = n turned by 90 degrees anticlockwise,
 
 on rigid ground the first side does not move. w_N = B_N u and w_T = B_T u, one row per point.
 Nodal weights are the exact integrals of the Lagrange functions on a facet (degree 1: trapezoidal
-rule, degree 2: Simpson's). Ties are more points, after these: they slide and press nothing (`ties`).
+rule, degree 2: Simpson's). Ties are more points, after these: they slide, and press nothing
+(`ties`).
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ class Ties:
         return (0.5 * self.yields - self.prestress) * self.compliance
 
     def tensions(self, shear: Array) -> Array:
-        """t = Y/2 - r_T, N per metre of thickness."""
+        """Tensions t = Y/2 - r_T, N per metre of thickness."""
         return 0.5 * self.yields - shear
 
     def elongations(self, slip: Array, shear: Array) -> Array:
@@ -203,9 +203,7 @@ def _ends_at_group(boundary: Boundary, name: str) -> list[_End]:
     return found
 
 
-def _end_at_place(
-    mesh: BlockMesh, boundary: Boundary, space: Any, place: Array, key: str
-) -> _End:
+def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array, key: str) -> _End:
     """The end at a place, from the rank that has a cell there. Collective.
 
     Raises:

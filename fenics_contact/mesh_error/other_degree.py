@@ -241,6 +241,8 @@ class Counterparts:
             found = self._spread(everywhere)
         else:
             found = self._gathered(everywhere)
+        ours = self.given.joints.joint_count
+        found[:, self.other.joints.joint_count :] = everywhere[:, ours:]  # ties have counterparts
         return found[:, self.other.operators.points]
 
     def _spread(self, forces: Array) -> Array:

@@ -16,8 +16,10 @@ from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import View
 from fenics_contact.results.joint_values import Contact
+from fenics_contact.results.tie_values import TieState
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
+GREEN = "#007A5A"
 PALE_ORANGE = "#F2C766"
 #: Tints of the materials, repeated if there are more; they differ in grey too.
 TINTS = ("#c3d5e3", "#faf0d2", "#a9b79b", "#b98f9d", "#80868f", "#d8bf94")
@@ -29,7 +31,8 @@ IN_A_ROW = 5
 
 def extent(view: View, *more: Array) -> Array:
     """Corners, low and high, m, of the blocks at rest, arrows of loads, more points, a margin."""
-    tables = [view.rest, *more, *(end for ends in _arrow_ends(view) for end in ends)]
+    ties = [] if view.ties is None else [view.ties.bars.sides]
+    tables = [view.rest, *ties, *more, *(end for ends in _arrow_ends(view) for end in ends)]
     points = np.concatenate([table.reshape(-1, 2) for table in tables])
     margin = 0.02 * view.size
     return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
@@ -159,6 +162,40 @@ def draw_joints(axes: Any, view: View) -> list[Any]:
         style = {"mfc": "white", "mec": "black", "mew": 0.8, "ms": max(4.5 * fine, 2.0)}
         entries += axes.plot(*position[points].T, "o", label="hinge", **style)
     return entries
+
+
+def draw_ties(axes: Any, view: View, ends: Array) -> list[Any]:
+    """Ties between given ends, shape (bars, 2, 2), by what they do; entries of a legend."""
+    if view.ties is None:
+        return []
+    entries: list[Any] = []
+    state = view.ties.state
+    for label, which, style in (
+        ("tie yields", TieState.YIELDS, {"lw": 2.6, "ls": "-"}),
+        ("tie", TieState.ELASTIC, {"lw": 1.4, "ls": "-"}),
+        ("tie slack", TieState.SLACK, {"lw": 1.2, "ls": (0, (4, 3))}),
+    ):
+        for tie in ends[state == which]:
+            (line,) = axes.plot(*tie.T, marker="s", ms=4.0, color=GREEN, zorder=4, **style)
+        if np.any(state == which):
+            entries.append((label, line))
+    return entries
+
+
+def name_tie_forces(axes: Any, view: View) -> None:
+    """Forces of ties beside the middle of the bars, at rest."""
+    from matplotlib import patheffects
+
+    if view.ties is None:
+        return
+    halo = [patheffects.withStroke(linewidth=2.5, foreground="white")]
+    style = {"fontsize": 8, "color": GREEN, "zorder": 6, "path_effects": halo}
+    style |= {"ha": "center", "va": "bottom", "rotation_mode": "anchor"}
+    for ends, force in zip(view.ties.bars.sides, view.ties.force, strict=True):
+        along = ends[1] - ends[0]
+        angle = np.degrees(np.arctan2(along[1], along[0]))
+        upright = angle - 180.0 * np.round(angle / 180.0)
+        axes.text(*ends.mean(axis=0), force_text(float(force)), rotation=upright, **style)
 
 
 def legend(axes: Any, entries: Sequence[Any]) -> None:

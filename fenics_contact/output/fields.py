@@ -52,16 +52,20 @@ def at_nodes(layout: Layout, values: Array, nodes: Indices) -> Array:
     return found
 
 
-def at_joints(layout: Layout, values: Array, ground: Array | float = 0.0) -> Array:
-    """Mean displacement of both sides at all joint points, on all ranks, shape (points, 2).
+def at_sides(layout: Layout, values: Array) -> Array:
+    """Displacements of both sides at all joint points and ties, on all ranks, (points, 2, 2).
 
-    On rigid ground, that of `ground`. Collective; `values` as for `at_nodes`.
+    They are zero on rigid ground. Collective; `values` as for `at_nodes`.
     """
-    joints = layout.joints
-    of_nodes = at_nodes(layout, values, joints.stencil.nodes)
-    middle = np.einsum("psk,pskd->pd", 0.5 * joints.stencil.weights, of_nodes)
+    stencil = layout.joints.stencil
+    of_nodes = at_nodes(layout, values, stencil.nodes)
+    return np.asarray(np.einsum("psk,pskd->psd", stencil.weights, of_nodes))
+
+
+def middle(joints: Joints, sides: Array, ground: Array | float = 0.0) -> Array:
+    """Mean displacement of both sides at joint points; on rigid ground that of `ground`."""
     on_ground = joints.bodies[:, :1] == GROUND
-    return np.where(on_ground, ground, middle)
+    return np.where(on_ground, ground, sides.mean(axis=1))
 
 
 def mode_scale(layout: Layout, mode: Array) -> float:
@@ -201,14 +205,17 @@ def write_joints(
     Raises:
         OutputError: On all ranks, with the reason, if the file cannot be written.
     """
-    joints = layout.joints
+    joints = layout.joints.without_ties()
+    count = joints.joint_count
+    values = values.first(count)
     scale = mode_scale(layout, mode)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
     points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
     points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
     ground = ground_motion(layout.scene, layout.boundary, joints)
-    points |= {"displacement": at_joints(layout, displacement, ground)}
-    points |= {"collapse_mode": scale * at_joints(layout, mode)}
+    moved = at_sides(layout, displacement)[:count]
+    points |= {"displacement": middle(joints, moved, ground)}
+    points |= {"collapse_mode": scale * middle(joints, at_sides(layout, mode)[:count])}
     first = joints.segments[:, 0]
     lines = {"state": facet_contact(values, joints.segments), "group": joints.law[first]}
     lines |= {"friction": joints.friction[first]}

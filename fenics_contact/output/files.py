@@ -39,7 +39,9 @@ from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Lowest, Peak
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.mesh_error import MeshError
+from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.tie_values import TieState
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
@@ -224,6 +226,7 @@ def result_record(result: Result) -> Record:
         "residuals": None,
         "discretization": None,
         "peak": None,
+        "ties": [],
         "capacity": vars(result.curve_end) if result.curve_end else None,
         "lowest": None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
@@ -244,7 +247,7 @@ def result_record(result: Result) -> Record:
             "floating_bodies": int(layout.bodies.floating.sum()),
             "cells": int(mesh.domain.topology.index_map(2).size_global),
             "dofs": layout.size,
-            "joint_points": len(layout.joints.length),
+            "joint_points": layout.joints.joint_count,
         },
         "scene": scene_record(layout),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
@@ -303,6 +306,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["crushing"] = _crushing_record(collapse)
     record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")
+    record["ties"] = _tie_records(tie_arrays(result.layout, collapse.joints))
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
 
@@ -341,6 +345,16 @@ def _crushing_record(collapse: Collapse) -> list[Record] | None:
         return None
     names = "position", "group", "length", "normal_force"
     return [_record(place, *names) for place in collapse.crushed]
+
+
+def _tie_records(ties: NamedArrays) -> list[Record]:
+    """Every bar of every tie, with its force and what it does."""
+    if "state" not in ties:
+        return []
+    words = {state.value: state.name.lower() for state in TieState}
+    columns = {name: ties[name].tolist() for name in ties}
+    columns["state"] = [words[state] for state in columns["state"]]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _mesh_error_record(error: MeshError) -> Record:

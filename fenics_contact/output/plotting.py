@@ -26,12 +26,14 @@ from fenics_contact.output.drawing import (
     draw_outlines,
     draw_rest,
     draw_scale,
+    draw_ties,
     extent,
     fineness,
     force_scale,
     frame,
     legend,
     material_entries,
+    name_tie_forces,
     outlines,
 )
 from fenics_contact.output.fields import principal_stresses
@@ -62,7 +64,8 @@ def draw_mode(axes: Any, view: View) -> Any:
     """The collapse mode: blocks displaced, joints by what they do, and the live load."""
     frame(axes, view, view.moved)
     draw_moved(axes, view)
-    entries = [*draw_joints(axes, view), *draw_live_load(axes, view)]
+    entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.moved_ties)]
+    entries += draw_live_load(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
     motion = "collapse mode" if view.verified else "motion, not verified"
     axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
@@ -95,6 +98,9 @@ def draw_forces(axes: Any, view: View) -> Any:
         add_lines(axes, lines, colors=FORCE, linewidths=widths)
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
         draw_scale(axes, view, per_metre, float(size.max()), FORCE)
+    if view.ties is not None:
+        legend(axes, draw_ties(axes, view, view.ties.bars.sides))
+        name_tie_forces(axes, view)
     axes.set_title(f"joint forces {_when(view)}", fontsize=10)
     return axes
 
@@ -119,6 +125,8 @@ def draw_thrust(axes: Any, view: View) -> Any:
     if len(lines.segments):
         entries += axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
         entries += axes.plot(*lines.centre.T, **style)
+    if view.ties is not None:
+        entries += draw_ties(axes, view, view.ties.bars.sides)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
     axes.set_title(f"line of thrust {_when(view)} (width: force)", fontsize=10)
     return axes

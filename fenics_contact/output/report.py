@@ -206,6 +206,12 @@ def _answer(record: Record) -> Iterator[str]:
         if end["reason"]:
             yield _paragraph(f"Reason: {end['reason']}.")
         yield _table(_load_factor_rows(direction, end, record))
+        forces = [
+            (tie["name"], _value(tie["force"], "N/m"), tie["state"])
+            for tie in _details(record, direction).get("ties", [])
+        ]
+        head = "tie", "tension per metre of thickness", "state"
+        yield _table(forces, head, "Ties")
         if end["status"] == "not_converged" and end["attempts"]:
             head = "attempt", "how it ended", "factorisations"
             keys = "name", "outcome", "factorizations"
@@ -397,6 +403,7 @@ def _scene(record: Record) -> Iterator[str]:
     for name in ("materials", "joints", "foundations"):
         yield _table(_rows(scene[name], units), ("group", "property", "value"), KEYS[name])
     yield _table(scene["supports"].items(), ("group", "kind"), KEYS["supports"])
+    yield _table(_rows(scene.get("ties", {}), units), ("tie", "property", "value"), KEYS["ties"])
     contacts = [
         (at["group"], at["kind"], at["points"], _value(at["length"])) for at in scene["contacts"]
     ]

@@ -25,6 +25,10 @@ UNITS: Mapping[str, str] = {
     "traction": "Pa",
     "tilt": "degrees",
     "force": "N per metre of thickness",
+    "yield": "N per metre of thickness, N with a spacing",
+    "stiffness": "N/m per metre of thickness, N/m with a spacing",
+    "prestress": "N per metre of thickness, N with a spacing",
+    "spacing": "m",
     "x": "m",
     "y": "m",
     "level": "m",
@@ -62,7 +66,8 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "resultants": {
             n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
         },
-        "contacts": _contacts(layout.joints),
+        "ties": scene.tables()["ties"],
+        "contacts": _contacts(layout.joints.without_ties()),
         "solve": asdict(scene.solve),
         "units": dict(UNITS),
     }

@@ -12,8 +12,15 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import forces_on_facets
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.output.fields import at_joints, at_nodes, material_numbers, mode_scale
+from fenics_contact.output.fields import (
+    at_nodes,
+    at_sides,
+    material_numbers,
+    middle,
+    mode_scale,
+)
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.tie_values import TieValues, tie_values
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
@@ -51,6 +58,8 @@ class View:
         materials: Names.
         tractions: Live tractions and earth pressure, as they act.
         forces: Live forces at places.
+        ties: Ties with their forces; None where there are none, or no values.
+        tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
         body: Resultant of the live body force on its line of action; no arrow if there is none.
         verified: Whether mode and values are those of a verified collapse.
     """
@@ -67,6 +76,8 @@ class View:
     tractions: Arrows
     forces: Arrows
     body: Arrows
+    ties: TieValues | None
+    tie_motion: Array
     verified: bool = True
 
     @property
@@ -83,6 +94,11 @@ class View:
     def moved(self) -> Array:
         """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
         return self.rest + self.motion
+
+    @property
+    def moved_ties(self) -> Array:
+        """Ends of the ties, displaced by the mode, m, shape (bars, 2, 2)."""
+        return self.tie_motion if self.ties is None else self.ties.bars.sides + self.tie_motion
 
     @property
     def block_size(self) -> float:
@@ -102,18 +118,21 @@ def view_of(
     reversed.
     """
     boundary = layout.boundary
-    joints = layout.joints
+    joints = layout.joints.without_ties()
     motion = np.zeros((len(boundary.nodes), 2, 2))
     at_points = np.zeros((len(joints.nodes), 2))
+    at_ties = np.zeros((len(layout.joints.nodes) - len(joints.nodes), 2, 2))
     if mode is not None:
         scale = mode_scale(layout, mode)
         motion = scale * at_nodes(layout, mode, boundary.nodes[:, :2])
-        at_points = scale * at_joints(layout, mode)
+        sides = scale * at_sides(layout, mode)
+        at_points = middle(joints, sides[: len(at_points)])
+        at_ties = sides[len(at_points) :]
     tractions, forces, body = _live_load(layout, sign)
     return View(
         boundary=boundary,
         joints=joints,
-        values=values,
+        values=values and values.first(len(joints.nodes)),
         motion=motion,
         joint_motion=at_points,
         centre=layout.bodies.centre,
@@ -123,6 +142,8 @@ def view_of(
         tractions=tractions,
         forces=forces,
         body=body,
+        ties=None if values is None else tie_values(layout.joints, values),
+        tie_motion=at_ties,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
@@ -101,10 +102,10 @@ def tie_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
         return NamedArrays("ties", {})
     found = values and tie_values(layout.joints, values)
     sources: dict[str, Callable[[], Values]] = {
-        "name": lambda: np.array(bars.names, dtype=str)[bars.tie],
-        "ends": lambda: bars.sides,
-        "blocks": lambda: bars.bodies,
-        "yield": lambda: bars.yields,
+        "name": partial(operator.getitem, np.array(bars.names, dtype=str), bars.tie),
+        "ends": partial(getattr, bars, "sides"),
+        "blocks": partial(getattr, bars, "bodies"),
+        "yield": partial(getattr, bars, "yields"),
     }
     if found is not None:
         names = "force", "elongation", "elongation_rate", "state"

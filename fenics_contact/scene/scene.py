@@ -627,7 +627,10 @@ class Scene(_Shared):
         for name, tie in self.ties.items():
             for key, end in (("from", tie.from_), ("to", tie.to)):
                 text = f"ties.{name}.{key} = '{end}': {source} has no one-dimensional group '{end}'"
-                _require(not isinstance(end, str) or end in facets, f"{text}; it has {_listed(facets)}; or give a place, [x, y]")
+                _require(
+                    not isinstance(end, str) or end in facets,
+                    f"{text}; it has {_listed(facets)}; or give a place, [x, y]",
+                )
         held = sorted([*self.foundations, *self.supports])
         for name in sorted(set(self.dead.movement) - set(held)):
             raise InputError(

@@ -54,9 +54,7 @@ def two(gap: float = 0.0) -> Any:
         "right": [((2.0 + gap, 0.0), (2.0 + gap, 0.5))],
         "top": [((0.0, 0.5), (1.0, 0.5)), ((1.0 + gap, 0.5), (2.0 + gap, 0.5))],
     }
-    blocks = [
-        [(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 0.5), (x, 0.5)] for x in (0.0, 1.0 + gap)
-    ]
+    blocks = [[(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 0.5), (x, 0.5)] for x in (0.0, 1.0 + gap)]
     return polygons(blocks, 0.25, groups=lines)
 
 
@@ -80,7 +78,9 @@ def test_anchored_block_slides(elastic):
         assert end.certificate.kinematic_factor == pytest.approx(end.load_factor, rel=1e-6)
         assert end.bounds.lower == pytest.approx(end.load_factor, rel=1e-6)
         assert end.bounds.upper == pytest.approx(end.load_factor, rel=1e-6)
-        assert tie_arrays(result.layout, end.joints)["force"] == pytest.approx([tension], abs=1e-6 * force)
+        assert tie_arrays(result.layout, end.joints)["force"] == pytest.approx(
+            [tension], abs=1e-6 * force
+        )
     assert result.ties["state"] == [2]
     assert tie_arrays(result.layout, result.negative.joints)["state"] == [0]
 
@@ -286,12 +286,12 @@ def test_values_that_are_wrong(arguments, message):
 
 
 def test_group_that_the_mesh_lacks():
-    with pytest.raises(InputError, match="ties.north.to = 'left'.* it has"):
+    with pytest.raises(InputError, match=r"ties\.north\.to = 'left'.* it has"):
         tied(two(), Tie((0.2, 0.2), 1e3, to="left"))
 
 
 def test_methods_on_joint_forces_are_refused():
-    with pytest.raises(InputError, match="ties.north"):
+    with pytest.raises(InputError, match=r"ties\.north"):
         tied(two(), Tie((0.2, 0.2), 1e3, to="right"), solve=SolveOptions(method="splitting"))
 
 
@@ -303,7 +303,7 @@ def test_a_scene_file_and_its_tables():
     again = Scene.from_tables(tables, lambda *_: usual.mesh)
     assert again.ties == usual.ties
     tables["ties"]["north"] |= {"yeild": 1.0}
-    with pytest.raises(InputError, match="unknown key 'ties.north.yeild'; did you mean 'yield'"):
+    with pytest.raises(InputError, match=r"unknown key 'ties\.north\.yeild'; did you mean 'yield'"):
         Scene.from_tables(tables, lambda *_: usual.mesh)
 
 
