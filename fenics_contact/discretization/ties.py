@@ -28,6 +28,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import fem
 
 from fenics_contact import compat
@@ -66,6 +67,11 @@ class Ties:
     yields: Array
     compliance: Array
     prestress: Array
+
+    @property
+    def name(self) -> npt.NDArray[np.str_]:
+        """Names of the ties that the bars are of."""
+        return np.array(self.names, dtype=str)[self.tie]
 
     @property
     def along(self) -> Array:

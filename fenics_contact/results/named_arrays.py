@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
@@ -102,7 +101,7 @@ def tie_arrays(layout: Layout, values: JointValues | None) -> NamedArrays:
         return NamedArrays("ties", {})
     found = values and tie_values(layout.joints, values)
     sources: dict[str, Callable[[], Values]] = {
-        "name": partial(operator.getitem, np.array(bars.names, dtype=str), bars.tie),
+        "name": partial(getattr, bars, "name"),
         "ends": partial(getattr, bars, "sides"),
         "blocks": partial(getattr, bars, "bodies"),
         "yield": partial(getattr, bars, "yields"),
