@@ -22,6 +22,7 @@ import pytest
 import fenics_contact
 from fenics_contact import Scene
 from fenics_contact.meshing import polygons
+from fenics_contact.scene.toml_tables import key_of
 from tests.bank import sides
 from tests.drawing import rectangle
 from tests.system.program import ROOT, Run, changed, run_command, run_here, toml
@@ -193,7 +194,7 @@ def test_options_in_the_text_are_known(page):
 def keys(table: type) -> Iterator[str]:
     """All keys of a scene file, without the tables that they are in."""
     for name, hint in get_type_hints(table).items():
-        yield name
+        yield key_of(name)
         for part in (hint, *get_args(hint)):
             if dataclasses.is_dataclass(part) and part.__module__ == Scene.__module__:
                 yield from keys(part)
