@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3-scipy \
             python3-matplotlib python3-tqdm python3-pytest python3-pytest-xdist python3-hypothesis \
-            python3-ezdxf python3-mypy python3-venv python3-pip python3-dev gcc openmpi-bin \
+            python3-ezdxf python3-shapely python3-mypy python3-venv python3-pip python3-dev gcc openmpi-bin \
             libopenblas0-serial
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0

@@ -165,10 +165,11 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
     report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
     mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
-    mesh.add_argument("drawing", type=Path, help="drawing: closed polylines are blocks (DXF)")
+    _add_layers(mesh)
     mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
     mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
     mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
+    mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )
@@ -195,6 +196,22 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     sweep.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     return parser
+
+
+def _add_layers(mesh: argparse.ArgumentParser) -> None:
+    """Arguments for the drawing and the roles of its layers."""
+    mesh.add_argument(
+        "drawing", type=Path, help="drawing: closed polylines or faces between lines are blocks"
+    )
+    for role, text in (
+        ("blocks", "whose closed polylines are blocks"),
+        ("lines", "of joints and outlines: the faces between their lines are blocks"),
+        ("voids", "of openings"),
+        ("ignore", "that are no part of the structure"),
+    ):
+        mesh.add_argument(
+            f"--{role}", action="append", default=[], metavar="LAYERS", help=f"layers {text}"
+        )
 
 
 def _set_up_logging(options: argparse.Namespace, comm: MPI.Comm) -> None:

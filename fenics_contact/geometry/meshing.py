@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices, extract, gmsh_session
-from fenics_contact.geometry.planar_cells import connected, sides_of
+from fenics_contact.geometry.planar_cells import sides_of
+from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
 Polygons = list[Array]
@@ -267,7 +268,7 @@ def _draw(
     """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
     geo = model.geo
     surfaces: dict[str, list[int]] = {name: [] for name in names}
-    on_group: dict[str, list[int]] = {name: [] for name in groups}
+    sides: list[int] = []
     for block, block_name, size in zip(blocks, names, sizes, strict=True):
         points = [geo.addPoint(x, y, 0.0) for x, y in block]
         ends = np.roll(block, -1, axis=0)
@@ -276,9 +277,10 @@ def _draw(
             # Both blocks of a joint must come to the same number, whatever their rounding.
             geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
         surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
-        for name, segments in groups.items():
-            on_group[name] += np.array(lines)[sides_on(block, segments, near)].tolist()
+        sides += lines
     geo.synchronize()
+    found = sides_on(blocks, groups, near)
+    on_group = {name: np.array(sides)[on].tolist() for name, on in found.items()}
     for dim, members in ((2, surfaces), (1, on_group)):
         for name, tags in members.items():
             if not tags:
@@ -307,8 +309,20 @@ def outline_problem(corners: Array) -> str:
         return "has a corner that is not finite"
     if abs(_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
         return "has no area; check its corners"
+    if _clearly_convex(corners):
+        return ""
     crossing = _crossing(corners)
     return "" if crossing is None else "crosses itself at ({:g}, {:g})".format(*crossing)
+
+
+def _clearly_convex(corners: Array) -> bool:
+    """Whether an outline turns one way at all corners, and once around in all."""
+    following = np.arange(1, len(corners) + 1) % len(corners)
+    along = corners[following] - corners
+    after = along[following]
+    turn = np.arctan2(_cross(along, after), np.sum(along * after, axis=1))
+    turn *= np.sign(turn.sum())
+    return bool(turn.min() > 1e-3 and turn.sum() < 7.0)  # once around are 6.28
 
 
 def _crossing(corners: Array) -> Array | None:
@@ -347,26 +361,35 @@ def _cross(first: Array, second: Array) -> Array:
 def _area(corners: Array) -> float:
     """Area of a polygon, negative if its corners run clockwise."""
     x, y = (corners - corners[0]).T
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
 
 
-def _on_segment(points: Array, segment: npt.ArrayLike, near: float) -> Flags:
-    """Which points lie on a segment, its ends included."""
-    start, end = np.asarray(segment, dtype=float)
-    if np.all(start == end):
-        return np.zeros(len(points), dtype=bool)
-    x, y = (end - start) / np.linalg.norm(end - start)
-    along, across = ((points - start) @ np.array([[x, -y], [y, x]])).T
-    return (np.abs(across) <= near) & (along >= -near) & (along <= np.hypot(*(end - start)) + near)
+def _ends(blocks: Polygons) -> Array:
+    """Starts and ends of the sides of blocks, one after the other, shape (sides, 2, 2)."""
+    counts = np.array([len(block) for block in blocks])
+    last = np.cumsum(counts) - 1
+    following = np.arange(1, counts.sum() + 1)
+    following[last] = last - counts + 1
+    corners = np.concatenate(blocks)
+    return np.stack([corners, corners[following]], axis=1)
 
 
-def sides_on(outline: Array, segments: Sequence[npt.ArrayLike], near: float) -> Flags:
-    """Which sides of an outline, by their first corner, lie on segments."""
-    sides = np.zeros(len(outline), dtype=bool)
-    for segment in segments:
-        on = _on_segment(outline, segment, near)
-        sides |= on & np.roll(on, -1)
-    return sides
+def sides_on(blocks: Polygons, groups: Segments, near: float) -> dict[str, Flags]:
+    """Which sides of the blocks, one block after the other, lie on the segments of each group."""
+    ends = _ends(blocks)
+    found = {}
+    for name, segments in groups.items():
+        lines = np.array([np.reshape(segment, (2, 2)) for segment in segments]).reshape(-1, 2, 2)
+        lines = lines[np.any(lines[:, 0] != lines[:, 1], axis=1)]
+        first, second = (
+            points_near_segments(np.ascontiguousarray(ends[:, k]), lines, near) for k in (0, 1)
+        )
+        starts = first.segment * len(ends) + first.point
+        both = np.isin(starts, second.segment * len(ends) + second.point)
+        on = np.zeros(len(ends), dtype=bool)
+        on[first.point[both]] = True
+        found[name] = on
+    return found
 
 
 def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, float]:
@@ -377,45 +400,18 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
     ends = [np.reshape(segment, (2, 2)) for some in groups.values() for segment in some]
     corners = np.concatenate(outlines)
     near = COINCIDENT * float(np.ptp(corners, axis=0).max())
-    corners = _snapped(np.concatenate([corners, *ends]), near)
+    corners = snapped(np.concatenate([corners, *ends]), near)
     blocks = []
     for part in np.split(corners, np.cumsum([len(outline) for outline in outlines]))[:-1]:
-        block = part[np.linalg.norm(part - np.roll(part, 1, axis=0), axis=1) > near]
+        block = part[np.hypot(*(part - part[np.arange(len(part)) - 1]).T) > near]
         if len(block) < 3:
             raise InputError(
                 f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) is too small to be drawn"
             )
-        block = block if _area(block) > 0.0 else block[::-1]
-        blocks.append(_with_t_joints(block, corners, near))
-    return blocks, near
-
-
-def _snapped(points: Array, near: float) -> Array:
-    """Points, of which those that are near each other have the place of the first of them."""
-    from scipy.spatial import cKDTree
-
-    label = connected(cKDTree(points).query_pairs(near, output_type="ndarray"), len(points))
-    _, first = np.unique(label, return_index=True)
-    return points[first[label]]
-
-
-def _with_t_joints(outline: Array, corners: Array, near: float) -> Array:
-    """An outline with the corners of all blocks that lie on its sides inserted."""
-    low = outline.min(axis=0) - near
-    high = outline.max(axis=0) + near
-    corners = corners[np.all((corners >= low) & (corners <= high), axis=1)]
-    pieces = []
-    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        length = np.linalg.norm(end - start)
-        on_side = corners[_on_segment(corners, (start, end), near)]
-        along = (on_side - start) @ (end - start) / length
-        order = np.argsort(along)
-        on_side = on_side[order]
-        along = along[order]
-        inside = (along > near) & (along < length - near)
-        inside &= np.diff(along, prepend=-np.inf) > near
-        pieces += [start[None], on_side[inside]]
-    return np.concatenate(pieces)
+        blocks.append(block if _area(block) > 0.0 else block[::-1])
+    starts, side = divided_segments(_ends(blocks), np.unique(corners, axis=0), near)
+    first_side = np.cumsum([len(block) for block in blocks])[:-1]
+    return np.split(starts, np.searchsorted(side, first_side)), near
 
 
 def arch(

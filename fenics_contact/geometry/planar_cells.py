@@ -12,6 +12,7 @@ from fenics_contact.errors import InputError
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 #: Smallest and largest size of a structure, m, and its largest distance from the origin.
 SIZES = 1e-9, 1e9

@@ -103,7 +103,7 @@ def test_unit_of_the_drawing(unit, arguments, width, folder, capsys):
 
 BOW_TIE = [(0, 0), (1000, 1000), (1000, 0), (0, 1500)]
 BAD_DRAWINGS = {
-    "no blocks": ([], [((0, 0), (1, 0), "base")], ("no closed polyline", "1 lines")),
+    "no blocks": ([], [((0, 0), (1, 0), "base")], ("lines on layers base enclose no face",)),
     "crossing": ([(BOW_TIE, "stone")], [], ("layer 'stone'", "crosses itself at (600, 600)")),
     "no area": ([([(0, 0), (1, 1), (2, 2)], "flat")], [], ("layer 'flat'", "no area")),
     "twice": ([(SQUARE, "a"), (SQUARE, "b")], [], ("blocks overlap at",)),

@@ -96,14 +96,14 @@ def test_lines_and_open_polylines_are_groups_and_layers_have_no_case(tmp_path):
         space.add_lwpolyline([(0, 0), (0, 1), (1, 1)], dxfattribs={"layer": "rim"})
         document.layers.add("hidden").off()
         space.add_line((0, 0), (0, 1), dxfattribs={"layer": "hidden"})
-        space.add_line((5, 0), (5, 1), dxfattribs={"layer": "axis"})
+        space.add_line((5, 0), (5, 1), dxfattribs={"layer": "far"})
         space.add_circle((0, 0), 1)
 
     contents = read(draw, tmp_path)
     assert contents.drawing.lengths() == pytest.approx({"Base": 1.0, "rim": 2.0})
     assert contents.notes == (
         "left out: 1 CIRCLE",
-        "left out: layer 'axis', on whose lines no side of a block lies",
+        "left out: layer 'far', on whose lines no side of a block lies",
     )
 
 

@@ -1,0 +1,417 @@
+"""Blocks of a DXF drawing: closed curves, or faces between lines.
+
+The length below which points are the same is 1e-6 of the drawing, as in `meshing`. A drawing in map
+coordinates is moved to its own origin, because its digits would not do for the mesh.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.drawing import LIMITS as DRAWING_LIMITS
+from fenics_contact.geometry.drawing import Drawing
+from fenics_contact.geometry.dxf.chords import chains_of_chords
+from fenics_contact.geometry.dxf.faces import Faces, faces_between, on_lines, openings
+from fenics_contact.geometry.dxf.reader import UNITS, Curve, Curves, read_curves
+from fenics_contact.geometry.dxf.roles import CurveRoles, LayerRoles, curve_roles
+from fenics_contact.geometry.meshing import (
+    COINCIDENT,
+    Segments,
+    default_size,
+    lowest_level,
+    outline_problem,
+)
+from fenics_contact.geometry.outlines import inside_outlines
+from fenics_contact.geometry.planar_cells import Array
+from fenics_contact.geometry.point_pairs import points_near_segments
+
+
+@dataclass(frozen=True)
+class DrawingDoubts:
+    """What looks wrong in a drawing.
+
+    Attributes:
+        far: Distance from the origin, in sizes of the drawing, from which it is moved there.
+        apart: Distance of a block from the others, in sizes of the drawing, which is a mistake.
+        open: Distance between the ends of an open polyline, over its length, below which it might
+            be a block that was not closed.
+        small: Area of a block over the median one below which it might be a mistake.
+        large: Mean area of the blocks of a layer over the median one above which they might be
+            openings.
+    """
+
+    far: float = 100.0
+    apart: float = 100.0
+    open: float = 0.25
+    small: float = 1e-3
+    large: float = 4.0
+
+
+DOUBTS = DrawingDoubts()
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A suspicious place: x and y, m, and what is there."""
+
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True)
+class DxfContents:
+    """A DXF file as a drawing, with what is to be told of it.
+
+    Attributes:
+        drawing: Closed curves or faces between lines as blocks, lines as groups.
+        unit: Unit of the file's coordinates.
+        notes: What was guessed, left out and moved.
+        origin: Where the origin of the drawing of blocks lies in the file, m, shape (2,).
+        voids: Outlines of openings, m.
+        marks: Suspicious places.
+    """
+
+    drawing: Drawing
+    unit: str
+    notes: tuple[str, ...]
+    origin: Array = field(default_factory=lambda: np.zeros(2))
+    voids: Sequence[Array] = ()
+    marks: Sequence[Mark] = ()
+
+    def place(self, x: float, y: float) -> str:
+        """A place in the file's unit, as a CAD program shows it."""
+        return _place((np.array([x, y]) + self.origin) / UNITS[self.unit], self.unit)
+
+
+def _place(point: Array, unit: str) -> str:
+    return f"({point[0]:.10g}, {point[1]:.10g}) {unit}"
+
+
+def read_dxf(
+    path: str | Path, unit: str | None = None, roles: LayerRoles | None = None
+) -> DxfContents:
+    """Read a DXF drawing: its blocks are closed curves, or faces between lines.
+
+    The layer of a closed polyline is the two-dimensional group of its block; faces between lines
+    have that of the closed curve around them, or "blocks". The layer of a line is the
+    one-dimensional group of the sides that lie on it. Without such lines, "base" is the lowest
+    level. Arcs become straight sides of at most 5 degrees, which leave the arc by 0.1 % of its
+    radius, the same for all blocks along an arc. Layers that are off or frozen are left out.
+
+    Args:
+        path: The file.
+        unit: One of `UNITS`; by default that of the file ($INSUNITS).
+        roles: Layers of blocks, lines, openings, and those left out; others are guessed.
+
+    Raises:
+        InputError: If ezdxf or shapely is missing, the file is no DXF, has no unit, or no block, or
+            a block has no area or crosses itself.
+    """
+    found = read_curves(Path(path), unit)
+    if not found.curves:
+        raise InputError(f"{found.source} has no lines; {_listed_notes(found.notes)}")
+    origin, size = _own_origin(found)
+    near = COINCIDENT * size
+    chains = chains_of_chords(found.curves, near)
+    by_role = curve_roles(found, chains, roles or LayerRoles())
+    read = _Reading(found, chains, by_role, near, origin)
+    if by_role.lines:
+        read.take_faces()
+    else:
+        read.take_closed_curves()
+    return read.contents()
+
+
+def _listed_notes(notes: Sequence[str]) -> str:
+    return "; ".join(notes) or "it is empty"
+
+
+def _own_origin(found: Curves) -> tuple[Array, float]:
+    """Origin of a drawing and its size, in its unit; its curves are moved if it lies far away.
+
+    The size is that of nine tenths of all points: a stray line changes nothing.
+    """
+    points = np.concatenate([curve.points for curve in found.curves])
+    low, high = np.quantile(points, [0.05, 0.95], axis=0)
+    size = float((high - low).max()) or float(np.ptp(points, axis=0).max())
+    if np.abs(low).max() <= DOUBTS.far * size:
+        return np.zeros(2), size
+    close = np.all((points >= low - size) & (points <= high + size), axis=1)
+    origin = points[close].min(axis=0)
+    found.curves = [replace(curve, points=curve.points - origin) for curve in found.curves]
+    found.notes.append(
+        f"moved: map coordinates, the new origin is {_place(origin, found.unit)} of the drawing"
+    )
+    return origin, size
+
+
+class _Reading:
+    """A drawing while its blocks are found.
+
+    Attributes:
+        blocks: Outlines of blocks, in the drawing's unit.
+        names: Their groups.
+        voids: Outlines of openings.
+        notes: What is said.
+        marks: Suspicious places in the drawing's unit, with texts.
+    """
+
+    def __init__(
+        self,
+        found: Curves,
+        chains: Sequence[Array],
+        by_role: CurveRoles,
+        near: float,
+        origin: Array,
+    ) -> None:
+        self.found = found
+        self.chains = chains
+        self.by_role = by_role
+        self.near = near
+        self.origin = origin
+        self.blocks: list[Array] = []
+        self.names: list[str] = []
+        self.voids: list[Array] = []
+        self.notes = [*found.notes, *by_role.notes]
+        self.marks: list[tuple[Array, str]] = []
+
+    def _curve(self, number: int) -> Curve:
+        return self.found.curves[number]
+
+    def _rings(self, numbers: Sequence[int]) -> list[Array]:
+        """Chains of curves that end as they begin, if closed."""
+        return [
+            np.concatenate([chain, chain[:1]]) if self._curve(k).closed else chain
+            for k, chain in ((k, self.chains[k]) for k in numbers)
+        ]
+
+    def _place(self, point: Array) -> str:
+        return _place(point + self.origin, self.found.unit)
+
+    # ---- blocks
+
+    def take_closed_curves(self) -> None:
+        """Take every closed curve of blocks as a block, but for those within openings."""
+        self.voids = [self.chains[k] for k in self.by_role.voids if self._curve(k).closed]
+        for k in self.by_role.blocks:
+            curve = self._curve(k)
+            if problem := outline_problem(self.chains[k]):
+                place = self._place(self.chains[k][0])
+                raise InputError(
+                    f"{self.found.source}: the block on layer '{curve.layer}' at {place} {problem}"
+                )
+            self.blocks.append(self.chains[k])
+            self.names.append(curve.layer)
+        if not self.blocks:
+            count = len(self.by_role.sides) + len(self.by_role.voids)
+            raise InputError(
+                f"{self.found.source} has no closed polyline, which would be a block, but {count}"
+                " other lines; give layers of lines between blocks with --lines"
+                f" ({_listed_notes(self.notes)})"
+            )
+        self._leave_out(_in_openings(self.blocks, self.voids))
+        self._doubt_open_polylines()
+
+    def take_faces(self) -> None:
+        """Take faces between lines as blocks, but for those within openings."""
+        roles = self.by_role
+        closed = [self.chains[k] for k in roles.blocks]
+        bounding = [*roles.lines, *roles.voids, *roles.blocks]
+        faces = faces_between(self._rings(bounding), self.near)
+        drawn = on_lines(faces.edges, self._rings(roles.voids), self.near)
+        self.voids = openings(faces, drawn)
+        inner = np.array([_inner_point(outline) for outline in faces.outlines]).reshape(-1, 2)
+        owner = inside_outlines(inner, closed)
+        by_lines = self._bounded_by_lines(faces)
+        void = inside_outlines(inner, self.voids) >= 0
+        for k, outline in enumerate(faces.outlines):
+            if void[k] or (owner[k] < 0 and not by_lines[k]):
+                continue
+            if faces.holes[k]:
+                raise InputError(
+                    f"{self.found.source}: the face at {self._place(inner[k])} has lines within"
+                    " that do not touch its outline: it would be a block with a hole; draw a joint"
+                    " from there to the outline, or name the layer with --voids or --ignore"
+                )
+            self.blocks.append(outline)
+            self.names.append(
+                self._curve(roles.blocks[owner[k]]).layer if owner[k] >= 0 else "blocks"
+            )
+        if not self.blocks:
+            raise InputError(
+                f"{self.found.source}: the lines on layers {self._layers(roles.lines)} enclose no"
+                f" face, which would be a block ({_listed_notes(self.notes)})"
+            )
+        self.notes.append(
+            f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
+        )
+        self._doubt_free_ends(faces)
+
+    def _bounded_by_lines(self, faces: Faces) -> list[bool]:
+        """Which faces have a side on a line between blocks."""
+        edges = faces.edges[on_lines(faces.edges, self._rings(self.by_role.lines), self.near)]
+        known = {tuple(sorted(map(tuple, edge))) for edge in edges.tolist()}
+        found = []
+        for outline in faces.outlines:
+            corners = [tuple(corner) for corner in outline.tolist()]
+            sides = pairwise([*corners, corners[0]])
+            found.append(any(tuple(sorted(side)) in known for side in sides))
+        return found
+
+    def _layers(self, numbers: Sequence[int]) -> str:
+        return ", ".join(sorted({self._curve(k).layer for k in numbers}))
+
+    def _leave_out(self, numbers: set[int]) -> None:
+        if numbers:
+            self.notes.append(f"left out: {len(numbers)} closed curves within openings")
+            keep = [k for k in range(len(self.blocks)) if k not in numbers]
+            self.blocks = [self.blocks[k] for k in keep]
+            self.names = [self.names[k] for k in keep]
+
+    # ---- doubts
+
+    def _doubt_open_polylines(self) -> None:
+        layers = set(self.names)
+        for k in self.by_role.sides:
+            chain = self.chains[k]
+            length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
+            distance = float(np.linalg.norm(chain[-1] - chain[0]))
+            layer = self._curve(k).layer
+            if layer in layers and len(chain) > 2 and distance < DOUBTS.open * length:
+                self._doubt(
+                    chain[0],
+                    f"an open polyline on layer '{layer}' with its ends {distance:.3g}"
+                    f" {self.found.unit} apart is no block: close it if it is one",
+                )
+
+    def _doubt_free_ends(self, faces: Faces) -> None:
+        """Mark ends of lines that stop short of another line."""
+        ends = faces.free[:, 0]
+        reach = 4.0 * DRAWING_LIMITS.gap * default_size(self.blocks)
+        pairs = points_near_segments(ends, faces.edges, reach)
+        length = np.linalg.norm(faces.free[:, 1] - ends, axis=1)[pairs.point]
+        short = (pairs.distance > self.near) & (pairs.distance < 0.5 * length)
+        order = np.argsort(pairs.distance[short])
+        point = pairs.point[short][order]
+        _, first = np.unique(point, return_index=True)
+        for row in first.tolist():
+            distance = pairs.distance[short][order][row]
+            self._doubt(
+                ends[point[row]],
+                f"a line ends {distance:.3g} {self.found.unit} short of another: extend it, or"
+                " blocks are one",
+            )
+
+    def _doubt_sizes(self) -> Iterator[str]:
+        """Mark very small blocks; warnings on layers of blocks that may be openings."""
+        areas = np.array([_area(block) for block in self.blocks])
+        median = float(np.median(areas))
+        for k in np.flatnonzero(areas < DOUBTS.small * median).tolist():
+            self._doubt(
+                _inner_point(self.blocks[k]),
+                f"a block of {areas[k]:.2g} {self.found.unit}2 on layer '{self.names[k]}', the"
+                f" median has {median:.2g}: a sliver between lines that do not meet?",
+            )
+        names = np.array(self.names)
+        for name, count in Counter(self.names).items():
+            large = areas[names == name].mean() / median
+            if large > DOUBTS.large and count < 0.5 * len(names):
+                yield (
+                    f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large"
+                    f" as the median; if they are openings, give --voids {name}"
+                )
+
+    def _doubt(self, point: Array, text: str) -> None:
+        self.marks.append((point, text))
+
+    # ---- contents
+
+    def contents(self) -> DxfContents:
+        """The drawing in m, with its groups."""
+        scale = UNITS[self.found.unit]
+        self._refuse_far_blocks()
+        self.notes += self._doubt_sizes()
+        groups = self._groups()
+        by_text: dict[str, list[Array]] = {}
+        for point, text in self.marks:
+            by_text.setdefault(text, []).append(point)
+        self.notes += [
+            f"warning: at {self._place(points[0])} {text}"
+            + (f" (and at {len(points) - 1} more places)" if len(points) > 1 else "")
+            for text, points in by_text.items()
+        ]
+        return DxfContents(
+            Drawing([scale * block for block in self.blocks], self.names, groups),
+            self.found.unit,
+            tuple(self.notes),
+            scale * self.origin,
+            [scale * void for void in self.voids],
+            [Mark(scale * point[0], scale * point[1], text) for point, text in self.marks],
+        )
+
+    def _groups(self) -> Segments:
+        """Groups of the lines on which sides of blocks lie, or the lowest level."""
+        scale = UNITS[self.found.unit]
+        roles = self.by_role
+        faces = bool(roles.lines)
+        lines: dict[str, list[npt.ArrayLike]] = {}
+        for k in [*roles.sides, *(roles.lines + roles.voids if faces else ())]:
+            (ring,) = self._rings([k])
+            lines.setdefault(self._curve(k).layer, []).extend(pairwise(scale * ring))
+        blocks = [scale * block for block in self.blocks]
+        lengths = Drawing(blocks, self.names, lines).lengths()
+        self.notes += [
+            f"left out: layer '{name}', on whose lines no side of a block lies"
+            for name, length in lengths.items()
+            if length == 0.0
+        ]
+        groups: Segments = {name: lines[name] for name in sorted(lines) if lengths[name] > 0.0}
+        if not groups or (faces and "base" not in map(str.lower, groups)):
+            why = "" if groups else "no lines on sides of blocks: "
+            groups = {**groups, **lowest_level(blocks)}
+            self.notes.append(f'{why}the group "base" is the lowest level')
+        return groups
+
+    def _refuse_far_blocks(self) -> None:
+        """Refuse a block so far from the others that the digits of all would not do."""
+        points = np.array([block.mean(axis=0) for block in self.blocks])
+        middle = np.median(points, axis=0)
+        away = np.linalg.norm(points - middle, axis=1)
+        worst = int(np.argmax(away))
+        size = self.near / COINCIDENT
+        if away[worst] > DOUBTS.apart * size:
+            raise InputError(
+                f"{self.found.source}: the block on layer '{self.names[worst]}' at"
+                f" {self._place(points[worst])} is {away[worst] / size:.3g} times the size of the"
+                " drawing away from the others; delete it or name its layer with --ignore"
+            )
+
+
+def _in_openings(blocks: Sequence[Array], voids: Sequence[Array]) -> set[int]:
+    """Blocks that lie within openings."""
+    if not voids:
+        return set()
+    inner = np.array([_inner_point(block) for block in blocks])
+    return set(np.flatnonzero(inside_outlines(inner, voids) >= 0).tolist())
+
+
+def _inner_point(outline: Array) -> Array:
+    """A point within an outline."""
+    from shapely.geometry import Polygon
+
+    point = Polygon(outline).representative_point()
+    return np.array([point.x, point.y])
+
+
+def _area(outline: Array) -> float:
+    x, y = (outline - outline[0]).T
+    return 0.5 * abs(float(x[:-1] @ y[1:] - y[:-1] @ x[1:]))

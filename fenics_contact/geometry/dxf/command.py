@@ -1,0 +1,168 @@
+"""From a DXF file to a gmsh file: what was made, in words."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.drawing import LIMITS, Drawing
+from fenics_contact.geometry.dxf.blocks import DxfContents, Mark, read_dxf
+from fenics_contact.geometry.dxf.reader import UNITS
+from fenics_contact.geometry.dxf.roles import LayerRoles
+from fenics_contact.geometry.mesh import gmsh_session
+from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.outlines import overlaps
+from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
+
+
+@dataclass(frozen=True)
+class MeshOrder:
+    """What `fenics-contact mesh` is asked for.
+
+    Attributes:
+        drawing: The DXF file; see `read_dxf`.
+        output: The .msh file; by default beside the drawing, with its name.
+        size: Largest length of an element along the sides, m; see `meshing.polygons`.
+        unit: See `read_dxf`.
+        roles: See `read_dxf`.
+        picture: File for a picture of what was read, or none.
+    """
+
+    drawing: Path
+    output: Path | None = None
+    size: float | None = None
+    unit: str | None = None
+    roles: LayerRoles = field(default_factory=LayerRoles)
+    picture: Path | None = None
+
+
+def mesh_drawing(order: MeshOrder) -> str:
+    """Mesh a DXF drawing and write it for gmsh; returns what was made, for people.
+
+    Raises:
+        InputError: If the drawing is wrong or blocks overlap, or the mesh cannot be written; no
+            mesh is written then.
+    """
+    output = order.drawing.with_suffix(".msh") if order.output is None else order.output
+    if output.suffix != ".msh":
+        raise InputError(f"'{output}' must end with .msh, for gmsh")
+    if order.size is not None and not 0.0 < order.size < np.inf:
+        raise InputError(f"size = {order.size:g} must be a positive length, m")
+    read = read_dxf(order.drawing, order.unit, order.roles)
+    drawing = read.drawing
+    size = order.size or default_size(list(drawing.blocks))
+    pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
+    gaps = drawing.gaps()
+    if order.picture is not None:
+        _draw(read, gaps, places, order.picture)
+    if len(pairs):
+        raise InputError(_overlap_message(read, pairs, places, f"'{order.drawing}'"))
+    _check_size(drawing, size)
+    triangles = _meshed(drawing, size, output)
+    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
+    lengths = {name: f"{length:g} m" for name, length in drawing.lengths().items()}
+    lines = [
+        f"{order.drawing}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
+        f"blocks by layer: {_listed(Counter(drawing.names))}",
+        f"sides by layer: {_listed(lengths)}",
+        f"mesh: {triangles} triangles, elements of at most {size:.3g} m along the sides",
+        *read.notes,
+        *_gap_warning(read, gaps),
+        *([f"picture of what was read: {order.picture}"] if order.picture else ()),
+        f"written to {output}",
+        f'next: write a scene with mesh.file = "{output.name}", then: fenics-contact check SCENE',
+    ]
+    return "\n".join(lines)
+
+
+def _smallest(drawing: Drawing) -> float:
+    """Smallest width or height of a block, m."""
+    return min(float(np.ptp(block, axis=0).min()) for block in drawing.blocks) or 1.0
+
+
+def _check_size(drawing: Drawing, size: float) -> None:
+    """Refuse elements larger than the drawing, and too many of them."""
+    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
+    if size > max(width, height):
+        raise InputError(
+            f"elements of {size:g} m are larger than the drawing, {width:g} m x {height:g} m; give"
+            " --size in m"
+        )
+    # Two triangles or more for each square, and the squares of four elements by default.
+    cells = 32.0 * len(drawing.blocks) * (default_size(list(drawing.blocks)) / size) ** 2
+    around = sum(np.linalg.norm(np.roll(b, -1, axis=0) - b, axis=1).sum() for b in drawing.blocks)
+    cells = max(cells, around / size)
+    if cells > LIMITS.cells:
+        raise InputError(f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size")
+
+
+def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: str) -> str:
+    names = read.drawing.names
+    first, second = (names[k] for k in pairs[0])
+    layers = Counter(" and ".join(sorted({names[a], names[b]})) for a, b in pairs.tolist())
+    listed = ", ".join(f"{count} on {layer}" for layer, count in layers.most_common(3))
+    return (
+        f"{source}: blocks overlap at {read.place(*places[0])}, on layers '{first}' and '{second}'"
+        f" ({len(pairs)} overlaps: {listed}); draw them side by side, or name layers of openings"
+        " with --voids, of joints with --lines, and those that are no stones with --ignore"
+    )
+
+
+def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
+    """How many corners lie beside another block, how far, and how to close the gaps."""
+    if not len(gaps):
+        return
+    facing = gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps
+    least, most = facing[:, 2].min(), facing[:, 2].max()
+    step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
+    gap = f"{np.ceil(1.05 * most / step) * step:.2g}"
+    in_unit = " to ".join(f"{d / UNITS[read.unit]:.3g}" for d in np.unique([least, most]))
+    mortar = len(gaps) > len(read.drawing.blocks)
+    yield (
+        f"warning: {len(gaps)} corners lie beside another block without touching it, {in_unit}"
+        f" {read.unit} away ({facing[0, 2]:.2g} m at {read.place(*facing[0, :2])})"
+        f"{': mortar joints?' if mortar else ''}"
+    )
+    yield (
+        f"these joints are open; to close them write joints.default.gap = {gap} in the scene, or"
+        f" fenics-contact solve SCENE --set joints.default.gap={gap}; or draw the blocks side by"
+        " side"
+    )
+
+
+def _listed(values: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items()) or "none"
+
+
+def _draw(read: DxfContents, gaps: Array, places: Array, target: Path) -> None:
+    """Write the picture, with gaps and overlaps marked."""
+    from fenics_contact.geometry.dxf.picture import write_picture
+
+    marks = [*read.marks, *(Mark(x, y, "gap") for x, y in gaps[:, :2].tolist())]
+    marks += [Mark(x, y, "overlap") for x, y in places.tolist()]
+    write_picture(read, marks, target)
+
+
+def _meshed(drawing: Drawing, size: float, output: Path) -> int:
+    """Mesh a drawing and write it, as a whole or not at all; returns the number of triangles."""
+    part = output.with_name(f".{output.stem}.{os.getpid()}.msh")
+    try:
+        if output.is_dir():
+            raise InputError(f"cannot write to '{output}': it is a folder")
+        part.touch()  # gmsh does not say why it cannot
+        drawing.mesh(size)
+        with gmsh_session() as gmsh:
+            tags, _ = gmsh.model.mesh.getElementsByType(2)
+            gmsh.write(str(part))
+        part.replace(output)
+    except OSError as error:
+        raise InputError(f"cannot write to '{output}': {error.strerror}") from None
+    finally:
+        part.unlink(missing_ok=True)
+    return len(tags)

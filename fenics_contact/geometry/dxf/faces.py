@@ -1,0 +1,144 @@
+"""Faces of the planar graph that lines draw: the blocks between them.
+
+Lines are cut where they meet and cross; the parts are the edges of a planar graph. Its bounded
+faces are found by shapely (polygonize). Ends of lines that bound no face hang in the air.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.geometry.planar_cells import Array, Flags
+from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped
+
+#: Faces thinner than so many times the distance of points that are the same are none: twice the
+#: area over the length of the outline is the thickness.
+SLIVER = 5.0
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Bounded faces between lines.
+
+    Attributes:
+        outlines: Corners of every face, each of shape (corners, 2).
+        holes: Which faces have another set of lines within that they do not touch, shape (faces,).
+        edges: Parts of the lines, shape (edges, 2, 2).
+        outer: Which edges have a face on one side only, shape (edges,).
+        free: Edges that end in the air, that end first, shape (ends, 2, 2).
+    """
+
+    outlines: list[Array]
+    holes: Flags
+    edges: Array
+    outer: Flags
+    free: Array
+
+
+def faces_between(chains: Sequence[Array], near: float) -> Faces:
+    """Faces between chains of straight lines.
+
+    Args:
+        chains: Corners of every chain, each of shape (corners, 2); closed ones end as they begin.
+        near: Distance within which points are the same, and ends lie on lines.
+    """
+    from shapely.geometry import MultiLineString
+    from shapely.ops import polygonize, unary_union
+
+    whole = unary_union(MultiLineString(_cut(chains, near).tolist()))
+    lines = [np.asarray(line.coords) for line in getattr(whole, "geoms", [whole])]
+    edges = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
+    faces = [face for face in polygonize(whole) if face.area > SLIVER * near * face.length]
+    outlines = [np.asarray(face.exterior.coords)[:-1] for face in faces]
+    holes = np.array([len(face.interiors) > 0 for face in faces], dtype=bool)
+    rings = [np.asarray(r.coords) for f in faces for r in (f.exterior, *f.interiors)]
+    return Faces(outlines, holes, edges, _outer(edges, rings), _free(edges))
+
+
+def _cut(chains: Sequence[Array], near: float) -> Array:
+    """Segments of chains with common ends where they are near each other, each once, (n, 2, 2)."""
+    corners = snapped(np.concatenate(chains), near)
+    parts = np.split(corners, np.cumsum([len(chain) for chain in chains])[:-1])
+    segments = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in parts])
+    segments = segments[np.any(segments[:, 0] != segments[:, 1], axis=1)]
+    starts, owner = divided_segments(segments, np.unique(corners, axis=0), near)
+    ends = np.concatenate([starts[1:], starts[:1]])
+    last = np.append(owner[1:] != owner[:-1], True)
+    ends[last] = segments[owner[last], 1]
+    return np.unique(_sorted_ends(np.stack([starts, ends], axis=1)), axis=0)
+
+
+def _sorted_ends(segments: Array) -> Array:
+    """Segments with the end first that comes first in x, then in y."""
+    first, second = segments[:, 0], segments[:, 1]
+    swap = (first[:, 0] > second[:, 0]) | (
+        (first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1])
+    )
+    return np.where(swap[:, None, None], segments[:, ::-1], segments)
+
+
+def _outer(edges: Array, rings: Sequence[Array]) -> Flags:
+    """Which edges have a face on one side only, by the rings of corners around all faces."""
+    if not rings:
+        return np.zeros(len(edges), dtype=bool)
+    sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    both = np.concatenate([_sorted_ends(edges), _sorted_ends(sides)]).reshape(-1, 4)
+    _, label = np.unique(both, axis=0, return_inverse=True)
+    label = label.reshape(-1)
+    count = np.bincount(label[len(edges) :], minlength=label.max() + 1)
+    return count[label[: len(edges)]] == 1
+
+
+def _free(edges: Array) -> Array:
+    """Edges that end in the air, that end first, shape (ends, 2, 2)."""
+    _, label, count = np.unique(
+        edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
+    )
+    alone = (count[label.reshape(-1)] == 1).reshape(-1, 2)
+    return np.concatenate([edges[alone[:, 0]], edges[alone[:, 1], ::-1]])
+
+
+def on_lines(edges: Array, chains: Sequence[Array], near: float) -> Flags:
+    """Which edges lie on chains of lines, by their middles."""
+    segments = [np.stack([chain[:-1], chain[1:]], axis=1) for chain in chains]
+    on = np.zeros(len(edges), dtype=bool)
+    if segments:
+        middles = edges.mean(axis=1)
+        on[points_near_segments(middles, np.concatenate(segments), near).point] = True
+    return on
+
+
+def openings(faces: Faces, drawn: Flags) -> list[Array]:
+    """Outlines of openings whose lines are drawn, maybe only up to the outer edge of the whole.
+
+    The drawn edges and the outer ones bound regions. One that is bounded by drawn edges alone is an
+    opening; so is one with the outer edge as a part, as a door, if most of its outline is drawn and
+    it is not the largest of them, which is the structure.
+
+    Args:
+        faces: All faces.
+        drawn: Which edges are drawn as outlines of openings.
+    """
+    from shapely.geometry import LineString
+    from shapely.ops import polygonize
+
+    some = faces.edges[drawn | faces.outer]
+    regions = list(polygonize([LineString(edge) for edge in some.tolist()]))
+    is_drawn = {tuple(edge.ravel()) for edge in _sorted_ends(faces.edges[drawn])}
+    found = []
+    touching = []
+    for region in regions:
+        ring = np.asarray(region.exterior.coords)
+        sides = np.stack([ring[:-1], ring[1:]], axis=1)
+        of_void = np.array([tuple(side.ravel()) in is_drawn for side in _sorted_ends(sides)])
+        length = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
+        if of_void.all():
+            found.append(ring[:-1])
+        else:
+            mostly = length[of_void].sum() > 0.5 * length.sum()
+            touching.append((region.area, mostly, ring[:-1]))
+    touching.sort(key=lambda row: -row[0])
+    return found + [ring for _, mostly, ring in touching[1:] if mostly]

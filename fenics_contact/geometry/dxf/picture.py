@@ -1,0 +1,110 @@
+"""Picture of what was read of a drawing: blocks with numbers, layers, suspicious places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.dxf.blocks import DxfContents, Mark
+
+#: Fill colours of blocks by layer, and colours of lines by layer (Okabe and Ito).
+FILLS = ("#d9e3ec", "#f3e3c3", "#cfdcc5", "#e2cdd6", "#d5d5da", "#eedfae")
+LINES = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+SUSPICIOUS = "#D55E00"
+#: Width of a picture, inches; most blocks that are numbered one by one; most places in words.
+WIDTH = 12.0
+NUMBERED = 3000
+IN_WORDS = 8
+
+
+def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> None:
+    """Write a picture of a drawing, its ending says in which format.
+
+    Raises:
+        InputError: If the file cannot be written or its ending is unknown.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    corners = np.concatenate(read.drawing.blocks)
+    width, height = np.ptp(corners, axis=0)
+    tall = float(np.clip(WIDTH * height / width, 3.0, 2.0 * WIDTH))
+    figure = Figure(figsize=(WIDTH, tall))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    _draw_blocks(axes, read, inches_per_metre=min(WIDTH / width, tall / height))
+    _draw_lines(axes, read)
+    _draw_marks(axes, read, marks)
+    margin = 0.04 * max(width, height)
+    axes.set_xlim(corners[:, 0].min() - margin, corners[:, 0].max() + margin)
+    axes.set_ylim(corners[:, 1].min() - margin, corners[:, 1].max() + margin)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x in m")
+    axes.set_ylabel("y in m")
+    axes.set_title(f"{len(read.drawing.blocks)} blocks, {width:.4g} m x {height:.4g} m")
+    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.6 / tall)}
+    axes.legend(ncol=4, fontsize=9, frameon=False, **below)
+    try:
+        figure.savefig(target, dpi=150, bbox_inches="tight")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write the picture to '{target}': {reason}") from None
+
+
+def _draw_blocks(axes: Any, read: DxfContents, inches_per_metre: float) -> None:
+    """Blocks filled by layer, with numbers; openings hatched."""
+    from matplotlib.collections import PolyCollection
+
+    drawing = read.drawing
+    for k, name in enumerate(dict.fromkeys(drawing.names)):
+        some = [b for b, own in zip(drawing.blocks, drawing.names, strict=True) if own == name]
+        style = {"facecolors": FILLS[k % len(FILLS)], "edgecolors": "0.35", "linewidths": 0.5}
+        axes.add_collection(PolyCollection(some, label=f"{name}: {len(some)} blocks", **style))
+    if read.voids:
+        style = {"facecolors": "none", "edgecolors": "0.6", "hatch": "///", "linewidths": 0.8}
+        label = f"openings: {len(read.voids)}"
+        axes.add_collection(PolyCollection(read.voids, label=label, **style))
+    if len(drawing.blocks) > NUMBERED:
+        return
+    for number, block in enumerate(drawing.blocks, 1):
+        low, high = block.min(axis=0), block.max(axis=0)
+        points = 72.0 * inches_per_metre * (high - low)
+        font = min(9.0, 0.6 * points[1], points[0] / (0.8 * len(str(number))))
+        middle = 0.5 * (low + high) if len(block) < 5 else block.mean(axis=0)
+        if font > 1.0:
+            axes.text(*middle, str(number), size=font, ha="center", va="center", color="0.25")
+
+
+def _draw_lines(axes: Any, read: DxfContents) -> None:
+    """Lines that name sides, by layer."""
+    from matplotlib.collections import LineCollection
+
+    lengths = read.drawing.lengths()
+    for k, (name, segments) in enumerate(read.drawing.groups.items()):
+        lines = [np.reshape(segment, (2, 2)) for segment in segments]
+        label = f"sides of {name}: {lengths[name]:.4g} m"
+        style = {"colors": LINES[k % len(LINES)], "linewidths": 1.6, "alpha": 0.8}
+        axes.add_collection(LineCollection(lines, label=label, **style))
+
+
+def _draw_marks(axes: Any, read: DxfContents, marks: Sequence[Mark]) -> None:
+    """Circles at suspicious places, the first of each kind in words."""
+    if not marks:
+        return
+    x, y = np.array([(mark.x, mark.y) for mark in marks]).T
+    style = {"facecolors": "none", "edgecolors": SUSPICIOUS, "linewidths": 1.2, "zorder": 5}
+    axes.scatter(x, y, s=60, label=f"suspicious: {len(marks)} places", **style)
+    first: dict[str, Mark] = {}
+    for mark in marks:
+        first.setdefault(mark.text, mark)
+    for mark in list(first.values())[:IN_WORDS]:
+        text = mark.text if len(mark.text) < 60 else f"{mark.text[:57]}..."
+        axes.annotate(
+            f"{text} at {read.place(mark.x, mark.y)}", (mark.x, mark.y), (8, 8), size=7,
+            textcoords="offset points", color=SUSPICIOUS, zorder=6,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
+        )  # fmt: skip

@@ -1,0 +1,246 @@
+"""Roles of the layers of a drawing: given by name, or guessed from names and shapes and said.
+
+Roles are "blocks" (closed curves are blocks), "lines" (curves between which faces are blocks),
+"voids" (openings), "sides" (lines that name sides) and "ignore". Without any layer of lines, closed
+curves alone are blocks; without closed curves, all lines are lines between blocks.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from itertools import pairwise
+
+import numpy as np
+
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.dxf.reader import Curve, Curves
+from fenics_contact.geometry.outlines import inside_outlines
+from fenics_contact.geometry.planar_cells import Array
+from fenics_contact.geometry.point_pairs import points_near_segments
+
+#: Words in names of layers that are no part of the structure, and of those of openings.
+IGNORED = frozenset(
+    "frame border text texts dim dims dimension dimensions title titleblock note notes anno"
+    " annotation annotations hatch grid axis axes defpoints viewport legend symbol symbols"
+    " squadratura testo testi quote cartiglio assi retino legenda rahmen bemassung bemaßung masse"
+    " schraffur achse achsen schriftfeld cadre texte textes cotes cote cartouche hachures hachure"
+    " marco texto textos cotas ejes cajetin sombreado".split()
+)
+OPENINGS = frozenset(
+    "opening openings void voids window windows door doors hole holes aperture apertures glaz"
+    " apertura vuoto vuoti finestra finestre porta porte foro fori oeffnung oeffnungen öffnung"
+    " öffnungen fenster tür türen tuer tueren loch aussparung ouverture ouvertures fenetre fenetres"
+    " fenêtre fenêtres baie baies vide vides hueco huecos ventana ventanas puerta puertas vano"
+    " vanos".split()
+)
+#: Part of the length of lines that runs through blocks, from which they are lines between blocks.
+THROUGH = 0.2
+#: Fewest curves that a frame goes around.
+FRAMED = 4
+#: Closed curves of these kinds are symbols, unless their layer is given a role.
+SYMBOLS = ("CIRCLE", "ELLIPSE", "SPLINE")
+
+
+@dataclass(frozen=True)
+class LayerRoles:
+    """Layers by role, as a user gives them; names without case, with * and ?.
+
+    Attributes:
+        blocks: Layers whose closed curves are blocks.
+        lines: Layers of lines between blocks.
+        voids: Layers of openings.
+        ignore: Layers that are left out.
+    """
+
+    blocks: Sequence[str] = ()
+    lines: Sequence[str] = ()
+    voids: Sequence[str] = ()
+    ignore: Sequence[str] = ()
+
+    def of_layers(self, layers: Iterable[str], source: str) -> dict[str, str]:
+        """Role of every layer that is named.
+
+        Raises:
+            InputError: If no layer has a name that was given, or a layer has two roles.
+        """
+        known = sorted(set(layers))
+        roles: dict[str, str] = {}
+        for role in ("blocks", "lines", "voids", "ignore"):
+            for pattern in getattr(self, role):
+                named = [name for name in known if fnmatchcase(name.lower(), pattern.lower())]
+                if not named and role != "ignore":  # texts are on layers without curves
+                    raise InputError(
+                        f"{source} has no lines on a layer '{pattern}'; it has {', '.join(known)}"
+                    )
+                for name in named:
+                    if roles.setdefault(name, role) != role:
+                        raise InputError(
+                            f"layer '{name}' is given as {roles[name]} and as {role}; give one"
+                        )
+        return roles
+
+
+@dataclass
+class CurveRoles:
+    """Curves by role.
+
+    Attributes:
+        blocks: Closed curves that are blocks.
+        lines: Curves between which faces are blocks.
+        voids: Outlines of openings.
+        sides: Lines that name sides.
+        notes: What was guessed and left out.
+    """
+
+    blocks: list[int] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    voids: list[int] = field(default_factory=list)
+    sides: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> CurveRoles:
+    """Role of every curve of a drawing, by its index.
+
+    Args:
+        found: The curves.
+        chains: Corners of every curve.
+        given: Roles that the user gives.
+
+    Raises:
+        InputError: See `LayerRoles.of_layers`.
+    """
+    curves = found.curves
+    by_layer = given.of_layers([curve.layer for curve in curves], found.source)
+    named = set(by_layer)
+    roles = CurveRoles()
+    roles.notes += _guessed_by_name(curves, by_layer)
+    left = [k for k, curve in enumerate(curves) if by_layer.get(curve.layer) != "ignore"]
+    left = list(_without_symbols(curves, left, by_layer, roles.notes))
+    left = _without_frames(curves, chains, left, named, roles.notes, found.unit)
+    closed = [k for k in left if curves[k].closed and by_layer.get(curves[k].layer) in _BLOCKS]
+    between = _lines_between_blocks(curves, chains, left, by_layer, closed, roles.notes)
+    for k in left:
+        role = by_layer.get(curves[k].layer)
+        if role == "voids":
+            roles.voids.append(k)
+        elif role == "lines" or (not curves[k].closed and curves[k].layer in between):
+            roles.lines.append(k)
+        elif curves[k].closed:
+            roles.blocks.append(k)
+        else:
+            roles.sides.append(k)
+    return roles
+
+
+_BLOCKS = (None, "blocks")
+
+
+def _guessed_by_name(curves: Sequence[Curve], by_layer: dict[str, str]) -> Iterator[str]:
+    """Add roles of layers whose names say them, and say so."""
+    for layer in sorted({curve.layer for curve in curves} - set(by_layer)):
+        words = set(re.findall(r"[^\W\d_]+", layer.lower()))
+        if words & IGNORED:
+            by_layer[layer] = "ignore"
+            yield f"left out by its name: layer '{layer}' (else give it with --blocks or --lines)"
+        elif words & OPENINGS:
+            by_layer[layer] = "voids"
+            yield f"openings by its name: layer '{layer}' (else give it with --blocks or --lines)"
+
+
+def _without_symbols(
+    curves: Sequence[Curve], left: list[int], by_layer: Mapping[str, str], notes: list[str]
+) -> Iterator[int]:
+    """Curves but for closed circles, ellipses and splines on layers without a role."""
+    symbols = Counter[str]()
+    for k in left:
+        curve = curves[k]
+        if curve.closed and curve.kind in SYMBOLS and curve.layer not in by_layer:
+            symbols[curve.kind] += 1
+        else:
+            yield k
+    notes += [f"left out: {count} {kind}" for kind, count in symbols.items()]
+
+
+def _without_frames(
+    curves: Sequence[Curve],
+    chains: Sequence[Array],
+    left: list[int],
+    named: set[str],
+    notes: list[str],
+    unit: str,
+) -> list[int]:
+    """Curves but for closed ones around all others, which they do not touch."""
+    low = np.array([chains[k].min(axis=0) for k in left]).reshape(-1, 2)
+    high = np.array([chains[k].max(axis=0) for k in left]).reshape(-1, 2)
+    kept = np.ones(len(left), dtype=bool)
+    for place in np.argsort(-np.prod(high - low, axis=1)).tolist():
+        curve = curves[left[place]]
+        others = kept.copy()
+        others[place] = False
+        around = others.any() and (
+            np.all(low[place] < low[others].min(axis=0))
+            and np.all(high[place] > high[others].max(axis=0))
+        )
+        if not curve.closed or curve.layer in named or not around or others.sum() < FRAMED:
+            break
+        width, height = high[place] - low[place]
+        notes.append(
+            f"left out as a frame around all else: the closed {curve.kind} on layer"
+            f" '{curve.layer}', {width:g} x {height:g} {unit} (else give --blocks {curve.layer})"
+        )
+        kept[place] = False
+    return [k for k, keep in zip(left, kept, strict=True) if keep]
+
+
+def _lines_between_blocks(
+    curves: Sequence[Curve],
+    chains: Sequence[Array],
+    left: list[int],
+    by_layer: Mapping[str, str],
+    closed: list[int],
+    notes: list[str],
+) -> set[str]:
+    """Layers whose open curves are lines between blocks though no one said so."""
+    layers: dict[str, list[int]] = {}
+    for k in left:
+        if not curves[k].closed and by_layer.get(curves[k].layer) in _BLOCKS:
+            layers.setdefault(curves[k].layer, []).append(k)
+    if not closed:
+        if layers:
+            notes.append(f"lines between blocks: layers {', '.join(sorted(layers))}")
+        return set(layers)
+    between = {layer for layer in layers if by_layer.get(layer) == "blocks"}
+    outlines = [chains[k] for k in closed]
+    for layer, members in layers.items():
+        if layer in between or _part_inside([chains[k] for k in members], outlines) < THROUGH:
+            continue
+        if len(members) > len(closed):
+            between.add(layer)
+            notes.append(
+                f"lines between blocks: layer '{layer}', whose lines run through closed curves"
+                f" (else give --ignore {layer})"
+            )
+        else:
+            notes.append(
+                f"warning: lines on layer '{layer}' run through blocks; give --lines {layer} if"
+                f" they are joints, --ignore {layer} if not"
+            )
+    return between
+
+
+def _part_inside(chains: Sequence[Array], outlines: Sequence[Array]) -> float:
+    """Part of the points along chains that lie within outlines, not on them."""
+    at = (np.arange(8)[:, None] + 0.5) / 8.0
+    points = np.concatenate([s + at * (e - s) for c in chains for s, e in pairwise(c)])
+    points = points[np.linspace(0, len(points) - 1, min(len(points), 400)).astype(int)]
+    ends = np.concatenate([np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in outlines])
+    near = 1e-5 * float(np.ptp(np.concatenate(outlines), axis=0).max())
+    on = points_near_segments(points, ends, near).point
+    off = np.setdiff1d(np.arange(len(points)), on)
+    owner = inside_outlines(points[off], outlines)
+    return float(np.mean(owner >= 0)) * len(off) / len(points) if len(off) else 0.0
