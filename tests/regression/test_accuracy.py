@@ -52,8 +52,10 @@ def test_sweeps_have_the_accuracy_too():
     assert found[0].load_factor == pytest.approx(0.279515, rel=1e-3)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("quadrilaterals", [False, True])
+@pytest.mark.parametrize(
+    "quadrilaterals",
+    [pytest.param(False, marks=pytest.mark.mpi), pytest.param(True, marks=pytest.mark.slow)],
+)
 def test_refinement_where_joints_slide(quadrilaterals):
     recipe, exact = PUSHED
     scene = recipe.scene(1, accuracy=1e-3, variant=Variant(quadrilaterals=quadrilaterals))

@@ -82,7 +82,7 @@ def test_arch_by_joint_forces(method):
     assert result.load_factor == pytest.approx(result.bounds.upper, rel=2e-5)
 
 
-@pytest.mark.parametrize("name", ["W1", "W4", *slow("W2")])
+@pytest.mark.parametrize("name", ["W1", *slow("W2", "W4")])
 def test_fixed_point_alone_ends_in_the_same_state(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(method="fixed-point"), tmp_path)
@@ -100,7 +100,7 @@ def test_static_and_kinematic_bounds_meet_with_given_friction(strength, tmp_path
 # Load control
 
 
-@pytest.mark.parametrize("name", WALLS)
+@pytest.mark.parametrize("name", ["W1", "W3", *slow("W2", "W4")])
 def test_raising_the_load_ends_at_the_linear_program_with_given_friction(name, tmp_path):
     record = recorded(BANK[f"{name} tresca 2 kPa"].scene(control="load"), tmp_path)
     factor, path = record["load_factor"], record["continuation"]

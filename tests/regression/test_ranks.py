@@ -113,10 +113,16 @@ def test_every_method_on_ranks(method):
 
 
 @pytest.mark.parametrize(
-    "options", [{"control": "load"}, {"states": "lowest"}, {"direction": "both"}], ids=str
+    ("name", "options"),
+    [
+        ("stack of 2 0.7", {"control": "load"}),
+        ("W1 tresca 2 kPa", {"states": "lowest"}),
+        ("W1 tresca 2 kPa", {"direction": "both"}),
+    ],
+    ids=str,
 )
-def test_every_option_on_ranks(options):
-    recipe = BANK["W1 tresca 2 kPa"].recipe
+def test_every_option_on_ranks(name, options):
+    recipe = BANK[name].recipe
     alone = limit_load(recipe.scene(comm=MPI.COMM_SELF, tolerance=EXACT, **options))
     together = limit_load(recipe.scene(tolerance=EXACT, **options))
     assert together.load_factor == pytest.approx(alone.load_factor, rel=AGREED)

@@ -93,8 +93,7 @@ def test_with_the_angle_of_friction_the_load_factor_is_the_associative_one(wall)
     assert result.load_factor == pytest.approx(associative, rel=1e-7)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("angle", [5.0, 15.0])
+@pytest.mark.parametrize("angle", [pytest.param(5.0, marks=pytest.mark.mpi), 15.0])
 def test_variants_and_methods_agree_on_a_wall(angle):
     """Mirrored, stiffer, of degree 2, and by the fixed point on the bound."""
     recipe = wall_recipe("W4", law(angle))

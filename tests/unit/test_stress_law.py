@@ -26,8 +26,6 @@ from fenics_contact.output.fields import cell_stresses
 from tests.bank import PUSH, WEIGHT, coulomb, wall_recipe
 from tests.helpers import STONE, mesh_of, on_ground
 
-pytestmark = pytest.mark.mpi
-
 
 def isotropic(strain: Any, material: Material) -> Any:
     """Plane strain."""
@@ -52,6 +50,7 @@ def wall(**options: Any) -> Scene:
     return on_ground(running_bond(3, 3), coulomb(0.65), **options)
 
 
+@pytest.mark.mpi
 def test_isotropic_law_is_that_of_the_materials():
     solve = SolveOptions(tolerance=1e-9, error=True, peak=False, lowest=False)
     usual, given = (limit_load(wall(solve=solve, stress=law)) for law in (None, isotropic))
@@ -122,6 +121,7 @@ def block(**options: Any) -> Scene:
     return on_ground(polygons([outline], 0.5, groups=base, **cells), coulomb(5.0), **options)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("quadrilaterals", [False, True], ids=["triangles", "quadrilaterals"])
 def test_uniform_stress_strains_by_the_compliance(quadrilaterals, degree):
@@ -146,6 +146,7 @@ def test_uniform_stress_strains_by_the_compliance(quadrilaterals, degree):
         np.testing.assert_allclose(found, np.tile(sigma, (len(found), 1)), rtol=1e-9)
 
 
+@pytest.mark.mpi
 def test_materials_have_laws_of_their_own():
     model = polygons(
         [[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)],
@@ -165,6 +166,7 @@ def test_materials_have_laws_of_their_own():
         np.testing.assert_allclose(found, expected, atol=1e-12 * STONE.young)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("accuracy", [None, 1e-3])
 def test_orthotropic_block_tips_as_by_statics(accuracy, tmp_path):
     """F h / 2 = W b / 2: the load factor of the weight is b / h, whatever the law."""
@@ -179,6 +181,7 @@ def test_orthotropic_block_tips_as_by_statics(accuracy, tmp_path):
     assert "von_mises" not in text
 
 
+@pytest.mark.mpi
 def test_orthotropic_wall_on_all_ranks_and_in_sweeps():
     solve = SolveOptions(tolerance=1e-9, fast=True)
     key = "joints.default.friction, foundations.base.friction"
@@ -188,6 +191,7 @@ def test_orthotropic_wall_on_all_ranks_and_in_sweeps():
     assert point.load_factor == pytest.approx(result.load_factor, rel=1e-8)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     ("law", "named"),
     [

@@ -74,7 +74,8 @@ def test_grid_of_two_parameters():
 
 def scene() -> Scene:
     """A wall of 2 x 2 bricks."""
-    return on_ground(running_bond(2, 2), coulomb(0.3), solve=SolveOptions(tolerance=1e-6))
+    solve = SolveOptions(tolerance=1e-6, fast=True)
+    return on_ground(running_bond(2, 2), coulomb(0.3), solve=solve)
 
 
 @pytest.mark.mpi
