@@ -54,9 +54,17 @@ def test_every_method_finds_what_is_known(name, method, tmp_path):
     assert all(residuals[law] <= most for law, most in RESIDUALS.items()), residuals
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("friction", [3.0, 10.0])
-@pytest.mark.parametrize("name", ["W1", "W2"])
+@pytest.mark.parametrize(
+    ("name", "friction"),
+    [
+        ("4x4", 100.0),
+        *(
+            pytest.param(name, f, marks=pytest.mark.slow)
+            for name in ("W1", "W2")
+            for f in (3.0, 10.0)
+        ),
+    ],
+)
 def test_high_friction_has_a_verified_state_within_its_bracket(name, friction):
     result = solved(wall_recipe(name, coulomb(friction)).scene(4))
     result = result.hold_against_brackets()
