@@ -34,7 +34,7 @@ LoadLaws = Callable[[Path], CompiledLaws]
 Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
 
 #: Of Gauss's rule for ramps: exact for whole cells, and close where a cell bends.
-RAMP_DEGREE = 10
+RAMP_DEGREE = 20
 
 #: Corners of a cell in gmsh's order, by the cell's name.
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}

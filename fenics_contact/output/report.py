@@ -437,9 +437,7 @@ def _rows(tables: Record, units: Record) -> Iterator[tuple[str, str, str]]:
                         if v is not None
                     )
                     yield name, f"{label} {place}", ", ".join(texts)
-            elif value is not None and not (
-                key in UNUSED and value in NOTHING
-            ):
+            elif value is not None and not (key in UNUSED and value in NOTHING):
                 yield name, label, _value(value, units.get(key, ""))
 
 
