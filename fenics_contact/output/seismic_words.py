@@ -15,7 +15,8 @@ def seismic_line(check: Mapping[str, Any]) -> str:
         f"seismic: a0* = {check['acceleration']:.4g} m/s2 = {check['acceleration_g']:.4g} g"
         f" (alpha0 = {check['multiplier']:.4g}, e* = {check['mass_fraction']:.4g},"
         f" FC = {check['confidence_factor']:.4g}, M* = {check['participating_mass']:.4g} kg/m of"
-        f" {check['moving_mass']:.4g} kg/m that move)"
+        f" {check['moving_mass']:.4g} kg/m that move in {check['parts']} rigid"
+        f" part{'s' * (check['parts'] != 1)})"
     )
 
 
@@ -25,6 +26,7 @@ def seismic_rows(check: Mapping[str, Any] | None) -> Iterator[tuple[str, str]]:
         return
     acceleration = f"{check['acceleration']:.4g} m/s2 = {check['acceleration_g']:.4g} g"
     yield "multiplier of the weights alpha0", f"{check['multiplier']:.4g}"
+    yield "rigid parts that move", f"{check['parts']}"
     yield "mass that moves", f"{check['moving_mass']:.4g} kg per metre of thickness"
     yield "participating mass M*", f"{check['participating_mass']:.4g} kg per metre of thickness"
     yield "participating fraction e*", f"{check['mass_fraction']:.4g}"
