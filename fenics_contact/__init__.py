@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from fenics_contact.equilibrium import Equilibrium, equilibrium
     from fenics_contact.geometry.mesh import BlockMesh
     from fenics_contact.limit_load import LimitLoad, limit_load
+    from fenics_contact.results.seismic import SeismicCheck
     from fenics_contact.scene.scene import (
         EarthPressure,
         EdgeForce,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
         Movement,
         OutputOptions,
         Scene,
+        Seismic,
         SolveOptions,
         Tie,
     )
@@ -46,6 +48,8 @@ __all__ = [
     "OutputOptions",
     "Point",
     "Scene",
+    "Seismic",
+    "SeismicCheck",
     "SolveOptions",
     "SolverError",
     "Sweep",
@@ -70,6 +74,8 @@ _HOMES = {
     "OutputOptions": "scene.scene",
     "Point": "sweeps.points",
     "Scene": "scene.scene",
+    "Seismic": "scene.scene",
+    "SeismicCheck": "results.seismic",
     "SolveOptions": "scene.scene",
     "Sweep": "sweeps.sweep",
     "Tie": "scene.scene",

@@ -12,6 +12,7 @@ import numpy as np
 
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.output.seismic_words import seismic_line
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.mesh_error import MeshError, Pass
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
@@ -167,6 +168,8 @@ def summary(result: Result) -> str:
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
         lines += _tension_lines(tie_arrays(result.layout, end.joints))
+        if direction in result.seismic:
+            lines.append(seismic_line(vars(result.seismic[direction])))
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
     if result.inaccurate:
@@ -360,6 +363,10 @@ def description(layout: Layout) -> str:
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
         x, y = forces[:, :2].sum(axis=0) + 0.0
         lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+    if scene.live.profile != "uniform":
+        lines.append(f"live body force over the height: {_profile_text(scene.live.profile)}")
+    if scene.seismic is not None:
+        lines.append(f"seismic check with FC = {scene.seismic.confidence_factor:g}")
     for name, movement in scene.dead.movement.items():
         x, y = movement.displacement
         lines.append(
@@ -393,6 +400,13 @@ def _tie_lines(ties: Mapping[str, Tie]) -> list[str]:
         ends = f"from {_end_text(tie.from_)} to {end}"
         lines.append(f"tie {name}: {ends}, yield {tie.yield_:g} {per}{stretches}{stress}{apart}")
     return lines
+
+
+def _profile_text(profile: tuple[tuple[float, float], ...] | str) -> str:
+    """A profile: its name, or factors and heights above the foot."""
+    if isinstance(profile, str):
+        return profile
+    return ", ".join(f"{factor:g} at {height:g} m" for height, factor in profile)
 
 
 def _end_text(end: tuple[float, float] | str | None) -> str:

@@ -34,6 +34,7 @@ from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.mesh_error.accuracy import (
@@ -60,8 +61,10 @@ from fenics_contact.output.view import View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
+from fenics_contact.results.seismic import SeismicCheck, seismic_check
 from fenics_contact.scene.scene import Scene, SolveOptions
 
 _log = logging.getLogger("fenics_contact")
@@ -552,4 +555,18 @@ def _result(
         discretization.effort.spent,
         stopped=discretization.effort.watch.reason,
         fall=fall,
+        seismic=_seismic(discretization.layout, ends),
     )
+
+
+def _seismic(layout: Layout, ends: Mapping[str, Collapse]) -> dict[str, SeismicCheck]:
+    """The seismic check of every limit, where the scene asks for it."""
+    options = layout.scene.seismic
+    found: dict[str, SeismicCheck] = {}
+    if options is None:
+        return found
+    for name, end in ends.items():
+        if end.status == "limit" and end.mode is not None and end.joints is not None:
+            moving = mechanism(layout, end.mode, end.joints).moving
+            found[name] = seismic_check(layout, options, end.load_factor, end.mode, moving)
+    return found

@@ -33,6 +33,9 @@ LoadLaws = Callable[[Path], CompiledLaws]
 #: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
 Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
 
+#: Of Gauss's rule for ramps: exact for whole cells, and close where a cell bends.
+RAMP_DEGREE = 20
+
 #: Corners of a cell in gmsh's order, by the cell's name.
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 
@@ -74,6 +77,18 @@ def body_load(space: Any, density: fem.Function, body: tuple[float, float]) -> f
     """Form of the nodal forces of an acceleration, m/s2, times a density by cell, kg/m3."""
     force = fem.Constant(space.mesh, PETSc.ScalarType(body))
     return fem.form(density * ufl.inner(force, ufl.TestFunction(space)) * ufl.dx)
+
+
+def ramp_load(
+    density: fem.Function, space: Any, force: fem.Constant, up: fem.Constant, level: fem.Constant
+) -> fem.Form:
+    """Form of the nodal forces of an acceleration that grows with the height above a level.
+
+    It is force, 1/s2, times max(up . x - level, 0), m, times a density by cell, kg/m3.
+    """
+    above = ufl.max_value(ufl.dot(up, ufl.SpatialCoordinate(space.mesh)) - level, 0.0)
+    dx = ufl.dx(metadata={"quadrature_degree": RAMP_DEGREE})
+    return fem.form(density * above * ufl.inner(force, ufl.TestFunction(space)) * dx)
 
 
 def edge_load(space: Any, facets: Labels, traction: tuple[float, float]) -> fem.Form:
@@ -121,6 +136,7 @@ def compile_forms(scene: Scene) -> None:
         scene.plane,
         bool(scene.dead.movement),
         scene.stress is not None,
+        scene.live.profile != "uniform",
     )
     for turn in (True, False):  # ranks that share a cache must not write it at the same time
         if turn == (scene.comm.rank == 0):
@@ -155,7 +171,7 @@ def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
 
 
 @cache
-def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool) -> None:
+def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool, profiled: bool) -> None:
     """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[cell], dtype=float)
     cells = np.arange(len(corners))[None, :]
@@ -173,5 +189,8 @@ def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool) -> No
         if moved:
             internal_forces(fem.Function(space), law)
         body_load(space, density, (0.0, 0.0))
+        if profiled:
+            force, up = (fem.Constant(domain, PETSc.ScalarType((0.0, 1.0))) for _ in range(2))
+            ramp_load(density, space, force, up, fem.Constant(domain, PETSc.ScalarType(0.0)))
         edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
         stress_expression(fem.Function(space), law, plane)

@@ -23,6 +23,7 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.form_loads import given_load
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.discretization.profiles import add_body_force
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
 from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
@@ -70,7 +71,7 @@ def nodal_forces(
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
-    fem.assemble_vector(forces.x.array, forms.body_load(space, density, load.acceleration))
+    add_body_force(forces, scene, load, density)
     for name in (*load.traction, *load.earth):
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block

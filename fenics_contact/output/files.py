@@ -227,6 +227,7 @@ def result_record(result: Result) -> Record:
         "discretization": None,
         "peak": None,
         "ties": [],
+        "seismic": {name: dict(vars(one)) for name, one in result.seismic.items()} or None,
         "capacity": vars(result.curve_end) if result.curve_end else None,
         "lowest": None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],

@@ -25,6 +25,7 @@ from fenics_contact.output.report_words import (
     STATUS,
     STYLE,
 )
+from fenics_contact.output.seismic_words import TITLE, seismic_rows
 
 #: The file of a result that the page is made from, and the page.
 RECORD, PAGE = "result.json", "report.html"
@@ -33,7 +34,8 @@ IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Blocks that are listed by number.
 LISTED = 40
 #: Values that are 0 where they are not used.
-UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened"}
+UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened", "profile"}
+NOTHING = (0.0, [0.0, 0.0], "kept", "uniform")
 
 Record = Mapping[str, Any]
 
@@ -212,6 +214,8 @@ def _answer(record: Record) -> Iterator[str]:
         ]
         head = "tie", "tension per metre of thickness", "state"
         yield _table(forces, head, "Ties")
+        check = (record.get("seismic") or {}).get(direction)
+        yield _table(seismic_rows(check), title=TITLE)
         if end["status"] == "not_converged" and end["attempts"]:
             head = "attempt", "how it ended", "factorisations"
             keys = "name", "outcome", "factorizations"
@@ -433,7 +437,7 @@ def _rows(tables: Record, units: Record) -> Iterator[tuple[str, str, str]]:
                         if v is not None
                     )
                     yield name, f"{label} {place}", ", ".join(texts)
-            elif value is not None and not (key in UNUSED and value in (0.0, [0.0, 0.0], "kept")):
+            elif value is not None and not (key in UNUSED and value in NOTHING):
                 yield name, label, _value(value, units.get(key, ""))
 
 

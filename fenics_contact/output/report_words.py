@@ -55,6 +55,7 @@ KEYS: Mapping[str, str] = {
     "opened": "cohesion and tensile strength of joints that have opened",
     "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
+    "profile": "factor on the body force over the height above the foot, (m, factor)",
     "method": "method asked for",
     "tolerance": "tolerance on the load factor, relative",
     "control": "what is prescribed (work of the live load, or load factor)",

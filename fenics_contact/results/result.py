@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Self
 
@@ -36,6 +36,7 @@ from fenics_contact.results.history import (
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mesh_error import MeshError, Pass
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
+from fenics_contact.results.seismic import SeismicCheck
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
@@ -265,6 +266,8 @@ class Result:
         stopped: Why the run was ended early, for people; empty where it was not.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
+        seismic: The seismic check by direction, of the limits found; empty where the scene asks
+            for none.
     """
 
     layout: Layout
@@ -279,6 +282,7 @@ class Result:
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
     stopped: str = ""
+    seismic: Mapping[str, SeismicCheck] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
@@ -420,5 +424,7 @@ class Result:
         """The result with its ends changed, and the time that it took among those of a phase."""
         start = time.perf_counter()
         ends = {name: change(end) for name, end in self.ends.items()}
+        checked = {n: one for n, one in self.seismic.items() if ends[n].status == "limit"}
         seconds = self.seconds.get(phase, 0.0) + time.perf_counter() - start
-        return replace(self, ends=ends, seconds={**self.seconds, phase: seconds})
+        timed = {**self.seconds, phase: seconds}
+        return replace(self, ends=ends, seismic=checked, seconds=timed)

@@ -25,6 +25,7 @@ CHOICES = {
     "opened": ("kept", "lost"),
     "blocks": BLOCKS,
     "supports": ("fixed", "roller"),
+    "profile": ("uniform", "triangular"),
     "plane.state": ("strain", "stress"),
     "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
     "direction": ("positive", "negative", "both"),
@@ -49,6 +50,10 @@ LONGEST_TITLE = 1000
 SAME_ANGLE = 1e-5
 #: Degrees by which supports can turn: displacements are small.
 MOST_TILT = 5.0
+#: Heights of a profile: one assembly each.
+MOST_HEIGHTS = 100
+#: Components of forces below this part of their size are rounding.
+ROUNDING = 1e-9
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
 
@@ -78,6 +83,20 @@ def _require_pair(name: str, value: Sequence[float]) -> None:
     _require(good, f"{name} = {list(value)} must be two finite numbers")
     for component in value:
         _require_size(name, component)
+
+
+def _require_profile(value: tuple[tuple[float, float], ...] | str) -> None:
+    """Refuse a profile over the height that is neither a known word nor a table."""
+    if isinstance(value, str):
+        _require_choice("profile", value)
+        return
+    count = len(value)
+    few = f"profile has {count} pairs [height, factor]; give 2 to {MOST_HEIGHTS}"
+    _require(2 <= count <= MOST_HEIGHTS, few)
+    for pair in value:
+        _require_pair("profile", pair)
+    for (low, _), (high, _) in pairwise(value):
+        _require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
 
 
 def _require_strength(value: float | None) -> None:
@@ -338,6 +357,9 @@ class Load:
         force: Forces at places, by any name.
         earth: Earth pressure by name of a one-dimensional group.
         movement: Of supports and foundations by their names; of the dead load only.
+        profile: Factor on `body` over the height above the structure's foot, of the live load only:
+            "uniform"; "triangular", which grows from 0 at the foot and leaves the total as it is;
+            or pairs (height, factor), m and 1, with straight lines between, constant beyond.
         form: In Python only: a function (v, dx, ds) that returns a UFL form, linear in the test
             function v, N per metre of thickness. dx and ds take names of groups: `ds("back")`. It
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
@@ -349,6 +371,7 @@ class Load:
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
     movement: Mapping[str, Movement] = field(default_factory=dict)
+    profile: tuple[tuple[float, float], ...] | str = "uniform"
     form: LoadForm | None = None
 
     def __post_init__(self) -> None:
@@ -357,6 +380,7 @@ class Load:
         for name, value in {"body": self.body, **tractions}.items():
             _require_pair(name, value)
         _require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
+        _require_profile(self.profile)
 
     def __getstate__(self) -> dict[str, Any]:
         try:
@@ -474,6 +498,25 @@ class OutputOptions:
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
+@dataclass(frozen=True)
+class Seismic:
+    """The spectral acceleration at which the collapse mechanism starts, of existing masonry.
+
+    Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1; see docs/seismic.md.
+
+    Attributes:
+        confidence_factor: FC, by which the capacity is divided: 1.35, 1.2 or 1 for the levels of
+            knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
+    """
+
+    confidence_factor: float = 1.35
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        value = self.confidence_factor
+        _require(1.0 <= value <= 10.0, f"confidence_factor = {value} must lie in 1 ... 10")
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Shared:
     """What a scene and its file have alike; see `Scene`."""
@@ -482,6 +525,7 @@ class _Shared:
     foundations: Mapping[str, JointLaw] = field(default_factory=dict)
     supports: Mapping[str, str] = field(default_factory=dict)
     ties: Mapping[str, Tie] = field(default_factory=dict)
+    seismic: Seismic | None = None
     stress: StressLaw | None = None
     title: str = ""
     solve: SolveOptions = field(default_factory=SolveOptions)
@@ -501,6 +545,7 @@ class Scene(_Shared):
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
         ties: Ties, anchors and cables, by any name.
+        seismic: The seismic check to make; None: none.
         plane: "strain" or "stress".
         degree: Degree of the displacements, 1 or 2.
         stress: In Python only: a function (strain, material) that returns the stress in the plane
@@ -539,6 +584,9 @@ class Scene(_Shared):
         self._check_bonds()
         self._check_lost()
         self._check_ties()
+        self._check_profile()
+        if self.seismic is not None:
+            self._check_seismic()
 
     @property
     def comm(self) -> MPI.Comm:
@@ -688,6 +736,36 @@ class Scene(_Shared):
         given = [f"ties.{name}" for name in self.ties]
         text = f"solve.method = '{method}' knows no {', '.join(given)}; use solve.method = 'auto'"
         _require(not (given and method in BY_JOINT_FORCES), text)
+
+    def _check_profile(self) -> None:
+        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
+        _require(self.dead.profile == "uniform", text)
+        bare = self.live.profile != "uniform" and not any(self.live.body)
+        _require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+
+    def _check_seismic(self) -> None:
+        """Refuse live loads that are no inertia forces in proportion to the weights."""
+        live = self.live
+        x, y = self.dead.acceleration
+        _require(any(self.dead.body), "seismic needs weights; give loads.dead.body")
+        _require(any(live.body), "seismic needs inertia forces; give loads.live.body")
+        for refused, key in (
+            (live.profile != "uniform", "profile"),
+            (bool(live.earth), "earth"),
+            (live.form is not None, "form"),
+        ):
+            text = f"seismic: loads.live.{key} is not in proportion to the weights; leave it out"
+            _require(not refused, text)
+        push = live.acceleration
+        forces = {"body": push, **{f"traction.{name}": one for name, one in live.traction.items()}}
+        forces |= {f"force.{name}": one.force for name, one in live.force.items()}
+        for name, force in forces.items():
+            size = math.hypot(*force)
+            level = abs(force[0] * x + force[1] * y) <= ROUNDING * size * math.hypot(x, y)
+            text = f"seismic: loads.live.{name} must be horizontal, across loads.dead.body"
+            _require(level, text)
+            against = force[0] * push[0] + force[1] * push[1] < 0.0
+            _require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
 
     def _check_dilatancy(self) -> None:
         dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]

@@ -79,9 +79,9 @@ def _check_depth(tables: Any, source: str) -> None:
 def from_table(kind: type[T], table: Any, key: str = "") -> T:
     """A dataclass from a TOML table; `key` is the table's name, empty for a whole file.
 
-    A field is read by its type: a number, string, flag, pair of numbers, list of strings, another
-    dataclass, or a mapping of names to any of these. A dataclass with a default may be left out
-    like its fields.
+    A field is read by its type: a number, string, flag, pair of numbers, list of pairs or strings,
+    another dataclass, or a mapping of names to any of these. A dataclass with a default may be left
+    out like its fields.
 
     Raises:
         InputError: If a key is unknown or missing, or a value is wrong for its type or dataclass.
@@ -140,6 +140,12 @@ def _value(key: str, value: Any, kind: Any) -> Any:
         if not isinstance(value, (list, tuple)) or not all(isinstance(x, str) for x in value):
             raise InputError(f"{key} = {_shown(value)} must be a list of strings")
         return tuple(value)
+    if get_origin(kind) is tuple and get_origin(get_args(kind)[0]) is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise InputError(
+                f"{key} = {_shown(value)} must be a word or a list of pairs of numbers"
+            )
+        return tuple(_value(key, item, get_args(kind)[0]) for item in value)
     if get_origin(kind) is tuple:
         if not isinstance(value, (list, tuple)) or len(value) != 2:
             raise InputError(f"{key} = {_shown(value)} must be two numbers, [x, y]")

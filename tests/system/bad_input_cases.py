@@ -150,6 +150,15 @@ FIXED_AND_PUSHED = {"foundations": {}, "supports.base": "fixed",
                     "loads.live": {"traction": {"side": [1000.0, 0.0]}}}  # fmt: skip
 LOADS = {
     "no live load": value("loads.live", LEFT_OUT),
+    "profile": value("loads.live.profile", "linear", "'linear'", "triangular"),
+    "profile as a number": value("loads.live.profile", 2.0, "pairs"),
+    "profile of one pair": value("loads.live.profile", [[0.0, 1.0]], "pairs"),
+    "profile that falls back": value("loads.live.profile", [[1.0, 1.0], [0.5, 2.0]], "above"),
+    "profile of the dead load": value("loads.dead.profile", "triangular", "live"),
+    "seismic check with a profile": Wrong(
+        ("seismic", "loads.live.profile"), {"seismic": {}, "loads.live.profile": "triangular"}
+    ),
+    "confidence below 1": value("seismic.confidence_factor", 0.5, "1 ... 10"),
     "empty live load": Wrong(("loads.live", "zero"), {"loads.live": {}}),
     "live load zero": Wrong(("loads.live", "zero"), {"loads.live.body": [0.0, 0.0]}),
     "live load on no weight": Wrong(("loads.live", "zero"), {"materials.default.density": 0.0}),

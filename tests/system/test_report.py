@@ -244,3 +244,24 @@ def test_ranks_write_the_same_page(tmp_path):
     assert scene["resultants"]["dead"] == pytest.approx(one_scene["resultants"]["dead"])
     for key in ("moving", "turning", "joints", "parting", "rocking", "sliding"):
         assert moves[key] == one[key]
+
+
+def test_seismic_check_has_its_table(folder, capsys):
+    changes = {"seismic.confidence_factor": 1.2, "solve.direction": "both"}
+    page, record = solved(folder, capsys, changes, "wall")
+    assert page.text.count("Seismic check of this mechanism") == 2
+    check = record["seismic"]["negative"]
+    assert record["scene"]["seismic"] == {"confidence_factor": 1.2}
+    assert page.row("confidence factor FC") == ["1.2"]
+    assert float(page.row("participating fraction e*")[0]) == pytest.approx(check["mass_fraction"])
+    assert check["acceleration_g"] == pytest.approx(0.3 / 1.2, rel=1e-5)  # it slides as a whole
+
+
+def test_profile_is_among_the_loads(folder, capsys):
+    table = {"loads.live.profile": [[0.0, 0.5], [1.0, 2.0]]}
+    page, record = solved(folder, capsys, table, "block")
+    assert record["scene"]["loads"]["live"]["profile"] == [[0.0, 0.5], [1.0, 2.0]]
+    (row,) = (cells for cells in page.cells if cells[1:2] and cells[1].startswith("factor on the"))
+    assert row[2] == "((0, 0.5), (1, 2))"
+    out = run_here(["check", "scene.toml"], capsys).out
+    assert "live body force over the height: 0.5 at 0 m, 2 at 1 m" in out

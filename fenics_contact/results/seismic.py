@@ -1,0 +1,110 @@
+"""The seismic check of a collapse mechanism, by the Italian code for existing masonry.
+
+Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1: a mechanism that starts at the multiplier alpha_0
+of the weights starts at the spectral acceleration, [C8.7.1.3] and [C8.7.1.8],
+
+    a_0* = alpha_0 g / (e* FC),   M* = (sum P_k d_k)^2 / (g sum P_k d_k^2),   e* = g M* / sum P_k,
+
+where e* is [C8.7.1.5]. The sums go over the rigid parts that move: stones that move as one are one
+part, however many there are. P_k are the weights whose inertia pushes part k, d_k is the
+displacement in the mode of the centre of these forces, along them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.discretization.layout import Layout
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.scene.scene import Seismic
+
+#: Blocks whose joint opens or slides by less than this part of the largest speed move as one.
+AS_ONE = 1e-3
+
+
+@dataclass(frozen=True)
+class SeismicCheck:
+    """Spectral acceleration at which a mechanism starts, and what it comes of.
+
+    Attributes:
+        multiplier: alpha_0, horizontal forces over weights at the limit load.
+        parts: Number of rigid parts that move.
+        moving_mass: sum P_k / g, kg per metre of thickness.
+        participating_mass: M*, kg per metre of thickness.
+        mass_fraction: e* = M* / moving mass, at most 1.
+        confidence_factor: FC.
+        acceleration: a_0*, m/s2.
+        acceleration_g: a_0* / g.
+    """
+
+    multiplier: float
+    parts: int
+    moving_mass: float
+    participating_mass: float
+    mass_fraction: float
+    confidence_factor: float
+    acceleration: float
+    acceleration_g: float
+
+
+def seismic_check(
+    layout: Layout, options: Seismic, load_factor: float, mode: Array, moving: Indices
+) -> SeismicCheck:
+    """The check of a collapse. Collective.
+
+    Args:
+        layout: Blocks, with the live load as horizontal forces in proportion to weights.
+        options: Confidence factor.
+        load_factor: Of the live load, of either sign.
+        mode: Of the collapse, this rank's part in the supports' coordinates.
+        moving: Numbers of the blocks that move in it.
+    """
+    gravity = math.hypot(*layout.scene.dead.acceleration)
+    acceleration = math.hypot(*layout.scene.live.acceleration)
+    motion = layout.block_motions(mode)
+    push = layout.bodies.live * [1.0, 1.0, layout.bodies.size]
+    part = rigid_parts(layout, motion)[moving]
+    work = np.bincount(part, np.sum(push * motion, axis=1)[moving])
+    force = np.bincount(part, np.hypot(push[:, 0], push[:, 1])[moving])
+    pushed = force > 0.0
+    mass = force[pushed] / acceleration
+    displacement = work[pushed] / force[pushed]
+    first = float(mass @ displacement)
+    participating = first**2 / float(mass @ displacement**2)
+    moving_mass = float(mass.sum())
+    fraction = participating / moving_mass
+    activation = abs(load_factor) * acceleration / (fraction * options.confidence_factor)
+    return SeismicCheck(
+        multiplier=abs(load_factor) * acceleration / gravity,
+        parts=len(np.unique(part)),
+        moving_mass=moving_mass,
+        participating_mass=participating,
+        mass_fraction=fraction,
+        confidence_factor=options.confidence_factor,
+        acceleration=activation,
+        acceleration_g=activation / gravity,
+    )
+
+
+def rigid_parts(layout: Layout, motion: Array) -> Indices:
+    """Number of the rigid part of every block: blocks that touch and move as one share it.
+
+    `motion` has mean displacements and rotations of all blocks, shape (blocks, 3).
+    """
+    joints = layout.joints.without_ties()
+    centre = layout.bodies.centre
+    between = np.all(joints.bodies >= 0, axis=1)
+    sides = joints.bodies[between]
+    arm = joints.position[between][:, None] - centre[sides]
+    turned = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    velocity = motion[sides][..., :2] + motion[sides][..., 2:] * turned
+    fastest = np.linalg.norm(velocity, axis=-1).max(initial=0.0)
+    parted = np.linalg.norm(velocity[:, 1] - velocity[:, 0], axis=-1)
+    pairs, pair = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    most = np.zeros(len(pairs))
+    np.maximum.at(most, pair.ravel(), parted)
+    return connected(pairs[most <= AS_ONE * fastest], len(centre))
