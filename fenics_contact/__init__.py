@@ -1,6 +1,7 @@
 """Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction.
 
-Names are imported when they are first used: the command line answers `--help` without dolfinx.
+Names are imported when they are first used: the command line answers `--help` without dolfinx,
+and a name that needs it says what to install.
 """
 
 import sys
@@ -9,6 +10,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fenics_contact.errors import ContactError, InputError, OutputError, SolverError
+from fenics_contact.requirements import check_requirements
 from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -85,6 +87,7 @@ class _Face(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module 'fenics_contact' has no attribute '{name}'")
+        check_requirements()
         found = getattr(import_module(f"fenics_contact.{_HOMES[name]}"), name)
         setattr(self, name, found)
         return found

@@ -28,6 +28,7 @@ from fenics_contact.geometry.planar_cells import (
     sides_of,
 )
 from fenics_contact.geometry.stored_mesh import StoredMesh
+from fenics_contact.requirements import check_gmsh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -209,6 +210,7 @@ class BlockMesh(TaggedMesh):
 @contextmanager
 def gmsh_session(**options: float) -> Iterator[Any]:
     """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
+    check_gmsh()
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
@@ -239,7 +241,10 @@ def _read(path: Path) -> GmshMesh:
     if not start.startswith((b"$MeshFormat", b"$Comments")):
         raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
     try:
-        found = text_contents(path) or read(path)
+        found = text_contents(path)
+        if found is None:
+            check_gmsh()
+            found = read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
     return _mesh_of(found, f"'{path}'")
