@@ -14,7 +14,7 @@ from fenics_contact.requirements import check_requirements
 from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
-    from fenics_contact.equilibrium import Equilibrium, equilibrium
+    from fenics_contact.equilibrium import Equilibrium, equilibrium, stands
     from fenics_contact.geometry.mesh import BlockMesh
     from fenics_contact.limit_load import LimitLoad, limit_load
     from fenics_contact.scene.scene import (
@@ -55,6 +55,7 @@ __all__ = [
     "__version__",
     "equilibrium",
     "limit_load",
+    "stands",
     "sweep",
 ]
 
@@ -77,6 +78,7 @@ _HOMES = {
     "Tie": "scene.scene",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",
+    "stands": "equilibrium",
     "sweep": "sweeps.sweep",
 }
 
