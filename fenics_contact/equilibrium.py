@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
+from fenics_contact.checks import checked
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import service_state, without_equilibrium
@@ -91,6 +92,7 @@ class Equilibrium(ServiceState, Pictured):
         took = f"{self.factorizations} factorisations, {self.seconds:.2f} s"
         return "\n".join([*lines, took])
 
+    @checked
     def write(self, folder: str | Path) -> None:
         """Write result.json, and pictures and ParaView files as the scene's output options say.
 
@@ -124,6 +126,7 @@ def _contact_line(state: Array) -> str:
     return f"joint points: {counts}"
 
 
+@checked
 def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equilibrium:
     """Find the state of a scene under its dead load and a multiple of its live load. Collective.
 
@@ -143,8 +146,6 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
             is not finite, or there is no step.
     """
-    if not math.isfinite(load_factor):
-        raise InputError(f"load_factor = {load_factor} must be finite")
     if steps < 1:
         raise InputError(f"steps = {steps} must be 1 or more")
     if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
@@ -154,6 +155,7 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
     return replace(found, seconds=time.perf_counter() - start)
 
 
+@checked
 def stands(scene: Scene) -> bool:
     """Whether the dead load of a scene alone has a state of equilibrium. Collective.
 

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
+from fenics_contact.checks import checked
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
 from fenics_contact.collapse.further import with_lowest, with_peak
@@ -49,7 +50,7 @@ from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured
-from fenics_contact.output.plotting import draw_capacity, new_axes
+from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import UNVERIFIED, View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
@@ -61,6 +62,8 @@ _log = logging.getLogger("fenics_contact")
 
 #: Points of a capacity curve for which the scene gives no number.
 CURVE = 25
+#: Points of a capacity curve, at most.
+MOST_POINTS = 1000
 #: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
 CURVE_SOLVE = 10.0
 
@@ -91,6 +94,7 @@ class LimitLoad(Result, Pictured):
         """Load factors, brackets and verification as text. Collective: it solves for brackets."""
         return summary(self.with_brackets())
 
+    @checked
     def with_capacity(
         self,
         monitor: Monitor | None = None,
@@ -108,6 +112,8 @@ class LimitLoad(Result, Pictured):
             stop: As of `limit_load`; points found by then are kept.
         """
         start = time.perf_counter()
+        if not 0 <= points <= MOST_POINTS:
+            raise InputError(f"points = {points} must lie in 0 ... {MOST_POINTS}")
         scene = self.scene
         direction, end = next(iter(self.ends.items()), ("", None))
         points = points or scene.output.capacity or CURVE
@@ -141,6 +147,7 @@ class LimitLoad(Result, Pictured):
             seconds={**self.seconds, **seconds},
         )
 
+    @checked
     def trace_capacity(
         self,
         monitor: Monitor | None = None,
@@ -152,12 +159,13 @@ class LimitLoad(Result, Pictured):
 
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, as `plot`; it is traced if the result is without."""
+        check_axes(axes)
         if self._view().values is None:
             raise SolverError(f"there is no capacity curve: the status is '{self.status}'")
         curve = self.capacity or self.trace_capacity()
         if self.scene.comm.rank != 0:
             return None
-        axes = axes or new_axes()
+        axes = new_axes() if axes is None else axes
         end = self.collapse
         limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
         draw_capacity(axes, curve, limit, peak)
@@ -175,6 +183,7 @@ class LimitLoad(Result, Pictured):
         view = view_of(self.layout, end.mode, end.joints, sign)
         return view if self.status == "limit" else replace(view, caption=UNVERIFIED)
 
+    @checked
     def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
         """Write result.json, and what the scene's output options say; the folder is made.
 
@@ -236,6 +245,7 @@ class _Direction(Listener):
         self._monitor.passed(self._name, point, upper)
 
 
+@checked
 def limit_load(
     scene: Scene,
     monitor: Monitor | None = None,

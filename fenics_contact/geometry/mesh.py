@@ -15,6 +15,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.checks import check_like, checked
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.dolfinx_reader import TagNames
 from fenics_contact.geometry.dolfinx_reader import contents as dolfinx_contents
@@ -119,6 +120,7 @@ class BlockMesh(TaggedMesh):
         return self.stored.comm
 
     @classmethod
+    @checked
     def from_file(
         cls, path: str | Path, comm: MPI.Comm | None = None, blocks: str = "connected"
     ) -> BlockMesh:
@@ -136,6 +138,7 @@ class BlockMesh(TaggedMesh):
         return cls._distribute(lambda: _with_blocks(_read(Path(path)), blocks), comm)
 
     @classmethod
+    @checked
     def from_model(
         cls, model: Any, comm: MPI.Comm | None = None, blocks: str = "connected"
     ) -> BlockMesh:
@@ -144,6 +147,7 @@ class BlockMesh(TaggedMesh):
         return cls._distribute(lambda: _with_blocks(extract(model, source), blocks), comm)
 
     @classmethod
+    @checked
     def from_dolfinx(
         cls,
         mesh: Any,
@@ -256,6 +260,7 @@ def extract(model: Any, source: str) -> GmshMesh:
     Raises:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
+    check_like("model", model, "getPhysicalGroups", "a gmsh model, as builders return it")
     return _mesh_of(contents(model), source)
 
 

@@ -7,12 +7,14 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
+from fenics_contact.checks import checked
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError
 from fenics_contact.output.animation import animate, check_animation
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (
     Draw,
+    check_axes,
     draw_forces,
     draw_mode,
     new_axes,
@@ -38,6 +40,7 @@ class Pictured(ABC):
             SolverError: If there is nothing to draw.
         """
 
+    @checked
     def plot(self, axes: Any = None, scale: float = 1.0) -> Any:
         """Draw how the blocks move. Collective; returns the axes on rank 0, else None.
 
@@ -49,16 +52,19 @@ class Pictured(ABC):
         Raises:
             SolverError: If there is nothing to draw.
         """
+        check_axes(axes)
         view = self._view().scaled(_scale(scale))
         return self._drawn(draw_mode, axes, view)
 
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces; as `plot`."""
+        check_axes(axes)
         view = self._view()
         if view.values is None:
             raise SolverError("there are no joint forces to draw: no state was found")
         return self._drawn(draw_forces, axes, view)
 
+    @checked
     def animate(self, path: str | Path, scale: float = 1.0, seconds: float = 3.0) -> None:
         """Write the motion of the blocks as a GIF, or as MP4 where ffmpeg is installed. Collective.
 
@@ -83,6 +89,7 @@ class Pictured(ABC):
         except OutputError as error:
             raise OutputError(f"cannot write '{path}': {error}") from None
 
+    @checked
     def slider(self, scale: float = 1.0) -> Any:
         """A picture for a notebook, with a slider that moves the blocks; needs ipywidgets.
 
@@ -116,7 +123,7 @@ class Pictured(ABC):
         """Axes with a picture, on rank 0."""
         if self.layout.scene.comm.rank != 0:
             return None
-        return draw(axes or new_axes(), view)
+        return draw(new_axes() if axes is None else axes, view)
 
 
 def _scale(scale: float) -> float:

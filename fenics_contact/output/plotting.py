@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from fenics_contact.checks import check_like
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import (
     BLACK,
@@ -239,6 +240,16 @@ def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
 
 
 # ---- files
+
+
+def check_axes(axes: Any) -> None:
+    """Refuse what is neither None nor axes to draw into.
+
+    Raises:
+        InputError: The message says what it must be.
+    """
+    if axes is not None:
+        check_like("axes", axes, "get_autoscalex_on", "axes of matplotlib, or None")
 
 
 def new_axes() -> Any:
