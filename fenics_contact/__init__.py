@@ -1,6 +1,7 @@
 """Limit loads of planar systems of elastic blocks with unilateral contact and Coulomb friction.
 
-Names are imported when they are first used: the command line answers `--help` without dolfinx.
+Names are imported when they are first used: the command line answers `--help` without dolfinx,
+and a name that needs it says what to install.
 """
 
 import sys
@@ -9,10 +10,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fenics_contact.errors import ContactError, InputError, OutputError, SolverError
+from fenics_contact.requirements import check_requirements
 from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
-    from fenics_contact.equilibrium import Equilibrium, equilibrium
+    from fenics_contact.equilibrium import Equilibrium, equilibrium, stands
     from fenics_contact.geometry.mesh import BlockMesh
     from fenics_contact.limit_load import LimitLoad, limit_load
     from fenics_contact.results.seismic import SeismicCheck
@@ -57,6 +59,7 @@ __all__ = [
     "__version__",
     "equilibrium",
     "limit_load",
+    "stands",
     "sweep",
 ]
 
@@ -81,6 +84,7 @@ _HOMES = {
     "Tie": "scene.scene",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",
+    "stands": "equilibrium",
     "sweep": "sweeps.sweep",
 }
 
@@ -91,6 +95,7 @@ class _Face(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module 'fenics_contact' has no attribute '{name}'")
+        check_requirements()
         found = getattr(import_module(f"fenics_contact.{_HOMES[name]}"), name)
         setattr(self, name, found)
         return found

@@ -167,7 +167,7 @@ def summary(result: Result) -> str:
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
-        lines += _tension_lines(tie_arrays(result.layout, end.joints))
+        lines += tension_lines(tie_arrays(result.layout, end.joints))
         if direction in result.seismic:
             lines.append(seismic_line(vars(result.seismic[direction])))
     lines += [str(result.curve_end)] if result.curve_end else []
@@ -183,7 +183,7 @@ def summary(result: Result) -> str:
     return "\n".join(lines)
 
 
-def _tension_lines(ties: NamedArrays) -> list[str]:
+def tension_lines(ties: NamedArrays) -> list[str]:
     """Forces of ties, one by one."""
     if "state" not in ties:
         return []

@@ -3,38 +3,48 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
 
+import numpy as np
 from dolfinx import fem
 
+from fenics_contact.checks import checked
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.service_state import (
-    ServiceState,
-    service_state,
-    without_equilibrium,
-)
+from fenics_contact.collapse.service_state import service_state, without_equilibrium
 from fenics_contact.collapse.stopping import within
 from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors import InputError, Stopped
+from fenics_contact.errors import InputError, SolverError, Stopped
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
+from fenics_contact.output.pictured import Pictured
+from fenics_contact.output.service_state_files import write_service_state
+from fenics_contact.output.view import Caption, View, view_of
+from fenics_contact.results.joint_values import Contact
+from fenics_contact.results.moving_blocks import falling_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
+from fenics_contact.results.service_state import ServiceState
 from fenics_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Equilibrium(ServiceState):
-    """Result of `equilibrium`, with its fields.
+class Equilibrium(ServiceState, Pictured):
+    """Result of `equilibrium`, with its fields, pictures and files.
 
     Attributes:
         layout: Blocks, joints and supports of the scene as arrays.
         factorizations: Numeric factorisations.
+        seconds: Time that it took, s.
     """
 
     layout: Layout
     factorizations: int
+    seconds: float = 0.0
 
     def __repr__(self) -> str:
         return f"<Equilibrium: {self.status}, load factor {self.load_factor:.8g}>"
@@ -63,9 +73,62 @@ class Equilibrium(ServiceState):
         values = self.state.displacement
         return displacement_function(self.layout, values, "displacement")
 
+    @property
+    def falling(self) -> Indices:
+        """Numbers of the blocks that fall where the status is "unstable"; none else."""
+        return falling_blocks(self.layout, self.fall)
 
+    def summary(self) -> str:
+        """Status, verification, joints that open or slide, and ties, as text."""
+        status = self.status.replace("_", " ")
+        lines = [f"{status} at load factor {self.load_factor:.8g}"]
+        if self.reason:
+            lines[0] += f": {self.reason}"
+        if self.status == "equilibrium":
+            found = ", ".join(f"{name} {value:.0e}" for name, value in self.residuals.items())
+            lines.append(f"verified: {found}")
+        if self.joint_values is not None:
+            lines += [_contact_line(self.joints["state"]), *tension_lines(self.ties)]
+        took = f"{self.factorizations} factorisations, {self.seconds:.2f} s"
+        return "\n".join([*lines, took])
+
+    @checked
+    def write(self, folder: str | Path) -> None:
+        """Write result.json, and pictures and ParaView files as the scene's output options say.
+
+        The folder is made. The pictures are state.png (displacements and joint forces), thrust.png
+        and stress.png, or collapse.png with the blocks that fall. Collective.
+
+        Raises:
+            OutputError: On all ranks, if a file cannot be written; the folder is then as it was.
+        """
+        numbers = {"factorizations": self.factorizations, "seconds": self.seconds}
+        view = self._view() if self.state is not None else None
+        write_service_state(self, self.layout, view, numbers, Path(folder))
+
+    def _view(self) -> View:
+        """Displacements and joint forces, or the blocks that fall. Collective."""
+        if self.fall is not None:
+            falling = self.layout.rigid_motion(self.fall)
+            return replace(view_of(self.layout, falling), marked=self.falling)
+        if self.state is None:
+            raise SolverError(f"there is no state to draw: the status is '{self.status}'")
+        sign = math.copysign(1.0, self.load_factor)
+        view = view_of(self.layout, self.state.displacement, self.joint_values, sign)
+        at = f"at load factor {self.load_factor:.6g}"
+        doubt = "" if self.status == "equilibrium" else ", not verified"
+        return replace(view, caption=Caption(f"displacements x {{}}{doubt}", at + doubt))
+
+
+def _contact_line(state: Array) -> str:
+    """How many joint points stick, slide and are open."""
+    counts = ", ".join(f"{np.sum(state == one)} {one.name.lower()}" for one in reversed(Contact))
+    return f"joint points: {counts}"
+
+
+@checked
 def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equilibrium:
-    """Find the state of a scene under its dead load and a multiple of its live load.
+    """Find the state of a scene under its dead load and a multiple of its live load. Collective.
 
     With `slip = "stress-free"` friction resists the slip from the stress-free state, and the number
     of steps does not matter. With `slip = "load-steps"` it resists the slip of each step, the dead
@@ -83,17 +146,42 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
             is not finite, or there is no step.
     """
-    if not math.isfinite(load_factor):
-        raise InputError(f"load_factor = {load_factor} must be finite")
     if steps < 1:
         raise InputError(f"steps = {steps} must be 1 or more")
     if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
         raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")
+    start = time.perf_counter()
+    found = _equilibrium(scene, load_factor, steps)
+    return replace(found, seconds=time.perf_counter() - start)
+
+
+@checked
+def stands(scene: Scene) -> bool:
+    """Whether the dead load of a scene alone has a state of equilibrium. Collective.
+
+    True says that a state was found and verified, False that there is none: rigid blocks with
+    associative friction prove it. `equilibrium(scene, 0)` has the state, or the blocks that fall.
+
+    Args:
+        scene: What stands, or not.
+
+    Raises:
+        InputError: As `equilibrium` does.
+        SolverError: If neither was found; the message says why.
+    """
+    found = equilibrium(scene, 0.0)
+    if found.status not in ("equilibrium", "unstable"):
+        raise SolverError(f"neither a state nor a proof that there is none: {found.reason}")
+    return found.status == "equilibrium"
+
+
+def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
+    """The state at a load factor; see `equilibrium`."""
     strategy = strategy_of(scene)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
         blocks = RigidBlocks.of(made.original, sign, made.effort.wait)
-        proved = without_equilibrium(blocks, abs(load_factor), sign)
+        proved = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
         if proved is not None:
             return Equilibrium(**vars(proved), layout=made.layout, factorizations=0)
         made.end_when(within(scene.solve.time))

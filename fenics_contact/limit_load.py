@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import logging
 import math
@@ -17,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
+from fenics_contact.checks import checked
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
 from fenics_contact.collapse.further import with_lowest, with_peak
@@ -50,17 +50,11 @@ from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
 from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
-from fenics_contact.output.plotting import (
-    draw_capacity,
-    draw_forces,
-    draw_mode,
-    new_axes,
-    save_collapse,
-)
-from fenics_contact.output.view import View, view_of
+from fenics_contact.output.pictured import Pictured
+from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
+from fenics_contact.output.view import UNVERIFIED, View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
@@ -71,6 +65,8 @@ _log = logging.getLogger("fenics_contact")
 
 #: Points of a capacity curve for which the scene gives no number.
 CURVE = 25
+#: Points of a capacity curve, at most.
+MOST_POINTS = 1000
 #: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
 CURVE_SOLVE = 10.0
 
@@ -79,7 +75,7 @@ CURVE_SOLVE = 10.0
 Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
 
-class LimitLoad(Result):
+class LimitLoad(Result, Pictured):
     """Result of `limit_load`, with its fields and files."""
 
     @property
@@ -101,6 +97,7 @@ class LimitLoad(Result):
         """Load factors, brackets and verification as text. Collective: it solves for brackets."""
         return summary(self.with_brackets())
 
+    @checked
     def with_capacity(
         self,
         monitor: Monitor | None = None,
@@ -118,6 +115,8 @@ class LimitLoad(Result):
             stop: As of `limit_load`; points found by then are kept.
         """
         start = time.perf_counter()
+        if not 0 <= points <= MOST_POINTS:
+            raise InputError(f"points = {points} must lie in 0 ... {MOST_POINTS}")
         scene = self.scene
         direction, end = next(iter(self.ends.items()), ("", None))
         points = points or scene.output.capacity or CURVE
@@ -151,6 +150,7 @@ class LimitLoad(Result):
             seconds={**self.seconds, **seconds},
         )
 
+    @checked
     def trace_capacity(
         self,
         monitor: Monitor | None = None,
@@ -160,69 +160,33 @@ class LimitLoad(Result):
         """Points of the capacity curve, traced at every call: `with_capacity` keeps them."""
         return self.with_capacity(monitor, points, stop).capacity
 
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the collapse mode. Collective; returns the axes on rank 0, else None.
-
-        Raises:
-            SolverError: If there is no collapse to draw.
-        """
-        return self._plotted(draw_mode, axes)
-
-    def plot_forces(self, axes: Any = None) -> Any:
-        """Draw the joint forces at collapse; as `plot`."""
-        return self._plotted(draw_forces, axes)
-
     def plot_capacity(self, axes: Any = None) -> Any:
         """Draw the capacity curve, as `plot`; it is traced if the result is without."""
-        self._drawn()
+        check_axes(axes)
+        if self._view().values is None:
+            raise SolverError(f"there is no capacity curve: the status is '{self.status}'")
         curve = self.capacity or self.trace_capacity()
         if self.scene.comm.rank != 0:
             return None
-        axes = axes or new_axes()
+        axes = new_axes() if axes is None else axes
         end = self.collapse
         limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
         draw_capacity(axes, curve, limit, peak)
         return axes
 
-    def _repr_png_(self) -> bytes | None:
-        """Collapse mode and joint forces, for a notebook. Collective."""
-        if not self._can_be_drawn:
-            return None
-        file = io.BytesIO()
-        view = self._view()
-        if self.scene.comm.rank == 0:
-            save_collapse(view, repr(self)[1:-1], [file])
-        return file.getvalue()
-
-    def _plotted(self, draw: Callable[[Any, View], Any], axes: Any) -> Any:
-        """Axes with a picture of the collapse, on rank 0."""
-        view = self._view()
-        if self.scene.comm.rank != 0:
-            return None
-        return draw(axes or new_axes(), view)
-
     def _view(self) -> View:
-        """What pictures show of the collapse. Collective."""
-        view = view_of(self.layout, *self._drawn(), self._sign)
-        return replace(view, verified=self.status == "limit")
-
-    @property
-    def _sign(self) -> float:
-        """Sign of the live load at the collapse that fields show."""
-        return -1.0 if self.positive is None else 1.0
-
-    @property
-    def _can_be_drawn(self) -> bool:
+        """Collapse mode and joint forces, or the blocks that fall. Collective."""
+        if self.fall is not None:
+            falling = self.layout.rigid_motion(self.fall)
+            return replace(view_of(self.layout, falling), marked=self.falling)
         end = self.collapse
-        return end is not None and end.mode is not None and end.status != "unbounded"
-
-    def _drawn(self) -> tuple[Array, JointValues]:
-        """Mode and joint values of the collapse that pictures show."""
-        end = self.collapse
-        if end is None or end.mode is None or end.joints is None or not self._can_be_drawn:
+        if end is None or end.mode is None or end.joints is None or end.status == "unbounded":
             raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
-        return end.mode, end.joints
+        sign = -1.0 if self.positive is None else 1.0
+        view = view_of(self.layout, end.mode, end.joints, sign)
+        return view if self.status == "limit" else replace(view, caption=UNVERIFIED)
 
+    @checked
     def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:
         """Write result.json, and what the scene's output options say; the folder is made.
 
@@ -284,6 +248,7 @@ class _Direction(Listener):
         self._monitor.passed(self._name, point, upper)
 
 
+@checked
 def limit_load(
     scene: Scene,
     monitor: Monitor | None = None,

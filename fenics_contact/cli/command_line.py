@@ -14,13 +14,15 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from mpi4py import MPI
+from typing import TYPE_CHECKING, Any
 
 from fenics_contact.errors import InputError, OutputError, SolverError
 from fenics_contact.exit_codes import BAD_INPUT, EXIT_CODES, FAILED, INTERRUPTED
+from fenics_contact.requirements import missing_requirements
 from fenics_contact.version import __version__
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Characters of a message.
 LONGEST_LINE = 1000
@@ -28,6 +30,12 @@ LONGEST_LINE = 1000
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 solved, 2 bad input, 3 unstable, 4 not)."""
+    if message := missing_requirements():
+        _parser().parse_args(arguments)  # answers --help and --version
+        print(f"fenics-contact: {message}", file=sys.stderr)
+        return BAD_INPUT
+    from mpi4py import MPI
+
     atexit.register(gc.freeze)  # the last search for garbage: all is freed with the process
     comm = MPI.COMM_WORLD
     with _output_may_close():

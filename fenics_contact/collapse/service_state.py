@@ -7,8 +7,7 @@ The load factor rises from the dead load to the one given, in as few steps as fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from fenics_contact.collapse.crushed import CrushedJoints, settle, strengths
 from fenics_contact.collapse.least_forces import least_forces
@@ -17,50 +16,32 @@ from fenics_contact.collapse.load_control import Reached, raise_load_to
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.discretization.crushing import CrushedEnds
+from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
-from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.moving_blocks import fall_reason
+from fenics_contact.results.service_state import ServiceState
 from fenics_contact.scene.scene import SolveOptions
-from fenics_contact.solvers.problem import State
-
-
-@dataclass(frozen=True)
-class ServiceState:
-    """State at a given load factor.
-
-    Attributes:
-        status: "equilibrium" if it is verified; "no_equilibrium" if rigid blocks with associative
-            friction prove that there is none, see `without_equilibrium`; else "not_converged".
-        load_factor: As asked for.
-        state: State found, in the supports' coordinates; None if there is none.
-        joint_values: Forces, openings and slips of the joints; its rates are those of a motion
-            along the displacements.
-        residuals: What the state misses of equilibrium and joint laws, by name, relative.
-        reason: Why there is no verified state, for people.
-    """
-
-    status: str
-    load_factor: float
-    state: State | None = None
-    joint_values: JointValues | None = None
-    residuals: Mapping[str, float] = field(default_factory=dict)
-    reason: str = ""
 
 
 def without_equilibrium(
-    blocks: RigidBlocks, load_factor: float, sign: float
+    layout: Layout, blocks: RigidBlocks, load_factor: float, sign: float
 ) -> ServiceState | None:
     """The answer for a load that rigid blocks with associative friction prove to be too large.
 
     None if they carry it. No matrix is factored.
 
     Args:
+        layout: Of the blocks.
         blocks: Rigid-block programs of one direction of the live load.
         load_factor: Not negative.
         sign: 1 for the live load as given, -1 for that load reversed.
     """
-    if blocks.fall(load_factor) is None:
+    fall = blocks.fall(load_factor)
+    if fall is None:
         return None
+    if load_factor == 0.0:
+        return ServiceState("unstable", 0.0, reason=fall_reason(layout, fall), fall=fall)
     reason = "with associative friction rigid blocks do not stand under the dead load alone"
     if blocks.stands():
         upper = blocks.limit()

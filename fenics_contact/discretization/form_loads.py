@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
 from ufl.algorithms import compute_form_data
+from ufl.algorithms.check_arities import ArityMismatch
 from ufl.constantvalue import Zero
 from ufl.corealg.traversal import traverse_unique_terminals
 from ufl.domain import extract_domains
@@ -161,7 +162,7 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
         arguments = form.arguments()
         if not form.empty():
             compute_form_data(form)
-    except Exception as error:  # of several kinds, by the version of UFL
+    except (Exception, ArityMismatch) as error:  # the last is no Exception in newer versions of UFL
         raise InputError(f"{problem}: {error}") from error
     if arguments != (v,) and not form.empty():
         raise InputError(f"{problem}, and in no other; it has {len(arguments)} arguments")

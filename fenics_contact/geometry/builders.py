@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.checks import check_types, checked
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.mesh import Array
@@ -72,6 +73,7 @@ def _require(condition: bool, message: str) -> None:
         raise InputError(message)
 
 
+@checked
 def facade(
     storeys: int = 2,
     bays: int = 3,
@@ -149,7 +151,11 @@ class BridgeParts:
     cover: float = 0.3
     parapet: float = 0.0
 
+    def __post_init__(self) -> None:
+        check_types(self)
 
+
+@checked
 def bridge(
     span: float,
     rise: float,
@@ -250,6 +256,7 @@ def _pier(drawn: _Parts, foot: Pair, top: Pair, levels: tuple[float, float, floa
         drawn.add("spandrels", _box(top, (level, road)))
 
 
+@checked
 def retaining_wall(
     height: float, base: float, top: float, courses: int = 8, stones: int = 3
 ) -> Drawing:

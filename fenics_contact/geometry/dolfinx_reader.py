@@ -140,15 +140,11 @@ def _named(names: TagNames, numbers: Mapping[int, list[int]]) -> dict[tuple[int,
     Raises:
         InputError: If a name is of no number, or of one that both cells and facets have.
     """
-    if not isinstance(names, Mapping):
-        raise InputError("names must be a dict from the numbers of the tags to names")
     found: dict[tuple[int, int], str | None] = {
         (dim, number): str(number) for dim, some in numbers.items() for number in some
     }
     there = "; ".join(f"{_KINDS_OF_TAGS[dim]} have {some}" for dim, some in numbers.items())
     for key, name in names.items():
-        if not isinstance(name, str):
-            raise InputError(f"names[{key}] = {name!r} must be a string")
         asked = [key] if isinstance(key, tuple) else [(dim, key) for dim in numbers]
         pairs = [pair for pair in found if pair in asked]
         if not pairs:

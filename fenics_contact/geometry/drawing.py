@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.checks import check_types, checked
 from fenics_contact.geometry.meshing import (
     Segments,
     default_size,
@@ -53,10 +54,15 @@ class Drawing:
     names: Sequence[str]
     groups: Segments = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        check_types(self)
+
+    @checked
     def with_group(self, name: str, *segments: npt.ArrayLike) -> Drawing:
         """The drawing with one more group, of what lies on `segments`; see `groups`."""
         return replace(self, groups={**self.groups, name: segments})
 
+    @checked
     def mesh(self, size: float | None = None, quadrilaterals: bool = False) -> Any:
         """Gmsh model of the drawing; arguments and errors are those of `meshing.polygons`."""
         return polygons(self.blocks, size, self.names, self.groups, quadrilaterals)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.checks import check_like, checked
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.dolfinx_reader import TagNames
 from fenics_contact.geometry.dolfinx_reader import contents as dolfinx_contents
@@ -28,6 +29,7 @@ from fenics_contact.geometry.planar_cells import (
     sides_of,
 )
 from fenics_contact.geometry.stored_mesh import StoredMesh
+from fenics_contact.requirements import check_gmsh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -118,6 +120,7 @@ class BlockMesh(TaggedMesh):
         return self.stored.comm
 
     @classmethod
+    @checked
     def from_file(
         cls, path: str | Path, comm: MPI.Comm | None = None, blocks: str = "connected"
     ) -> BlockMesh:
@@ -135,6 +138,7 @@ class BlockMesh(TaggedMesh):
         return cls._distribute(lambda: _with_blocks(_read(Path(path)), blocks), comm)
 
     @classmethod
+    @checked
     def from_model(
         cls, model: Any, comm: MPI.Comm | None = None, blocks: str = "connected"
     ) -> BlockMesh:
@@ -143,6 +147,7 @@ class BlockMesh(TaggedMesh):
         return cls._distribute(lambda: _with_blocks(extract(model, source), blocks), comm)
 
     @classmethod
+    @checked
     def from_dolfinx(
         cls,
         mesh: Any,
@@ -209,6 +214,7 @@ class BlockMesh(TaggedMesh):
 @contextmanager
 def gmsh_session(**options: float) -> Iterator[Any]:
     """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
+    check_gmsh()
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
@@ -239,7 +245,10 @@ def _read(path: Path) -> GmshMesh:
     if not start.startswith((b"$MeshFormat", b"$Comments")):
         raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
     try:
-        found = text_contents(path) or read(path)
+        found = text_contents(path)
+        if found is None:
+            check_gmsh()
+            found = read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
     return _mesh_of(found, f"'{path}'")
@@ -251,6 +260,7 @@ def extract(model: Any, source: str) -> GmshMesh:
     Raises:
         InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
     """
+    check_like("model", model, "getPhysicalGroups", "a gmsh model, as builders return it")
     return _mesh_of(contents(model), source)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices, extract, gmsh_session
 from fenics_contact.geometry.planar_cells import sides_of
@@ -28,6 +29,7 @@ Polygons = list[Array]
 COINCIDENT = 1e-6
 
 
+@checked
 def model_from_arrays(
     points: npt.ArrayLike,
     cells: Mapping[str, npt.ArrayLike],
@@ -41,7 +43,11 @@ def model_from_arrays(
         cells: Nodes of the cells by group name, each of shape (cells, 3) or (cells, 4).
         facets: Nodes of facets by group name, each of shape (facets, 2).
         name: Name of the model.
+
+    Raises:
+        InputError: If an array has another shape, or numbers of nodes that are not there.
     """
+    _check_tables(points, cells, facets)
     coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
@@ -62,6 +68,25 @@ def model_from_arrays(
         return model
 
 
+def _check_tables(
+    points: npt.ArrayLike, cells: Mapping[str, npt.ArrayLike], facets: Mapping[str, npt.ArrayLike]
+) -> None:
+    """Refuse arrays of points and nodes that make no mesh; see `model_from_arrays`."""
+    shape = np.shape(points)
+    if len(shape) != 2 or shape[1] != 2:
+        raise InputError(f"points has the shape {shape}; give (points, 2)")
+    for key, groups, widths in (("cells", cells, (3, 4)), ("facets", facets, (2,))):
+        for name, members in groups.items():
+            table = np.asarray(members)
+            if not table.size:
+                continue
+            if table.ndim != 2 or table.shape[1] not in widths:
+                wanted = " or ".join(f"({key}, {width})" for width in widths)
+                raise InputError(f"{key}.{name} has the shape {table.shape}; give {wanted}")
+            if table.min() < 0 or table.max() >= shape[0]:
+                raise InputError(f"{key}.{name} has nodes that are not among {shape[0]} points")
+
+
 def _new_model(gmsh: Any, name: str) -> Any:
     """An empty model in place of those of the same name."""
     while name in gmsh.model.list():
@@ -71,6 +96,7 @@ def _new_model(gmsh: Any, name: str) -> Any:
     return gmsh.model
 
 
+@checked
 def wall(
     courses: Sequence[Sequence[float]],
     block: tuple[float, float] = (0.4, 0.175),
@@ -128,6 +154,7 @@ def _rectangles(
     return rectangles
 
 
+@checked
 def running_bond(
     bricks: int,
     courses: int,
@@ -201,6 +228,7 @@ def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
     return {name: facets[mask] for name, mask in masks.items()}
 
 
+@checked
 def polygons(
     outlines: Sequence[npt.ArrayLike],
     size: float | Sequence[float] | None = None,
@@ -251,7 +279,8 @@ def _checked(
 ) -> list[Array]:
     """Corners of every block, or `InputError`; arguments as those of `polygons`."""
     blocks = [np.asarray(outline, dtype=float) for outline in outlines]
-    if not blocks or (size is not None and np.min(np.array(size)) <= 0.0):
+    sizes = np.atleast_1d(1.0 if size is None else size)
+    if not blocks or not np.all((sizes > 0.0) & np.isfinite(sizes)):
         raise InputError("polygons: give at least one block, and a positive size")
     for number, problem in enumerate(map(outline_problem, blocks)):
         if problem:
@@ -288,8 +317,15 @@ def _draw(
             model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
 
 
+@checked
 def default_size(blocks: Polygons) -> float:
-    """A quarter of the side of a square of the blocks' mean area, m."""
+    """A quarter of the side of a square of the blocks' mean area, m.
+
+    Raises:
+        InputError: If there is no block, or one has no corners (x, y).
+    """
+    if len(blocks) == 0 or any(np.ndim(block) != 2 or np.shape(block)[1] != 2 for block in blocks):
+        raise InputError("blocks: give at least one, each with corners of shape (corners, 2)")
     return 0.25 * float(np.sqrt(np.mean([abs(_area(block)) for block in blocks])))
 
 
@@ -414,6 +450,7 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
     return np.split(starts, np.searchsorted(side, first_side)), near
 
 
+@checked
 def arch(
     voussoirs: int,
     thickness: float,
@@ -461,6 +498,7 @@ def blocks_between(low: Array, high: Array) -> Polygons:
     return list(np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1))
 
 
+@checked
 def wedge(
     half_angle: float,
     height: float = 0.5,
@@ -491,6 +529,7 @@ def wedge(
     return polygons(blocks, size, ["blocks", "blocks", "wedge"], groups, quadrilaterals)
 
 
+@checked
 def buttress(
     courses: int,
     wall_width: float = 1.0,

@@ -199,16 +199,54 @@ def name_tie_forces(axes: Any, view: View) -> None:
 
 
 def legend(axes: Any, entries: Sequence[Any]) -> None:
-    """A legend below what axes show now, of artists with labels or pairs (label, artists)."""
+    """A legend below what axes show now, of artists with labels or pairs (label, artists).
+
+    It is no wider than the axes' part of the figure. Where the figure has no layout of its own that
+    makes room for it, the axes show more below, so that it does not lie on axes there.
+    """
     if not entries:
         return
     pairs = [one if isinstance(one, tuple) else (one.get_label(), one) for one in entries]
     labels, handles = zip(*pairs, strict=True)
-    rows = -(-len(pairs) // IN_A_ROW)
     place: dict[str, Any] = {"bbox_to_anchor": (0.5, axes.get_ylim()[0]), "loc": "upper center"}
     place |= {"bbox_transform": axes.get_yaxis_transform(), "borderaxespad": 0.2}
-    style = {"ncols": -(-len(pairs) // rows), "fontsize": 9, "frameon": False}
-    axes.legend(handles, labels, **place, **style)
+    style = {"fontsize": 9, "frameon": False}
+    room = _room(axes)
+    for rows in range(-(-len(pairs) // IN_A_ROW), len(pairs) + 1):
+        columns = -(-len(pairs) // rows)
+        made = axes.legend(handles, labels, ncols=columns, **place, **style)
+        box = made.get_window_extent()
+        if box.width <= room:
+            break
+    if axes.figure.get_layout_engine() is None:
+        _show_below(axes, box.height)
+
+
+def _room(axes: Any) -> float:
+    """Width around the middle of axes that is theirs in their figure, pixels."""
+    box = axes.get_window_extent()
+    place = axes.get_subplotspec()
+    if place is None:
+        return float(box.width)
+    columns = place.get_gridspec().ncols
+    whole = axes.figure.bbox.width
+    if axes.figure.get_layout_engine() is not None:  # it moves the axes to the middle of their part
+        return float(whole * len(place.colspan) / columns)
+    middle = 0.5 * (box.x0 + box.x1)
+    left = whole * place.colspan.start / columns
+    right = whole * place.colspan.stop / columns
+    return float(2.0 * min(middle - left, right - middle))
+
+
+def _show_below(axes: Any, height: float) -> None:
+    """Let axes with one scale in x and y show more below, by a height in pixels."""
+    box = axes.get_window_extent()
+    low, high = axes.get_ylim()
+    per_pixel = abs(np.diff(axes.get_xlim())[0]) / box.width
+    shown = high - low + height * per_pixel
+    if shown > box.height * per_pixel:  # the height of the axes limits the scale
+        shown = max(shown, (high - low) / max(1.0 - height / box.height, 0.1))
+    axes.set_ylim(high - shown, high)
 
 
 def _arrow_ends(view: View) -> list[tuple[Array, Array]]:

@@ -106,22 +106,27 @@ def principal_stresses(stress: Array) -> tuple[Array, Array]:
 
 
 def write_blocks(
-    path: Path, layout: Layout, displacement: Array, elastic: Array, mode: Array
+    path: Path, layout: Layout, displacement: Array, elastic: Array, mode: Array | None
 ) -> None:
     """Write displacement and collapse mode by node, stresses and numbers by cell, as a .pvd file.
 
     Collective. `elastic` is the displacement without a large motion, in which digits of stresses
-    would be lost. The mode is scaled by `mode_scale`, which is in the files too.
+    would be lost. The mode is scaled by `mode_scale`, which is in the files too; without a mode
+    both are left out.
 
     Raises:
         OutputError: On all ranks, with the reason, if a file cannot be written.
     """
-    scale = mode_scale(layout, mode)
     comm = layout.scene.comm
-    moving = {"displacement": displacement, "collapse_mode": scale * mode}
+    moving = {"displacement": displacement}
+    numbers = {}
+    if mode is not None:
+        scale = mode_scale(layout, mode)
+        moving["collapse_mode"] = scale * mode
+        numbers["mode_scale"] = scale
     functions = [displacement_function(layout, u, name) for name, u in moving.items()]
     functions += _cell_functions(layout, elastic)
-    _write(path, comm, [(0.0, functions)], [{"mode_scale": scale}])
+    _write(path, comm, [(0.0, functions)], [numbers])
 
 
 def write_series(path: Path, layout: Layout, points: Sequence[CapacityPoint]) -> None:
@@ -194,13 +199,14 @@ def write_joints(
     layout: Layout,
     values: JointValues,
     displacement: Array,
-    mode: Array,
+    mode: Array | None,
 ) -> None:
     """Write the joints as lines, an XML file of VTK, on rank 0. Collective.
 
     By point: "pressure" and "shear" in Pa, "gap" and "slip" in m, "displacement" (mean of both
     sides) and "collapse_mode", which moves the lines with the blocks; it and the rates are scaled
-    by "mode_scale". By line: "state" 0 open, 1 slip, 2 stick; "group" and "friction" of its law.
+    by "mode_scale"; without a mode they are left out. By line: "state" 0 open, 1 slip, 2 stick;
+    "group" and "friction" of its law.
 
     Raises:
         OutputError: On all ranks, with the reason, if the file cannot be written.
@@ -208,14 +214,17 @@ def write_joints(
     joints = layout.joints.without_ties()
     count = joints.joint_count
     values = values.first(count)
-    scale = mode_scale(layout, mode)
     points = {name: getattr(values, name) for name in ("pressure", "shear", "gap", "slip")}
-    points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
     points |= {"normal": joints.normal, "force": values.force(joints.normal, joints.tangent)}
     ground = ground_motion(layout.scene, layout.boundary, joints)
     moved = at_sides(layout, displacement)[:count]
     points |= {"displacement": middle(joints, moved, ground)}
-    points |= {"collapse_mode": scale * middle(joints, at_sides(layout, mode)[:count])}
+    numbers = {}
+    if mode is not None:
+        scale = mode_scale(layout, mode)
+        points |= {name: scale * getattr(values, name) for name in ("opening_rate", "slip_rate")}
+        points |= {"collapse_mode": scale * middle(joints, at_sides(layout, mode)[:count])}
+        numbers = {"mode_scale": np.array([scale])}
     first = joints.segments[:, 0]
     lines = {"state": facet_contact(values, joints.segments), "group": joints.law[first]}
     lines |= {"friction": joints.friction[first]}
@@ -224,7 +233,7 @@ def write_joints(
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
     file.append(Comment(_numbers_in_words(joints)))
     grid = SubElement(file, "UnstructuredGrid")
-    _add_arrays(grid, "FieldData", {"mode_scale": np.array([scale])})
+    _add_arrays(grid, "FieldData", numbers)
     sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}
     piece = SubElement(grid, "Piece", sizes)
     _add_arrays(piece, "Points", {"points": joints.position})

@@ -5,44 +5,35 @@ from __future__ import annotations
 import csv
 import json
 import math
-import textwrap
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fenics_contact import compat
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
-from fenics_contact.output.plotting import (
-    Draw,
-    draw_forces,
-    draw_marked,
-    draw_mode,
-    draw_stress,
-    draw_thrust,
-    rounded_alike,
-    save,
-    save_capacity,
-)
+from fenics_contact.output.plotting import draw_forces, draw_mode, rounded_alike, save_capacity
+from fenics_contact.output.records import Record, origin_record, strict, tie_records
 from fenics_contact.output.report import RECORD, write_report
 from fenics_contact.output.report_words import DRAWN_STATES
-from fenics_contact.output.scene_record import scene_record
-from fenics_contact.output.stress_raster import stress_raster
-from fenics_contact.output.view import View, view_of
+from fenics_contact.output.state_files import (
+    draw_blocks,
+    draw_pictures,
+    draw_state,
+    picture_paths,
+    short_title,
+)
+from fenics_contact.output.view import UNVERIFIED, view_of
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Lowest, Peak
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.mesh_error import MeshError
-from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
+from fenics_contact.results.named_arrays import tie_arrays
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.results.tie_values import TieState
-from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -50,13 +41,8 @@ SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous l
 #: What result.json says of `LimitBounds`.
 BRACKET = ("lower", "upper", "frictionless", "meet")
 
-#: Characters of a title that a picture has room for.
-LONGEST_TITLE = 60
-
 #: What is skipped where somebody is in a hurry.
 SKIPPED_FILES = "pictures and ParaView files, or some of them: the run was stopped"
-
-Record = dict[str, Any]
 
 
 def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambda: False) -> None:
@@ -92,9 +78,8 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> No
     comm = result.scene.comm
     options = result.scene.output
     if result.fall is not None and options.pictures and not hurry():
-        view = view_of(result.layout, result.layout.rigid_motion(result.fall))
-        marked = partial(draw_marked, blocks=result.falling)
-        _draw(result, view, "falls under its dead load", {folder / "collapse": [marked]})
+        title = "falls under its dead load"
+        draw_blocks(result.layout, result.falling, result.fall, title, folder / "collapse")
     for direction, end in result.ends.items():
         _write_collapse(result, direction, end, folder, hurry)
     with writing(comm):
@@ -114,26 +99,10 @@ def _write_capacity(result: Result, folder: Path) -> None:
             table.writerow([p.displacement, factor, p.work, int(p.converged)])
     if result.scene.output.pictures:
         end = result.collapse
-        title = _drawn(result.scene.title)
+        title = short_title(result.scene.title)
         limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
-        save_capacity(result.capacity, limit, peak, title, _pictures(result, folder / "capacity"))
-
-
-def _pictures(result: Result, path: Path) -> list[Path]:
-    """Files of a picture, in all formats asked for."""
-    formats = dict.fromkeys(result.scene.output.formats)
-    return [path.with_name(f"{path.name}.{suffix}") for suffix in formats]
-
-
-def _draw(result: Result, view: View, title: str, pictures: Mapping[Path, Sequence[Draw]]) -> None:
-    """Pictures by file without its ending, each of panels side by side, on rank 0. Collective."""
-    comm = result.scene.comm
-    scene = _drawn(result.scene.title)
-    with writing(comm):
-        if comm.rank == 0:
-            for path, draws in pictures.items():
-                whole = f"{scene}\n{title}" if scene else title
-                save(view, whole, _pictures(result, path), *draws)
+        paths = picture_paths(result.scene, folder / "capacity")
+        save_capacity(result.capacity, limit, peak, title, paths)
 
 
 def _write_collapse(
@@ -146,26 +115,18 @@ def _write_collapse(
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
         if options.pictures and not hurry():
-            view = view_of(layout, sign=sign)
-            title = f"these blocks wedge{reversal}"
-            marked = partial(draw_marked, blocks=result.wedged(end))
-            _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
+            title = f"unbounded, these blocks wedge{reversal}"
+            draw_blocks(layout, result.wedged(end), None, title, folder / f"collapse{suffix}")
         return
     if end.state is None or end.mode is None or end.joints is None:
         return
     state = layout.with_imposed(end.state)
     mode = end.mode
     if options.pictures and not hurry():
-        stress = partial(draw_stress, raster=stress_raster(layout, state.elastic))
-        panels: dict[str, list[Draw]] = {
-            "collapse": [draw_mode, draw_forces],
-            "thrust": [draw_thrust],
-            "stress": [stress],
-        }
-        pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
         view = view_of(layout, mode, end.joints, sign)
-        view = replace(view, verified=end.status == "limit")
-        _draw(result, view, _title(end, reversal), pictures)
+        view = view if end.status == "limit" else replace(view, caption=UNVERIFIED)
+        first = folder / f"collapse{suffix}"
+        draw_state(layout, view, state.elastic, _title(end, reversal), first)
         _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
     if options.paraview and not hurry():
         path = folder / f"blocks{suffix}.pvd"
@@ -186,7 +147,8 @@ def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) 
         factor = rounded_alike([state.load_factor])[0]
         title = f"another collapse state, load factor {factor}"
         name = first.name.replace("collapse", f"collapse_state_{number}")
-        _draw(result, view, title, {first.with_name(name): [draw_mode, draw_forces]})
+        pictures = {first.with_name(name): [draw_mode, draw_forces]}
+        draw_pictures(result.scene, view, title, pictures)
 
 
 def _title(end: Collapse, reversal: str) -> str:
@@ -197,18 +159,11 @@ def _title(end: Collapse, reversal: str) -> str:
     return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
 
 
-def _drawn(title: str) -> str:
-    """A title as pictures have it: one short line, in which dollars are no mathematics."""
-    line = "".join(c if c.isprintable() else " " for c in title)
-    return textwrap.shorten(line, LONGEST_TITLE, placeholder=" ...").replace("$", r"\$")
-
-
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
     collapse = result.collapse
     negative = result.negative
     scene = result.scene
-    mesh = scene.mesh
     layout = result.layout
     record: Record = {
         "status": result.status,
@@ -243,24 +198,13 @@ def result_record(result: Result) -> Record:
             **_collapse_record(result, negative),
         }
     return record | {
-        "mesh": {
-            "bodies": mesh.body_count,
-            "floating_bodies": int(layout.bodies.floating.sum()),
-            "cells": int(mesh.domain.topology.index_map(2).size_global),
-            "dofs": layout.size,
-            "joint_points": layout.joints.joint_count,
-        },
-        "scene": scene_record(layout),
+        **origin_record(layout),
         "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
         "warnings": [*layout.warnings, *result.contradictions, *_mesh_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
-        "ranks": scene.comm.size,
-        "version": __version__,
-        "versions": compat.versions(),
-        "date": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
 
 
@@ -307,7 +251,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["crushing"] = _crushing_record(collapse)
     record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")
-    record["ties"] = _tie_records(tie_arrays(result.layout, collapse.joints))
+    record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
     record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
     return record | {"iterations": _iteration_record(collapse)}
 
@@ -348,16 +292,6 @@ def _crushing_record(collapse: Collapse) -> list[Record] | None:
     return [_record(place, *names) for place in collapse.crushed]
 
 
-def _tie_records(ties: NamedArrays) -> list[Record]:
-    """Every bar of every tie, with its force and what it does."""
-    if "state" not in ties:
-        return []
-    words = {state.value: state.name.lower() for state in TieState}
-    columns = {name: ties[name].tolist() for name in ties}
-    columns["state"] = [words[state] for state in columns["state"]]
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-
-
 def _mesh_error_record(error: MeshError) -> Record:
     """What the load factor owes to the mesh."""
     lengths = "hinge_length", "contact_length", "load_factor_point_hinges", "load_factor_hinges"
@@ -392,14 +326,3 @@ def _iteration_record(collapse: Collapse) -> Record:
 def _record(item: Any, *names: str) -> Record:
     """Some attributes of an item; None where there is no item."""
     return {name: None if item is None else getattr(item, name) for name in names}
-
-
-def strict(value: Any) -> Any:
-    """A record as strict JSON has it: numbers that are not finite are None."""
-    if isinstance(value, dict):
-        return {key: strict(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [strict(item) for item in value]
-    if isinstance(value, float):
-        return value + 0.0 if math.isfinite(value) else None
-    return value

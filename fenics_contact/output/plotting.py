@@ -14,7 +14,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.checks import check_like
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import (
     BLACK,
     BLUE,
@@ -61,20 +62,17 @@ Draw = Callable[[Any, View], Any]
 
 
 def draw_mode(axes: Any, view: View) -> Any:
-    """The collapse mode: blocks displaced, joints by what they do, and the live load."""
+    """Blocks displaced, joints by what they do, and the live load; or some blocks, marked."""
+    if view.marked is not None:
+        return draw_marked(axes, view)
     frame(axes, view, view.moved)
     draw_moved(axes, view)
     entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.moved_ties)]
     entries += draw_live_load(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
-    motion = "collapse mode" if view.verified else "motion, not verified"
+    motion = view.caption.motion.format(f"{float(f'{view.scale:.3g}'):g}")
     axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
     return axes
-
-
-def _when(view: View) -> str:
-    """The state that a view shows, in words."""
-    return "at collapse" if view.verified else "of a state that is not verified"
 
 
 def draw_forces(axes: Any, view: View) -> Any:
@@ -101,7 +99,7 @@ def draw_forces(axes: Any, view: View) -> Any:
     if view.ties is not None:
         legend(axes, draw_ties(axes, view, view.ties.bars.sides))
         name_tie_forces(axes, view)
-    axes.set_title(f"joint forces {_when(view)}", fontsize=10)
+    axes.set_title(f"joint forces {view.caption.state}", fontsize=10)
     return axes
 
 
@@ -128,7 +126,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
     if view.ties is not None:
         entries += draw_ties(axes, view, view.ties.bars.sides)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
-    axes.set_title(f"line of thrust {_when(view)} (width: force)", fontsize=10)
+    axes.set_title(f"line of thrust {view.caption.state} (width: force)", fontsize=10)
     return axes
 
 
@@ -160,7 +158,7 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
     label = f"larger compressive principal stress ({unit})\n{crosses}"
     axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
-    axes.set_title(f"principal stresses {_when(view)}", fontsize=10)
+    axes.set_title(f"principal stresses {view.caption.state}", fontsize=10)
     return axes
 
 
@@ -207,8 +205,9 @@ def draw_capacity(
     return axes
 
 
-def draw_marked(axes: Any, view: View, blocks: Indices) -> Any:
-    """Some blocks, shaded and with their numbers, among all, displaced as the view says."""
+def draw_marked(axes: Any, view: View) -> Any:
+    """The marked blocks, shaded and with their numbers, among all, displaced as the view says."""
+    blocks = np.empty(0, dtype=np.int64) if view.marked is None else view.marked
     frame(axes, view, view.moved)
     shade = np.full((len(view.centre), 3), 0.92)
     shade[blocks] = (0.93, 0.75, 0.45)
@@ -243,11 +242,31 @@ def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
 # ---- files
 
 
+def check_axes(axes: Any) -> None:
+    """Refuse what is neither None nor axes to draw into.
+
+    Raises:
+        InputError: The message says what it must be.
+    """
+    if axes is not None:
+        check_like("axes", axes, "get_autoscalex_on", "axes of matplotlib, or None")
+
+
 def new_axes() -> Any:
     """Axes of a figure of their own, which a notebook shows."""
     from matplotlib import pyplot
 
     return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
+
+
+def structure_figure(view: View, panels: int) -> Any:
+    """An empty figure with room for pictures of a structure side by side."""
+    from matplotlib.figure import Figure
+
+    width, height = np.ptp(extent(view, view.moved), axis=0)
+    tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
+    wide = max(min(WIDTH, tall * width / height), NARROWEST)
+    return Figure(figsize=(panels * wide, tall + 1.1), dpi=DPI, layout="constrained")
 
 
 def save(
@@ -257,12 +276,7 @@ def save(
     *draws: Draw,
 ) -> None:
     """Pictures of a structure side by side, to one scale."""
-    from matplotlib.figure import Figure
-
-    width, height = np.ptp(extent(view, view.moved), axis=0)
-    tall = float(np.clip(WIDTH * height / width, *HEIGHTS))
-    wide = max(min(WIDTH, tall * width / height), NARROWEST)
-    figure = Figure(figsize=(len(draws) * wide, tall + 1.1), dpi=DPI, layout="constrained")
+    figure = structure_figure(view, len(draws))
     places = figure.subplots(1, len(draws), squeeze=False, sharex=True, sharey=True)
     for axes, draw in zip(places[0], draws, strict=True):
         draw(axes, view)

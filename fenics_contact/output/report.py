@@ -103,6 +103,8 @@ def _read(folder: Path) -> Record:
         raise InputError(
             f"{path} {there}; give the folder that `fenics-contact solve` wrote to"
         ) from error
+    if isinstance(record, dict) and record.get("status") == "equilibrium":
+        raise InputError(f"{path} is that of a state at a given load factor; give a limit load")
     if not isinstance(record, dict) or "ends" not in record or "scene" not in record:
         raise InputError(
             f"{path} is not of this version, or is no result; solve the scene again for a report"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -43,6 +43,23 @@ class Arrows:
 
 
 @dataclass(frozen=True)
+class Caption:
+    """What titles of pictures say.
+
+    Attributes:
+        motion: What the motion of the blocks is; "{}" stands for its scale.
+        state: To which state the joint forces belong.
+    """
+
+    motion: str
+    state: str
+
+
+COLLAPSE = Caption("collapse mode", "at collapse")
+UNVERIFIED = Caption("motion, not verified", "of a state that is not verified")
+
+
+@dataclass(frozen=True)
 class View:
     """What pictures of a structure show, alike on all ranks.
 
@@ -61,7 +78,9 @@ class View:
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
         body: Resultant of the live body force on its line of action; no arrow if there is none.
-        verified: Whether mode and values are those of a verified collapse.
+        scale: Displacements that are drawn, over those of the mode.
+        caption: What titles say of motion and forces.
+        marked: Blocks that are shaded in place of all else; None where all is drawn.
     """
 
     boundary: Boundary
@@ -78,7 +97,19 @@ class View:
     body: Arrows
     ties: TieValues | None
     tie_motion: Array
-    verified: bool = True
+    scale: float = 1.0
+    caption: Caption = COLLAPSE
+    marked: Indices | None = None
+
+    def scaled(self, factor: float) -> View:
+        """The view with displacements so many times as large."""
+        return replace(
+            self,
+            motion=factor * self.motion,
+            joint_motion=factor * self.joint_motion,
+            tie_motion=factor * self.tie_motion,
+            scale=factor * self.scale,
+        )
 
     @property
     def size(self) -> float:
@@ -121,6 +152,7 @@ def view_of(
     joints = layout.joints.without_ties()
     motion = np.zeros((len(boundary.nodes), 2, 2))
     at_points = np.zeros((len(joints.nodes), 2))
+    scale = 1.0
     at_ties = np.zeros((len(layout.joints.nodes) - len(joints.nodes), 2, 2))
     if mode is not None:
         scale = mode_scale(layout, mode)
@@ -144,6 +176,7 @@ def view_of(
         body=body,
         ties=None if values is None else tie_values(layout.joints, values),
         tie_motion=at_ties,
+        scale=scale,
     )
 
 

@@ -35,16 +35,12 @@ from fenics_contact.results.history import (
 )
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.moving_blocks import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.results.seismic import SeismicCheck
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
-
-#: Blocks fall, or wedge, from this part of the largest motion, or force, on.
-MOVES = 1e-6
-#: Blocks that a line names.
-NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -226,20 +222,6 @@ def _reversed(program: Callable[[], LimitBounds]) -> LimitBounds:
     return program().reversed()
 
 
-def _large(size: Array) -> Indices:
-    """Numbers of the blocks for which something is not small."""
-    return np.flatnonzero(size > MOVES * size.max(initial=0.0))
-
-
-def _named(blocks: Indices, centre: Array, what: str) -> str:
-    """Blocks by number and place, as far as a line has room, and what they do."""
-    names = [f"{block} at ({centre[block, 0]:.3g}, {centre[block, 1]:.3g})" for block in blocks]
-    if len(names) == 1:
-        return f"block {names[0]} {what}s"
-    rest = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"blocks {', '.join(names[:NAMED])}{rest} {what}"
-
-
 def _negated(record: Any, *fields: str) -> Any:
     """A record with the opposite sign of some fields, of its load factor by default."""
     names = fields or ("load_factor",)
@@ -332,10 +314,7 @@ class Result:
     @property
     def falling(self) -> Indices:
         """Numbers of the blocks that fall under the dead load alone."""
-        if self.fall is None:
-            return np.empty(0, dtype=np.int64)
-        turning = np.abs(self.fall[:, 2]) * self.layout.bodies.size
-        return _large(np.hypot(self.fall[:, 0], self.fall[:, 1]) + turning)
+        return falling_blocks(self.layout, self.fall)
 
     def wedged(self, end: Collapse) -> Indices:
         """Numbers of the blocks that wedge where nothing limits the load of one end."""
@@ -344,19 +323,18 @@ class Result:
             force = np.abs(end.wedging).max(axis=0)
             for side in self.layout.joints.bodies.T:
                 np.maximum.at(size, side[side != GROUND], force[side != GROUND])
-        return _large(size)
+        return large(size)
 
     def reason(self, end: Collapse | None = None) -> str:
         """Why there is no limit load, of one end or at all, for people; empty where there is."""
-        centre = self.layout.bodies.centre
         if not self.ends:
-            blocks = _named(self.falling, centre, "fall")
-            return f"there is no equilibrium under the dead load alone: {blocks}"
+            return fall_reason(self.layout, self.fall)
         if end is None:
             return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
         if end.status != "unbounded":
             return end.reason
-        return f"nothing limits the live load: {_named(self.wedged(end), centre, 'wedge')}"
+        blocks = named_blocks(self.wedged(end), self.layout.bodies.centre, "wedge")
+        return f"nothing limits the live load: {blocks}"
 
     @property
     def positive(self) -> Collapse | None:

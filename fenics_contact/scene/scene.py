@@ -15,9 +15,10 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
+from fenics_contact.checks import check_types, checked, key_of
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import BLOCKS, BlockMesh
-from fenics_contact.scene.toml_tables import check_types, from_table, key_of, read_toml
+from fenics_contact.scene.toml_tables import from_table, read_toml
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
@@ -491,10 +492,10 @@ class OutputOptions:
     report: bool = False
 
     def __post_init__(self) -> None:
+        check_types(self)
         for name in self.formats:
             _require_choice("formats", name)
         _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
-        check_types(self)
         _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
@@ -594,6 +595,7 @@ class Scene(_Shared):
         return self.mesh.comm
 
     @classmethod
+    @checked
     def from_file(
         cls, path: str | Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
     ) -> Scene:
@@ -615,6 +617,7 @@ class Scene(_Shared):
         )
 
     @classmethod
+    @checked
     def from_tables(cls, given: Mapping[str, Any], mesh: Callable[[str, str], BlockMesh]) -> Scene:
         """A scene from the tables of a file, and what makes the mesh of `mesh.file` and `.blocks`.
 

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
-from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.checks import as_mapping, check_type, key_of, kind_of
 from fenics_contact.errors import InputError, raised_together
 
 T = TypeVar("T")
 
-#: Names of the types that a value must have exactly.
-_EXACT = {int: "a whole number", bool: "true or false", str: "a string"}
 #: Tables within tables that a file may have.
 DEEPEST = 20
 #: Bytes that a file may have; a mesh given for a scene has more.
@@ -87,7 +84,7 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         InputError: If a key is unknown or missing, or a value is wrong for its type or dataclass.
     """
     prefix = f"{key}." if key else ""
-    table = _as_table(key, table)
+    table = as_mapping(key, table)
     kinds = get_type_hints(kind)
     known = [key_of(name) for name in kinds]
     for name in [name for name in table if name not in known]:
@@ -111,97 +108,21 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         raise InputError(f"{prefix}{error}") from None
 
 
-def key_of(name: str) -> str:
-    """Key of a field: its name, without the underscore after a keyword of Python (`from_`)."""
-    return name.removesuffix("_")
-
-
-def _kind_of(value: Any, kind: Any) -> Any:
-    """The type that a value should have of several: the first, or a string for a string."""
-    if not isinstance(kind, UnionType):  # "... | None" for what may be left out
-        return kind
-    return str if isinstance(value, str) and str in get_args(kind) else get_args(kind)[0]
-
-
 def _value(key: str, value: Any, kind: Any) -> Any:
-    kind = _kind_of(value, kind)
+    """A value of a file as its field has it."""
+    kind = kind_of(value, kind)
     if is_dataclass(kind):
         return from_table(kind, value, key)  # type: ignore[arg-type]
     if get_origin(kind) is Mapping:
         inner = get_args(kind)[1]
-        return {n: _value(f"{key}.{n}", item, inner) for n, item in _as_table(key, value).items()}
+        table = as_mapping(key, value)
+        return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
+    check_type(key, value, kind)
     if kind is float:
-        return _number(key, value)
-    if get_origin(kind) is Callable:
-        if not callable(value):
-            raise InputError(f"{key} = {_shown(value)} must be a function, given in Python")
-        return value
-    if get_origin(kind) is tuple and get_args(kind)[0] is str:
-        if not isinstance(value, (list, tuple)) or not all(isinstance(x, str) for x in value):
-            raise InputError(f"{key} = {_shown(value)} must be a list of strings")
-        return tuple(value)
-    if get_origin(kind) is tuple and get_origin(get_args(kind)[0]) is tuple:
-        if not isinstance(value, (list, tuple)):
-            raise InputError(
-                f"{key} = {_shown(value)} must be a word or a list of pairs of numbers"
-            )
-        return tuple(_value(key, item, get_args(kind)[0]) for item in value)
-    if get_origin(kind) is tuple:
-        if not isinstance(value, (list, tuple)) or len(value) != 2:
-            raise InputError(f"{key} = {_shown(value)} must be two numbers, [x, y]")
-        return tuple(_number(key, item) for item in value)
-    if type(value) is not kind:  # a truth value is no whole number
-        raise InputError(f"{key} = {_shown(value)} must be {_EXACT[kind]}")
-    return value
-
-
-def check_types(item: Any) -> None:
-    """Refuse fields of a dataclass that are of another type, as `from_table` refuses them.
-
-    Raises:
-        InputError: The message names the field.
-    """
-    for name, kind in get_type_hints(type(item)).items():
-        _check_type(key_of(name), getattr(item, name), kind)
-
-
-def _check_type(key: str, value: Any, kind: Any) -> None:
-    if value is None and isinstance(kind, UnionType):
-        return
-    kind = _kind_of(value, kind)
-    if get_origin(kind) is Mapping:
-        for name, inner in _as_table(key, value).items():
-            _check_type(f"{key}.{name}", inner, get_args(kind)[1])
-    elif get_origin(kind) is tuple:
-        _value(key, list(value) if isinstance(value, Iterable) else value, kind)
-    elif kind in (float, *_EXACT) or get_origin(kind) is Callable:
-        _value(key, value.item() if isinstance(value, np.generic) else value, kind)
-    elif not isinstance(value, kind):
-        raise InputError(f"{key} = {_shown(value)} must be a {kind.__name__}")
-
-
-def _shown(value: Any) -> str:
-    """A value as text, as far as there is room for it."""
-    try:
-        text = repr(value)
-    except ValueError:  # a whole number too long for Python
-        return "a number"
-    return text if len(text) <= 80 else f"{text[:60]} ..."
-
-
-def _as_table(key: str, value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"{key} = {_shown(value)} must be a table, [{key}], in Python a dict")
-    return value
-
-
-def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{key} = {_shown(value)} must be a number")
-    try:
         return float(value)
-    except OverflowError:
-        raise InputError(f"{key} is too large a number") from None
+    if get_origin(kind) is tuple:
+        return tuple(_value(key, item, get_args(kind)[0]) for item in value)
+    return value
 
 
 def _override(table: dict[str, Any], assignment: str) -> None:

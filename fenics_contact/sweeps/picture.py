@@ -12,7 +12,7 @@ import numpy as np
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import writing
-from fenics_contact.output.plotting import new_axes, save_collapse
+from fenics_contact.output.plotting import check_axes, new_axes, save_collapse
 from fenics_contact.output.view import view_of
 from fenics_contact.results.result import Result
 from fenics_contact.sweeps.parameters import Parameter, Values
@@ -47,7 +47,8 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         points: In the order of their grid.
         axes: To draw into; by default those of a new figure.
     """
-    axes = axes or new_axes()
+    check_axes(axes)
+    axes = new_axes() if axes is None else axes
     sizes = [len(parameter.values) for parameter in parameters]
     table = np.empty(len(points), dtype=object)
     table[:] = list(points)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fenics_contact import console
+from fenics_contact.checks import checked
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array
@@ -21,6 +23,9 @@ from fenics_contact.sweeps.points import Point, value_text
 from fenics_contact.sweeps.solving import Structure, solve, solve_point
 from fenics_contact.sweeps.table import Table, described
 from fenics_contact.sweeps.workers import solved_by_workers
+
+#: Attributes of points.
+_ATTRIBUTES = (*(item.name for item in fields(Point)), "solved", "least")
 
 #: Is told how many points are there, of how many, and of the point that ended, None at first.
 Told = Callable[[int, int, Point | None], None]
@@ -53,8 +58,16 @@ class Sweep(Sequence[Point]):
             found = f", lowest load factor {worst.least:.8g} at {place}"
         return f"<Sweep: {console.counted(len(self), 'point')} over {keys}{found}>"
 
+    @checked
     def column(self, name: str) -> Array:
-        """An attribute of all points, for example `load_factor`, or the values of a key."""
+        """An attribute of all points, for example `load_factor`, or the values of a key.
+
+        Raises:
+            InputError: If points have no such attribute or key.
+        """
+        known = [*(key for one in self.parameters for key in one.keys), *_ATTRIBUTES]
+        if name not in known:
+            raise InputError(f"name = '{name}' must be one of {', '.join(known)}")
         return np.array([p.values[name] if name in p.values else getattr(p, name) for p in self])
 
     @property
@@ -68,6 +81,7 @@ class Sweep(Sequence[Point]):
         return draw_sweep(self.parameters, self, axes)
 
 
+@checked
 def sweep(
     scene: Scene | str | Path,
     vary: Mapping[str, Iterable[Any]],

@@ -150,7 +150,10 @@ def change(place: int, make: Callable[[list[Any]], Any]) -> Callable[[list[Any]]
         (change(3, lambda given: NAMES | {7: "door"}), r"names\[7\] = 'door' is the number of no"),
         (change(3, lambda given: {(2, 3): "base"}), r"names\[\(2, 3\)\] = 'base' is .* of no tag"),
         (change(3, lambda given: {1: 5}), r"names\[1\] = 5 must be a string"),
-        (change(3, lambda given: ["left"]), "names must be a dict"),
+        (
+            change(3, lambda given: ["left"]),
+            "names = .* must be a table, .* in Python a dict",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_on_all_ranks(wrong, named):

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import InputError, Load, SolveOptions, equilibrium, limit_load
+from fenics_contact import (
+    BlockMesh,
+    InputError,
+    JointLaw,
+    Load,
+    Material,
+    OutputOptions,
+    Scene,
+    SolveOptions,
+    SolverError,
+    equilibrium,
+    limit_load,
+    stands,
+)
 from fenics_contact.limit_load import Monitor
-from tests.bank import BANK, block_recipe
+from fenics_contact.meshing import polygons
+from fenics_contact.output.report import write_report
+from tests.bank import BANK, block_recipe, sides
+from tests.drawing import rectangle
 
 BLOCK = block_recipe(0.4, 1.0, 0.3)
 
@@ -57,9 +74,82 @@ def test_load_that_is_proved_too_large_costs_no_factorisation(factor, carried):
 
 def test_dead_load_that_falls_costs_no_factorisation():
     found = equilibrium(BANK["sliding stack -0.001"].scene(1), 0.0)
+    assert found.status == "unstable" and found.falling.tolist() == [0, 1]
+    alone = "there is no equilibrium under the dead load alone: blocks 0 at (0.25, 0.1), 1 at"
+    assert found.reason.startswith(alone)
+    assert found.factorizations == 0
+
+
+def test_dead_load_that_falls_carries_no_live_load_either():
+    found = equilibrium(BANK["sliding stack -0.001"].scene(1), 0.1)
     assert found.status == "no_equilibrium"
     assert found.reason.endswith("rigid blocks do not stand under the dead load alone")
-    assert found.factorizations == 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("name", "answer"), [("block 0.7", True), ("sliding stack -0.001", False)])
+def test_does_it_stand(name, answer):
+    assert stands(BANK[name].scene(1)) is answer
+
+
+def test_where_neither_a_state_nor_a_proof_is_found_that_is_said():
+    half = Load(body=(0.0, -9.81))
+    with pytest.raises(SolverError, match="neither a state nor a proof that there is none: "):
+        stands(between_walls(half))
+
+
+def between_walls(dead):
+    """A block between two walls that nothing presses on it: only its weight lifted holds it."""
+    walls = sides(left=(0.0, 0.0, 0.0, 0.5), right=(1.0, 0.0, 1.0, 0.5))
+    model = polygons([rectangle(0.0, 0.0, 1.0, 0.5)], 0.25, groups=walls)
+    law = JointLaw(friction=0.5)
+    material = Material(young=1e9, poisson=0.2, density=1000.0)
+    live = Load(body=(0.0, 9.81))
+    mesh = BlockMesh.from_model(model)
+    return Scene(mesh, {"default": material}, live, dead, foundations={"left": law, "right": law})
+
+
+@pytest.mark.mpi
+def test_summary_of_a_state_has_its_verification_joints_and_cost():
+    first, verified, joints, cost = equilibrium(BLOCK.scene(2), 0.2).summary().splitlines()
+    assert first == "equilibrium at load factor 0.2"
+    assert verified.startswith("verified: equilibrium ") and "friction" in verified
+    assert joints == "joint points: 4 stick, 0 slip, 1 open"
+    assert cost.split()[1] == "factorisations,"
+    beyond = equilibrium(BLOCK.scene(2), 0.4).summary()
+    assert beyond.startswith("no equilibrium at load factor 0.4: with associative friction")
+
+
+@pytest.mark.mpi
+def test_files_of_a_state(tmp_path):
+    folder = MPI.COMM_WORLD.bcast(tmp_path) / "state"
+    scene = BLOCK.scene(2)
+    found = equilibrium(scene, 0.2)
+    found.write(str(folder))
+    record = json.loads((folder / "result.json").read_text())
+    assert (record["status"], record["load_factor"]) == ("equilibrium", 0.2)
+    assert record["residuals"]["friction"] <= record["tolerances"]["friction"]
+    assert record["scene"]["loads"]["dead"]["body"] and record["falling_blocks"] == []
+    pictures = {"state.png", "thrust.png", "stress.png", "joints.vtu", "blocks.pvd"}
+    assert pictures <= set(record["files"])
+    text = (folder / "joints.vtu").read_text()
+    assert '"displacement"' in text and '"state"' in text and "collapse_mode" not in text
+    with pytest.raises(InputError, match="a state at a given load factor"):
+        write_report(folder)
+
+
+def test_files_of_a_fall(tmp_path):
+    scene = BANK["sliding stack -0.001"].scene(1)
+    equilibrium(scene, 0.0).write(tmp_path)
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert (record["status"], record["falling_blocks"]) == ("unstable", [0, 1])
+    assert record["files"] == ["collapse.png"]
+
+
+def test_files_that_nobody_wants_are_not_written(tmp_path):
+    options = OutputOptions(paraview=False, pictures=False)
+    equilibrium(replace(BLOCK.scene(2), output=options), 0.2).write(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_where_associative_friction_proves_nothing_the_state_is_only_not_found():

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.drawing import LIMITS as DRAWING_LIMITS
 from fenics_contact.geometry.drawing import Drawing
@@ -96,6 +97,7 @@ def _place(point: Array, unit: str) -> str:
     return f"({point[0]:.10g}, {point[1]:.10g}) {unit}"
 
 
+@checked
 def read_dxf(
     path: str | Path, unit: str | None = None, roles: LayerRoles | None = None
 ) -> DxfContents:

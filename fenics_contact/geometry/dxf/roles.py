@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from fenics_contact.checks import check_types
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.dxf.reader import Curve, Curves
 from fenics_contact.geometry.outlines import inside_outlines
@@ -60,6 +61,9 @@ class LayerRoles:
     lines: Sequence[str] = ()
     voids: Sequence[str] = ()
     ignore: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        check_types(self)
 
     def of_layers(self, layers: Iterable[str], source: str) -> dict[str, str]:
         """Role of every layer that is named.

@@ -1,0 +1,84 @@
+"""Pictures and ParaView files of one state, or of a fall, for all kinds of results."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from fenics_contact.discretization.layout import Layout
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.output.folder import writing
+from fenics_contact.output.plotting import (
+    Draw,
+    draw_forces,
+    draw_marked,
+    draw_mode,
+    draw_stress,
+    draw_thrust,
+    save,
+)
+from fenics_contact.output.stress_raster import stress_raster
+from fenics_contact.output.view import View, view_of
+from fenics_contact.scene.scene import Scene
+
+#: Characters of a title that a picture has room for.
+LONGEST_TITLE = 60
+
+
+def short_title(title: str) -> str:
+    """A title as pictures have it: one short line, in which dollars are no mathematics."""
+    line = "".join(c if c.isprintable() else " " for c in title)
+    return textwrap.shorten(line, LONGEST_TITLE, placeholder=" ...").replace("$", r"\$")
+
+
+def picture_paths(scene: Scene, path: Path) -> list[Path]:
+    """Files of a picture, in all formats asked for; `path` is without its ending."""
+    return [
+        path.with_name(f"{path.name}.{suffix}") for suffix in dict.fromkeys(scene.output.formats)
+    ]
+
+
+def draw_pictures(
+    scene: Scene, view: View, title: str, pictures: Mapping[Path, Sequence[Draw]]
+) -> None:
+    """Pictures by file without its ending, each of panels side by side, on rank 0. Collective."""
+    above = short_title(scene.title)
+    with writing(scene.comm):
+        if scene.comm.rank == 0:
+            for path, draws in pictures.items():
+                whole = f"{above}\n{title}" if above else title
+                save(view, whole, picture_paths(scene, path), *draws)
+
+
+def draw_state(layout: Layout, view: View, elastic: Array, title: str, first: Path) -> None:
+    """Motion with forces, lines of thrust, and stresses of a state. Collective.
+
+    Args:
+        layout: Of the state.
+        view: What the pictures show.
+        elastic: Displacement without a large motion, this rank's part.
+        title: Of all pictures.
+        first: The picture of the motion, without its ending; what its name has after the first
+            underscore is in the other names too.
+    """
+    _, underscore, rest = first.name.partition("_")
+    suffix = underscore + rest
+    stress = partial(draw_stress, raster=stress_raster(layout, elastic))
+    panels: dict[Path, list[Draw]] = {
+        first: [draw_mode, draw_forces],
+        first.with_name(f"thrust{suffix}"): [draw_thrust],
+        first.with_name(f"stress{suffix}"): [stress],
+    }
+    draw_pictures(layout.scene, view, title, panels)
+
+
+def draw_blocks(
+    layout: Layout, blocks: Indices, motion: Array | None, title: str, path: Path
+) -> None:
+    """Picture of some blocks among all, moved by rigid motions (a, b, c) by block. Collective."""
+    mode = None if motion is None else layout.rigid_motion(motion)
+    view = replace(view_of(layout, mode), marked=blocks)
+    draw_pictures(layout.scene, view, title, {path: [draw_marked]})

@@ -1,0 +1,54 @@
+"""Programs that this package needs and pip does not install, and the ways to them."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from fenics_contact.errors import InputError
+
+#: Modules without which nothing is solved; gmsh is needed for most meshes only.
+NEEDED = ("dolfinx", "petsc4py", "mpi4py")
+
+#: Ways to these modules, for people.
+WAYS = """\
+Debian, Ubuntu:  apt install python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh,
+                 then python3 -m venv --system-site-packages
+Windows:         the same in WSL, with Debian or Ubuntu
+macOS, others:   conda env create -f environment.yml  (conda-forge's fenics-dolfinx)
+container:       docker build -t fenics-contact .
+Which of these were tested: docs/platforms.md"""
+
+
+#: Ways to gmsh, for people.
+GMSH_WAYS = "apt install python3-gmsh, conda install python-gmsh or pip install gmsh"
+
+
+def missing_requirements() -> str:
+    """Message with the needed modules that are not installed and the ways to them; else empty."""
+    names = [name for name in NEEDED if find_spec(name) is None]
+    if not names:
+        return ""
+    listed = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    lacks = "is" if len(names) == 1 else "are"
+    return f"{listed} {lacks} not installed (FEniCSx), and pip does not install them. Ways:\n{WAYS}"
+
+
+def check_requirements() -> None:
+    """Refuse to go on without the modules that are needed.
+
+    Raises:
+        ImportError: With the ways to them.
+    """
+    message = missing_requirements()
+    if message:
+        raise ImportError(f"fenics_contact: {message}")
+
+
+def check_gmsh() -> None:
+    """Refuse to go on without gmsh.
+
+    Raises:
+        InputError: With the ways to it.
+    """
+    if find_spec("gmsh") is None:
+        raise InputError(f"this needs gmsh, which is not installed: {GMSH_WAYS}")

@@ -1,0 +1,36 @@
+"""The state at a given load factor as data; `equilibrium()` returns one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fenics_contact.results.joint_values import JointValues
+from fenics_contact.solvers.problem import Array, State
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """State at a given load factor.
+
+    Attributes:
+        status: "equilibrium" if it is verified. "no_equilibrium" if rigid blocks with associative
+            friction prove that there is none; "unstable" if they prove it of the dead load alone
+            and that was asked for. Else "not_converged".
+        load_factor: As asked for.
+        state: State found, in the supports' coordinates; None if there is none.
+        joint_values: Forces, openings and slips of the joints; its rates are those of a motion
+            along the displacements.
+        residuals: What the state misses of equilibrium and joint laws, by name, relative.
+        reason: Why there is no verified state, for people.
+        fall: With status "unstable" the proof: rigid motions (a, b, c) of the bodies about their
+            centres by which they fall, shape (bodies, 3); no joint resists them.
+    """
+
+    status: str
+    load_factor: float
+    state: State | None = None
+    joint_values: JointValues | None = None
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    reason: str = ""
+    fall: Array | None = None

@@ -1,0 +1,76 @@
+"""What the package says where dolfinx, petsc4py, mpi4py or gmsh is missing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fenics_contact.requirements import missing_requirements
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: Runs a statement as if the first argument's modules were not installed.
+HIDDEN = """
+import sys
+sys.modules |= {name: None for name in sys.argv[1].split(",")}
+statement = sys.argv[2]
+sys.argv[1:] = sys.argv[3:]
+exec(statement)
+"""
+FENICSX = "dolfinx,petsc4py,mpi4py,ufl,basix,ffcx"
+COMMAND_LINE = "from fenics_contact.cli import main; sys.exit(main())"
+
+
+def run_without(modules: str, statement: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A process that has not got some modules."""
+    mpi = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(mpi)}
+    environment["PYTHONPATH"] = str(ROOT)
+    command = [sys.executable, "-c", HIDDEN, modules, statement, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+
+
+def test_nothing_is_missing_here():
+    assert missing_requirements() == ""
+
+
+@pytest.mark.parametrize(("option", "begins"), [("--version", "fenics"), ("--help", "usage: ")])
+def test_version_and_help_are_told_without_dolfinx(option, begins):
+    done = run_without(FENICSX, COMMAND_LINE, option)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(begins)
+
+
+@pytest.mark.parametrize("command", ["solve scene.toml", "mesh drawing.dxf", "report folder"])
+def test_commands_say_what_to_install(command):
+    done = run_without(FENICSX, COMMAND_LINE, *command.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    first, *ways = done.stderr.splitlines()
+    assert first.startswith("fenics-contact: dolfinx, petsc4py and mpi4py are not installed")
+    for way in ("apt install python3-dolfinx", "WSL", "conda env create", "docker build"):
+        assert any(way in line for line in ways), way
+
+
+@pytest.mark.parametrize("wanted", ["fenics_contact", "fenics_contact.meshing"])
+def test_python_says_what_to_install(wanted):
+    name = {"fenics_contact": "limit_load", "fenics_contact.meshing": "wall"}[wanted]
+    done = run_without("dolfinx", f"from {wanted} import {name}")
+    assert done.returncode == 1
+    assert "ImportError: fenics_contact: dolfinx is not installed (FEniCSx)" in done.stderr
+    assert "apt install python3-dolfinx" in done.stderr
+
+
+def test_the_package_itself_and_its_errors_need_nothing():
+    statement = "import fenics_contact as f; print(f.__version__, f.InputError.__name__)"
+    done = run_without(FENICSX, statement)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith("InputError\n")
+
+
+def test_builders_say_that_gmsh_is_missing():
+    done = run_without("gmsh", "from fenics_contact.meshing import wall; wall([[1.0]])")
+    assert "InputError: this needs gmsh, which is not installed: apt install" in done.stderr
