@@ -19,6 +19,7 @@ from fenics_contact import compat
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
+from fenics_contact.output.motion import MOTION, motion_record
 from fenics_contact.output.plotting import (
     Draw,
     draw_forces,
@@ -29,9 +30,11 @@ from fenics_contact.output.plotting import (
     rounded_alike,
     save,
     save_capacity,
+    whole_thrust,
 )
 from fenics_contact.output.report import RECORD, write_report
 from fenics_contact.output.report_words import DRAWN_STATES
+from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View, view_of
@@ -95,13 +98,30 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> No
         view = view_of(result.layout, result.layout.rigid_motion(result.fall))
         marked = partial(draw_marked, blocks=result.falling)
         _draw(result, view, "falls under its dead load", {folder / "collapse": [marked]})
+        _write_motions(result, {"fall": view}, folder)
+    views: dict[str, View] = {}
     for direction, end in result.ends.items():
-        _write_collapse(result, direction, end, folder, hurry)
+        shown = _write_collapse(result, direction, end, folder, hurry)
+        views |= {direction: shown} if shown else {}
+    if options.pictures and not hurry():
+        _write_motions(result, views, folder)
+        view = next(iter(views.values())) if views else view_of(result.layout)
+        draws = {folder / "scene": [partial(draw_scene, scene=result.scene)]}
+        _draw(result, view, "", draws)
     with writing(comm):
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", result.layout, result.capacity)
+
+
+def _write_motions(result: Result, views: Mapping[str, View], folder: Path) -> None:
+    """How the blocks move, by direction, for the slider of the report. Collective."""
+    comm = result.scene.comm
+    with writing(comm):
+        if comm.rank == 0 and views:
+            records = {name: motion_record(view) for name, view in views.items()}
+            (folder / MOTION).write_text(json.dumps(records, separators=(",", ":")) + "\n")
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -132,39 +152,42 @@ def _draw(result: Result, view: View, title: str, pictures: Mapping[Path, Sequen
     with writing(comm):
         if comm.rank == 0:
             for path, draws in pictures.items():
-                whole = f"{scene}\n{title}" if scene else title
+                whole = "\n".join(filter(None, (scene, title)))
                 save(view, whole, _pictures(result, path), *draws)
 
 
 def _write_collapse(
     result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
-) -> None:
-    """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
+) -> View | None:
+    """ParaView files and pictures of one end; where nothing limits the load, what wedges.
+
+    Returns:
+        What the pictures show; None where there is no collapse mode, or are no pictures.
+    """
     layout = result.layout
     options = result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
         if options.pictures and not hurry():
-            view = view_of(layout, sign=sign)
+            still = view_of(layout, sign=sign)
             title = f"these blocks wedge{reversal}"
             marked = partial(draw_marked, blocks=result.wedged(end))
-            _draw(result, view, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
-        return
+            _draw(result, still, f"unbounded, {title}", {folder / f"collapse{suffix}": [marked]})
+        return None
     if end.state is None or end.mode is None or end.joints is None:
-        return
+        return None
     state = layout.with_imposed(end.state)
     mode = end.mode
+    view: View | None = None
     if options.pictures and not hurry():
         stress = partial(draw_stress, raster=stress_raster(layout, state.elastic))
-        panels: dict[str, list[Draw]] = {
-            "collapse": [draw_mode, draw_forces],
-            "thrust": [draw_thrust],
-            "stress": [stress],
-        }
-        pictures = {folder / f"{name}{suffix}": draws for name, draws in panels.items()}
         view = view_of(layout, mode, end.joints, sign)
         view = replace(view, verified=end.status == "limit")
+        panels: dict[str, Draw] = {"collapse": draw_mode, "forces": draw_forces, "stress": stress}
+        if len(whole_thrust(view).segments):
+            panels["thrust"] = draw_thrust
+        pictures = {folder / f"{name}{suffix}": [draw] for name, draw in panels.items()}
         _draw(result, view, _title(end, reversal), pictures)
         _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
     if options.paraview and not hurry():
@@ -172,6 +195,7 @@ def _write_collapse(
         write_blocks(path, layout, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
         write_joints(path, layout, end.joints, state.displacement, mode)
+    return view
 
 
 def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:

@@ -38,7 +38,7 @@ from fenics_contact.output.drawing import (
 )
 from fenics_contact.output.fields import principal_stresses
 from fenics_contact.output.stress_raster import StressRaster
-from fenics_contact.output.thrust import face_resultants, thrust_lines
+from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View
 from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.results.joint_values import JointValues
@@ -108,10 +108,12 @@ def draw_forces(axes: Any, view: View) -> Any:
 def draw_thrust(axes: Any, view: View) -> Any:
     """Lines of thrust, the wider the larger the force, with the joints that they cross.
 
+    Those that end in the air, where forces branch, are left out.
+
     Raises:
         ValueError: If the view has no joint values.
     """
-    lines = thrust_lines(face_resultants(view.joints, _values(view)), view.centre)
+    lines = whole_thrust(view)
     frame(axes, view)
     draw_rest(axes, view)
     fine = fineness(axes, view)
@@ -128,8 +130,19 @@ def draw_thrust(axes: Any, view: View) -> Any:
     if view.ties is not None:
         entries += draw_ties(axes, view, view.ties.bars.sides)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
-    axes.set_title(f"line of thrust {_when(view)} (width: force)", fontsize=10)
+    title = f"line of thrust {_when(view)} (width: force)"
+    none = "no line of thrust runs on to the ground: forces branch"
+    axes.set_title(title if len(lines.segments) else none, fontsize=10)
     return axes
+
+
+def whole_thrust(view: View) -> ThrustLines:
+    """Lines of thrust that run on to the ground.
+
+    Raises:
+        ValueError: If the view has no joint values.
+    """
+    return thrust_lines(face_resultants(view.joints, _values(view)), view.centre).whole()
 
 
 def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:

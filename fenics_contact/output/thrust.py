@@ -10,7 +10,8 @@ A part that two sections hold carries the force of one to the other, and its own
 through it runs straight between their centres of pressure: the line of resistance of J. Heyman,
 The Stone Skeleton, Cambridge 1995. Where one section holds a part, the line begins in it, on the
 line of action. Where a third section carries much too, as below a lintel or in a wall whose blocks
-all turn by themselves, forces branch and there is no line.
+all turn by themselves, forces branch and there is no line. A line that ends where forces branch
+is not whole: pictures leave it out.
 """
 
 from __future__ import annotations
@@ -153,12 +154,30 @@ class ThrustLines:
         force: Resultant that every piece carries, N per metre of thickness, shape (pieces,).
         centre: Centres of pressure of the sections crossed, m, shape (sections, 2).
         ends: Ends of these sections, m, shape (sections, 2, 2).
+        piece_whole: Whether a piece is of a line from ground to ground, or from ground to a part
+            where it begins, shape (pieces,).
+        section_whole: Whether such a line crosses a section, shape (sections,).
     """
 
     segments: Array
     force: Array
     centre: Array
     ends: Array
+    piece_whole: Flags
+    section_whole: Flags
+
+    def whole(self) -> ThrustLines:
+        """The lines that run on without a gap down to the ground."""
+        pieces = self.piece_whole
+        crossed = self.section_whole
+        return ThrustLines(
+            self.segments[pieces],
+            self.force[pieces],
+            self.centre[crossed],
+            self.ends[crossed],
+            pieces[pieces],
+            crossed[crossed],
+        )
 
 
 def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
@@ -190,12 +209,34 @@ def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
         if any(uses[id(section)] > 1 or GROUND in section.parts for section in held)
     ]
     crossed = {id(section): section for _, held in pieces for section in held}.values()
+    piece_whole, section_whole = _whole([held for _, held in pieces], list(crossed))
     return ThrustLines(
         np.array([(held[0].centre, end) for end, held in pieces]).reshape(-1, 2, 2),
         np.array([np.mean([section.size for section in held]) for _, held in pieces]),
         np.array([section.centre for section in crossed]).reshape(-1, 2),
         np.array([section.ends for section in crossed]).reshape(-1, 2, 2),
+        piece_whole,
+        section_whole,
     )
+
+
+def _whole(held: Sequence[Sequence[Section]], sections: Sequence[Section]) -> tuple[Flags, Flags]:
+    """Which pieces, and which sections, are of lines that do not end in the air.
+
+    `held` are the one or two sections of every piece. A section is an end in the air if one piece
+    alone meets it, and no ground.
+    """
+    if not sections:
+        return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
+    number = {id(section): k for k, section in enumerate(sections)}
+    met = [[number[id(section)] for section in of_piece] for of_piece in held]
+    links = np.array([of_piece for of_piece in met if len(of_piece) == 2]).reshape(-1, 2)
+    line = connected(links.astype(np.int64), len(sections))
+    pieces = np.bincount([k for of_piece in met for k in of_piece], minlength=len(sections))
+    on_ground = np.array([GROUND in section.parts for section in sections], dtype=bool)
+    broken = line[(pieces < 2) & ~on_ground]
+    grounded = np.isin(line, line[on_ground]) & ~np.isin(line, broken)
+    return np.array([grounded[of_piece[0]] for of_piece in met], dtype=bool), grounded
 
 
 def _passes(held: Sequence[Section]) -> bool:
