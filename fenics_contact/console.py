@@ -248,7 +248,7 @@ def _crushing_lines(end: Collapse, units: Units) -> list[str]:
         return ["crushing: no joint is at its compressive strength"]
     first = end.crushed[0]
     count = len(end.crushed)
-    place = units.place(*first.position, 3).removesuffix(" m")
+    place = units.place(first.position, 3).removesuffix(" m")
     rest = f", {count - 1} more over less" if count > 1 else ""
     return [
         f"crushing: the load factor is that with it; {first.group} crushes over"
@@ -361,10 +361,9 @@ def description(layout: Layout) -> str:
         length = boundary.length[boundary.in_group(name)].sum()
         lines.append(f"support {name}: {kind}, length {units.length(length)}")
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
-        x, y = forces[:, :2].sum(axis=0)
-        lines.append(f"{name} load: resultant {units.forces(x, y)}")
+        lines.append(f"{name} load: resultant {units.forces(forces[:, :2].sum(axis=0))}")
     for name, movement in scene.dead.movement.items():
-        by = units.place(*movement.displacement, 6)
+        by = units.place(movement.displacement, 6)
         lines.append(f"{name} moves by {by}, turns by {movement.rotation:g} degrees")
     lines += [f"skipped: {item}" for item in skipped(scene)]
     return "\n".join(lines)
@@ -401,7 +400,7 @@ def _tie_lines(ties: Mapping[str, Tie], units: Units) -> list[str]:
 
 def _end_text(end: tuple[float, float] | str | None, units: Units) -> str:
     if isinstance(end, tuple):
-        return units.place(*end, 6).removesuffix(" m")
+        return units.place(end, 6).removesuffix(" m")
     return f"{end}"
 
 

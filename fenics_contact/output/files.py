@@ -19,7 +19,7 @@ from fenics_contact import compat
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
-from fenics_contact.output.motion import MOTION, motion_record
+from fenics_contact.output.motion import motion_record
 from fenics_contact.output.plotting import (
     Draw,
     draw_forces,
@@ -27,13 +27,13 @@ from fenics_contact.output.plotting import (
     draw_mode,
     draw_stress,
     draw_thrust,
-    rounded_alike,
     save,
     save_capacity,
     whole_thrust,
 )
-from fenics_contact.output.report import RECORD, write_report
-from fenics_contact.output.report_words import DRAWN_STATES
+from fenics_contact.output.report.content import RECORD
+from fenics_contact.output.report.page import write_report
+from fenics_contact.output.report.words import DRAWN_STATES, MOTION
 from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.stress_raster import stress_raster
@@ -45,6 +45,7 @@ from fenics_contact.results.mesh_error import MeshError
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.result import Collapse, Result
 from fenics_contact.results.tie_values import TieState
+from fenics_contact.scene.units import rounded_alike
 from fenics_contact.version import __version__
 
 #: What result.json says of `SolveOptions.slip`.

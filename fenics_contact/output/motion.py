@@ -14,8 +14,6 @@ from fenics_contact.geometry.mesh import Array, Labels
 from fenics_contact.output.drawing import outlines
 from fenics_contact.output.view import View
 
-#: The file that holds outlines and motions.
-MOTION = "motion.json"
 #: Corners that leave a straight line by less than this part of the structure's size are left out.
 STRAIGHT = 1e-5
 #: Digits of coordinates after the leading one of the structure's size.

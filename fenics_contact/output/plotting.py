@@ -42,6 +42,7 @@ from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_li
 from fenics_contact.output.view import View
 from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.scene.units import rounded_alike
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
 WIDTH = 6.0
@@ -240,17 +241,6 @@ def _values(view: View) -> JointValues:
     if view.values is None:
         raise ValueError("there are no joint forces: no state was found")
     return view.values
-
-
-def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
-    """Numbers with as many decimals as the first one needs for its leading digits."""
-    first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
-    exponent = math.floor(math.log10(first)) if first > 0.0 else 0
-    if exponent < -4 or exponent > 8:
-        form = f".{digits - 1}e"
-    else:
-        form = f".{max(digits - 1 - exponent, 0)}f"
-    return [format(number, form) if number else "0" for number in numbers]
 
 
 # ---- files

@@ -1,11 +1,12 @@
-"""Units of what people read: SI as in files, or kN, MPa and lengths in m or mm.
+"""Numbers and units for people: SI as in files, or kN, MPa and lengths in m or mm.
 
 Files keep SI units, and forces per metre of thickness, whatever is chosen here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 #: Choices of `output.units`: N, Pa, m; kN, MPa, m; kN, MPa, mm.
@@ -76,13 +77,24 @@ class Units:
         """A force on the structure, from N per metre of thickness."""
         return f"{self.force_number(value):.{digits}g} {self.force_unit}"
 
-    def forces(self, x: float, y: float, digits: int = 6) -> str:
+    def forces(self, force: Sequence[float], digits: int = 6) -> str:
         """Two components of a force on the structure, from N per metre of thickness."""
-        pair = ", ".join(f"{self.force_number(value):.{digits}g}" for value in (x, y))
+        pair = ", ".join(f"{self.force_number(value):.{digits}g}" for value in force)
         return f"({pair}) {self.force_unit.replace('/m', f' {PER_METRE}')}"
 
-    def place(self, x: float, y: float, digits: int = 4) -> str:
+    def place(self, place: Sequence[float], digits: int = 4) -> str:
         """Coordinates, from m, without what rounding leaves of 0."""
-        values = [self.converted(round(value, 9) + 0.0, "m")[0] for value in (x, y)]
+        values = [self.converted(round(value, 9) + 0.0, "m")[0] for value in place]
         pair = ", ".join(f"{value:.{digits}g}" for value in values)
         return f"({pair}) {self.converted(0.0, 'm')[1]}"
+
+
+def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
+    """Numbers with as many decimals as the first one needs for its leading digits."""
+    first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
+    exponent = math.floor(math.log10(first)) if first > 0.0 else 0
+    if exponent < -4 or exponent > 8:
+        form = f".{digits - 1}e"
+    else:
+        form = f".{max(digits - 1 - exponent, 0)}f"
+    return [format(number, form) if number else "0" for number in numbers]
