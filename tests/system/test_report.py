@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-from fenics_contact.output.report import report_page
+from fenics_contact.output.report.content import Content, Labels
+from fenics_contact.output.report.mechanism import SCRIPT
+from fenics_contact.output.report.page import report_page
 from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
 
 SMALL = {"output.paraview": False, "output.report": True}
@@ -34,7 +36,11 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
 }
 #: The mark-up of the page.
 TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
-TAGS.add("figcaption")
+TAGS |= set("figcaption section svg g path text label input script".split())
+#: Its attributes.
+ATTRIBUTES = set("src alt class scope lang charset viewbox role aria-label xmlns hidden".split())
+ATTRIBUTES |= set("d x y font-size font-family text-anchor fill stroke transform".split())
+ATTRIBUTES |= set("data-motion type min max step value".split())
 
 
 class Page(HTMLParser):
@@ -46,13 +52,15 @@ class Page(HTMLParser):
         self.pictures: list[str] = []
         self.cells: list[list[str]] = []
         self.text = ""
+        self.answer = ""
+        self.kind: list[str] = []
         self.feed(text)
         self.close()
         assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = dict(attrs)
-        assert tag in TAGS and set(given) <= {"src", "alt", "class", "scope", "lang", "charset"}
+        assert tag in TAGS and set(given) <= ATTRIBUTES
         if tag == "img":
             assert (given["src"] or "").startswith("data:image/")
             self.pictures.append(given["alt"] or "")
@@ -60,17 +68,24 @@ class Page(HTMLParser):
             self.cells.append([])
         if tag in ("td", "th"):
             self.cells[-1].append("")
-        if tag not in ("img", "meta"):
+        if tag not in ("img", "meta", "input"):
             self.open.append(tag)
+            self.kind.append(given.get("class") or "")
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
+        self.kind.pop()
 
     def handle_data(self, data: str) -> None:
         if "style" in self.open:
             assert "url" not in data and "@import" not in data
             return
+        if "script" in self.open:
+            assert data == SCRIPT
+            return
         self.text += data
+        if self.kind and self.kind[-1].startswith("status"):
+            self.answer += data
         if self.open and self.open[-1] in ("td", "th"):
             self.cells[-1][-1] += data
 
@@ -106,6 +121,7 @@ def test_every_status_has_its_page(status, direction, folder, capsys):
     assert (len(record["ends"]) == 2) == (direction == "both" and status != "unstable")
     drawn = {name for name in record["files"] if name.endswith(".png")}
     assert len(page.pictures) == len(drawn)
+    assert page.answer
 
 
 def test_numbers_are_those_of_the_result(folder, capsys):
@@ -114,7 +130,7 @@ def test_numbers_are_those_of_the_result(folder, capsys):
     assert [float(text) for text in factors] == pytest.approx([0.3, -0.3])
     assert page.row("surely carried, from 0 to") == ["0"]
     assert float(page.row("surely not carried beyond")[0]) == pytest.approx(0.3)
-    assert page.row("default")[1:] in (["Young's modulus", "1e+09 Pa"], ["1e+09 Pa"])
+    assert page.row("default")[1:] in (["Young's modulus", "1000 MPa"], ["1000 MPa"])
     rows = [cells for cells in page.cells if cells[-1:] == ["yes"] and len(cells) == 5]
     assert len(rows) == len(record["residuals"]) + len(record["negative"]["residuals"])
     assert set(record["tolerances"]) == set(record["residuals"])
@@ -126,7 +142,7 @@ def test_a_residual_that_fails_is_seen(folder, capsys):
     _, record = solved(folder, capsys, {}, "block")
     for value in (1.0, None):
         record["residuals"]["friction"] = value
-        page = Page(report_page(record, {}))
+        page = Page(report_page(Content(record)))
         assert page.row("friction")[-1] == "NO"
         assert page.row("no tension")[-1] == "yes"
 
@@ -157,11 +173,13 @@ def test_any_text_is_text(folder, capsys):
     scene["loads"]["live"]["traction"] = {HOSTILE: [1.0, 2.0]}
     scene["supports"] = {HOSTILE: HOSTILE}
     record["warnings"] = [HOSTILE, "\ud800\x00"]
-    page = Page(report_page(record, {"collapse": 'data:image/png;base64,"><script>'}))
+    pictures = {"collapse": 'data:image/png;base64,"><script>'}
+    labels = Labels(HOSTILE, HOSTILE)
+    page = Page(report_page(Content(record, pictures, labels=labels)))
     shown = HOSTILE.replace("\u202e", "\\u202e")
-    assert page.text.count(shown) >= 6
-    assert page.row(shown)[-1] == "1e+09 Pa"
-    report_page(record, {}).encode("utf-8")
+    assert page.text.count(shown) >= 8
+    assert page.row(shown)[-1] == "1000 MPa"
+    report_page(Content(record)).encode("utf-8")
 
 
 LOADS = {
@@ -175,16 +193,16 @@ LOADS = {
 def test_loads_have_places_and_units(folder, capsys):
     page, _ = solved(folder, capsys, LOADS, "block")
     texts = [" ".join(cells) for cells in page.cells]
-    assert "default cohesion 2000 Pa" in texts and "dead tilt 1.5 degrees" in texts
-    force = "force (10, 0) N per metre of thickness, x 0 m, y 0.4 m, width 0 m"
+    assert "default cohesion 0.002 MPa" in texts and "dead tilt 1.5 degrees" in texts
+    force = "force (0.01, 0) kN per metre of thickness, x 0 m, y 0.4 m, width 0 m"
     assert f"live force P {force}" in texts
     earth = next(text for text in texts if text.startswith("dead earth left"))
-    assert "level 0.5 m, unit weight 100 N/m3, coefficient 1, surcharge 0 Pa" in earth
+    assert "level 0.5 m, unit weight 0.1 kN/m3, coefficient 1, surcharge 0 kN/m2" in earth
 
 
 def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
     page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
-    assert len(page.pictures) == 4
+    assert len(page.pictures) == 6
     page, record = solved(folder, capsys, {"output.pictures": False}, "block")
     assert (folder / "scene" / "capacity.png").exists()
     assert page.pictures == [] and record["files"] == []

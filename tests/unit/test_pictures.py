@@ -14,12 +14,13 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, polygons, running_bond, wall
 from fenics_contact.output.drawing import force_scale, force_text, nice
 from fenics_contact.output.fields import principal_stresses
-from fenics_contact.output.plotting import draw_forces, draw_mode, draw_thrust, rounded_alike
+from fenics_contact.output.plotting import draw_forces, draw_mode, draw_thrust
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.scene import EdgeForce
+from fenics_contact.scene.units import rounded_alike
 from tests.helpers import PUSH, WEIGHT, on_ground, rectangle
 
 ROUGH = JointLaw(friction=0.8)

@@ -25,8 +25,7 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(_labels(content), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
-    words = "Verified: " if status == "limit" else f"{status.replace('_', ' ')}: "
-    yield paragraph(words + STATUS[status])
+    yield paragraph(f"{status.replace('_', ' ')}: {STATUS[status]}")
     direction = next(iter(record["ends"]), "positive")
     if address := content.picture_of("collapse", direction):
         yield picture(address, _caption(record, direction))

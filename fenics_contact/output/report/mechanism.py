@@ -14,8 +14,9 @@ from fenics_contact.scene.units import Units
 
 #: Width or height of the drawing, whichever is larger, in units of SVG.
 SIZE = 1000.0
-#: Free around the structure: the blocks move by 8 % of its size, twice that at the slider's end.
-MARGIN = 0.17
+#: Free around the structure: the blocks move by 8 % of its size, by 1.5 times that at the
+#: slider's end.
+MARGIN = 0.125
 #: Height of a number over the side of a square with the area of its block, and at most.
 NUMBER, TALLEST = 0.38, 26.0
 #: Colours of blocks that move and that do not, as attributes: WeasyPrint has no styles in SVG.
@@ -128,7 +129,7 @@ def moving_figure(motion: Mapping[str, Any], moving: Sequence[int]) -> str:
         )
     words = "How the blocks move, with their numbers; grey outlines: at rest."
     slider = (
-        '<p class="slider" hidden><label>motion <input type="range" min="0" max="2" step="0.01"'
+        '<p class="slider" hidden><label>motion <input type="range" min="0" max="1.5" step="0.01"'
         ' value="1"></label></p>'
     )
     return (

@@ -169,8 +169,8 @@ p, td, li { overflow-wrap: break-word; }
   body { margin: 0; max-width: none; padding: 0; font-size: 10pt; }
   .break { page-break-before: always; }
   .slider { display: none; }
-  img { max-height: 10.5cm; }
-  svg { height: 10.5cm; }
-  section:first-of-type img { width: auto; max-height: 11.5cm; }
+  img { max-height: 9.5cm; }
+  svg { height: 9.5cm; }
+  section:first-of-type img { width: auto; max-height: 12.5cm; }
 }
 """
