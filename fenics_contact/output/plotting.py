@@ -109,7 +109,7 @@ def draw_forces(axes: Any, view: View) -> Any:
 def draw_thrust(axes: Any, view: View) -> Any:
     """Lines of thrust, the wider the larger the force, with the joints that they cross.
 
-    Those that end in the air, where forces branch, are left out.
+    Those that do not reach the ground are left out, and all where most do not.
 
     Raises:
         ValueError: If the view has no joint values.
@@ -132,13 +132,13 @@ def draw_thrust(axes: Any, view: View) -> Any:
         entries += draw_ties(axes, view, view.ties.bars.sides)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
     title = f"line of thrust {_when(view)} (width: force)"
-    none = "no line of thrust runs on to the ground: forces branch"
+    none = "few lines of thrust reach the ground: forces branch"
     axes.set_title(title if len(lines.segments) else none, fontsize=10)
     return axes
 
 
 def whole_thrust(view: View) -> ThrustLines:
-    """Lines of thrust that run on to the ground.
+    """Lines of thrust that reach the ground, none where most do not.
 
     Raises:
         ValueError: If the view has no joint values.

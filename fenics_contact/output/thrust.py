@@ -10,8 +10,8 @@ A part that two sections hold carries the force of one to the other, and its own
 through it runs straight between their centres of pressure: the line of resistance of J. Heyman,
 The Stone Skeleton, Cambridge 1995. Where one section holds a part, the line begins in it, on the
 line of action. Where a third section carries much too, as below a lintel or in a wall whose blocks
-all turn by themselves, forces branch and there is no line. A line that ends where forces branch
-is not whole: pictures leave it out.
+all turn by themselves, forces branch and there is no line. Pictures leave out lines that do not
+reach the ground; where most do not, as in a facade with windows, they have none.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ class ThrustOptions:
         aside: Forces branch where a third section has more than this part of the second largest
             force on a part. Fill on a ring has less; piers below a lintel have more.
         along: Cosine of the angle between a force and the line through a part, at least.
+        grounded: Part of all lines that reach the ground, at least, for lines in pictures.
     """
 
     touching: float = 1e-6
@@ -47,6 +48,7 @@ class ThrustOptions:
     loaded: float = 1e-6
     aside: float = 0.3
     along: float = 0.7
+    grounded: float = 0.5
 
 
 OPTIONS = ThrustOptions()
@@ -154,8 +156,8 @@ class ThrustLines:
         force: Resultant that every piece carries, N per metre of thickness, shape (pieces,).
         centre: Centres of pressure of the sections crossed, m, shape (sections, 2).
         ends: Ends of these sections, m, shape (sections, 2, 2).
-        piece_whole: Whether a piece is of a line from ground to ground, or from ground to a part
-            where it begins, shape (pieces,).
+        piece_whole: Whether a piece is of a line that reaches the ground, shape (pieces,); False
+            for all where most lines do not.
         section_whole: Whether such a line crosses a section, shape (sections,).
     """
 
@@ -167,7 +169,7 @@ class ThrustLines:
     section_whole: Flags
 
     def whole(self) -> ThrustLines:
-        """The lines that run on without a gap down to the ground."""
+        """The lines that reach the ground, none where most do not."""
         pieces = self.piece_whole
         crossed = self.section_whole
         return ThrustLines(
@@ -221,21 +223,20 @@ def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
 
 
 def _whole(held: Sequence[Sequence[Section]], sections: Sequence[Section]) -> tuple[Flags, Flags]:
-    """Which pieces, and which sections, are of lines that do not end in the air.
+    """Which pieces, and which sections, are of lines that reach the ground; none if these are few.
 
-    `held` are the one or two sections of every piece. A section is an end in the air if one piece
-    alone meets it, and no ground.
+    `held` are the one or two sections of every piece.
     """
     if not sections:
         return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
     number = {id(section): k for k, section in enumerate(sections)}
     met = [[number[id(section)] for section in of_piece] for of_piece in held]
-    links = np.array([of_piece for of_piece in met if len(of_piece) == 2]).reshape(-1, 2)
-    line = connected(links.astype(np.int64), len(sections))
-    pieces = np.bincount([k for of_piece in met for k in of_piece], minlength=len(sections))
+    links = np.array([of_piece for of_piece in met if len(of_piece) == 2], dtype=np.int64)
+    line = connected(links.reshape(-1, 2), len(sections))
     on_ground = np.array([GROUND in section.parts for section in sections], dtype=bool)
-    broken = line[(pieces < 2) & ~on_ground]
-    grounded = np.isin(line, line[on_ground]) & ~np.isin(line, broken)
+    grounded = np.isin(line, line[on_ground])
+    if len(np.unique(line[grounded])) < OPTIONS.grounded * (line.max() + 1):
+        grounded[:] = False
     return np.array([grounded[of_piece[0]] for of_piece in met], dtype=bool), grounded
 
 

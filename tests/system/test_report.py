@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from fenics_contact.output.report.answer import answer
 from fenics_contact.output.report.content import Content, Labels
 from fenics_contact.output.report.mechanism import SCRIPT
 from fenics_contact.output.report.page import report_page
@@ -53,6 +54,7 @@ class Page(HTMLParser):
         self.cells: list[list[str]] = []
         self.text = ""
         self.answer = ""
+        self.numbers: list[str] = []
         self.kind: list[str] = []
         self.feed(text)
         self.close()
@@ -86,6 +88,8 @@ class Page(HTMLParser):
         self.text += data
         if self.kind and self.kind[-1].startswith("status"):
             self.answer += data
+        if self.open and self.open[-1] == "text":
+            self.numbers.append(data)
         if self.open and self.open[-1] in ("td", "th"):
             self.cells[-1][-1] += data
 
@@ -262,3 +266,74 @@ def test_ranks_write_the_same_page(tmp_path):
     assert scene["resultants"]["dead"] == pytest.approx(one_scene["resultants"]["dead"])
     for key in ("moving", "turning", "joints", "parting", "rocking", "sliding"):
         assert moves[key] == one[key]
+
+
+def ends_of(record: Any, *given: float | str) -> Any:
+    """A record whose ends have other load factors, or a status in place of one."""
+    end = next(iter(record["ends"].values()))
+    changes = [{"status" if isinstance(one, str) else "load_factor": one} for one in given]
+    ends = dict(zip(("positive", "negative"), changes, strict=False))
+    return record | {"ends": {name: {**end, **change} for name, change in ends.items()}}
+
+
+def test_the_answer_is_one_sentence(folder, capsys):
+    page, record = solved(folder, capsys, {"loads.live.body": [9.81, 0.0]}, "block")
+    assert page.answer == "The structure stands 0.3 g to the right."
+    both = ends_of(record, 0.3371, -0.3689)
+    assert answer(both) == "The structure stands 0.337 g to the right and 0.369 g to the left."
+    lost = "The structure stands any load to the left. No limit load was found to the right."
+    assert answer(ends_of(record, "not_converged", "unbounded")) == lost
+    record["scene"]["loads"]["live"]["body"] = [-19.62, 0.0]
+    turned = "The structure stands 0.6 g to the left."
+    assert answer(ends_of(record, 0.3)) == turned
+
+
+def test_loads_that_are_no_weight_are_carried_so_many_times(folder, capsys):
+    live = {"loads.live.body": [0.0, 0.0], "loads.live.traction": {"left": [100.0, 0.0]}}
+    page, record = solved(folder, capsys, live, "block")
+    times = f"{record['load_factor']:.3g} times the live load"
+    assert page.answer == f"The structure carries {times}."
+
+
+def test_units_of_engineers_and_the_thickness(folder, capsys):
+    page, record = solved(folder, capsys, LOADS | {"output.units": "mm"}, "block")
+    weight = abs(record["scene"]["resultants"]["dead"][1])
+    assert page.row("joints default")[0].endswith("cohesion 0.002 MPa, no tensile strength")
+    assert "wide and 500 mm high" in page.row("blocks")[0]
+    assert page.row("dead load")[0].endswith("kN per metre of thickness")
+    assert "y 400 mm" in page.text
+    thick, record = solved(folder, capsys, {"plane.thickness": 0.5, **LOADS}, "block")
+    assert record["scene"]["resultants"]["dead"][1] == pytest.approx(-weight)
+    assert f", {-0.5e-3 * weight:.4g}) kN" in thick.row("dead load")[0]
+    assert "metre of thickness" not in thick.row("dead load")[0]
+
+
+SWEEP = """joints.default.friction,status,load_factor,lower,upper,load_factor_negative
+0.2,limit,0.2,,,
+0.4,limit,0.31234567,,,
+<b>,not_converged,,,,
+"""
+
+
+@pytest.mark.parametrize("place", ["scene", "scene_sweep"])
+def test_a_sweep_beside_the_result_is_its_sensitivity(place, folder, capsys):
+    solved(folder, capsys, {}, "block")
+    beside = folder / place
+    beside.mkdir(exist_ok=True)
+    (beside / "sweep.csv").write_text(SWEEP)
+    (beside / "sweep.json").write_text('{"vary": {"joints.default.friction": [0.2, 0.4, 1]}}')
+    assert run_here(["report", "scene"], capsys).code == 0
+    page = page_of(folder / "scene")
+    assert page.row("0.4") == ["limit", "0.31235"] and page.row("<b>") == ["not converged", "-"]
+    assert "the load factor goes from 0.2 to 0.3123." in page.text
+    (beside / "sweep.csv").write_text(SWEEP.replace("0.31234567", "abc"))
+    assert run_here(["report", "scene"], capsys).code == 0
+    assert "Sensitivity" not in page_of(folder / "scene").text
+
+
+def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):
+    page, record = solved(folder, capsys, {"solve.direction": "both"}, "wall")
+    assert page.numbers == [str(k) for k in range(record["mesh"]["bodies"])] * 2
+    (folder / "scene" / "motion.json").write_text("{")
+    assert run_here(["report", "scene"], capsys).code == 0
+    assert page_of(folder / "scene").numbers == []

@@ -94,7 +94,7 @@ MOTION = "motion.json"
 _SHOWN = {
     "collapse": "How the blocks move in the collapse",
     "forces": "Joint forces at collapse, each through its centre of pressure",
-    "thrust": "Lines of thrust that run down to the ground",
+    "thrust": "Lines of thrust",
     "stress": "Principal stresses",
 }
 
