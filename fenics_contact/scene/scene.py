@@ -456,7 +456,7 @@ class OutputOptions:
 
     Attributes:
         paraview: ParaView files of fields and joints.
-        pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
+        pictures: Scene, collapse mode, joint forces, lines of thrust, stresses, capacity curve.
         formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
         report: report.html, all of the result on one page.
