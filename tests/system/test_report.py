@@ -40,7 +40,9 @@ TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figu
 TAGS |= set("figcaption section svg g path text label input script".split())
 #: Its attributes.
 ATTRIBUTES = set("src alt class scope lang charset viewbox role aria-label xmlns hidden".split())
-ATTRIBUTES |= set("d x y font-size font-family text-anchor fill stroke transform".split())
+ATTRIBUTES |= set(
+    "d x y font-size font-family text-anchor fill stroke stroke-width transform".split()
+)
 ATTRIBUTES |= set("data-motion type min max step value".split())
 
 

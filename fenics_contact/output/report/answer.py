@@ -25,7 +25,8 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(_labels(content), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
-    yield paragraph(f"{status.replace('_', ' ')}: {STATUS[status]}")
+    name = "verified" if status == "limit" else status.replace("_", " ")
+    yield paragraph(f"{name.capitalize()}: {STATUS[status]}")
     direction = next(iter(record["ends"]), "positive")
     if address := content.picture_of("collapse", direction):
         yield picture(address, _caption(record, direction))

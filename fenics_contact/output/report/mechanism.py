@@ -19,6 +19,8 @@ SIZE = 1000.0
 MARGIN = 0.125
 #: Height of a number over the side of a square with the area of its block, and at most.
 NUMBER, TALLEST = 0.38, 26.0
+#: Width of lines over the side of a block of mean area; 1 at most.
+LINE = 0.015
 #: Colours of blocks that move and that do not, as attributes: WeasyPrint has no styles in SVG.
 MOVES, STAYS = "#c3d5e3", "#f2f4f5"
 REST = 'fill="none" stroke="#bbb"'
@@ -105,27 +107,22 @@ def moving_figure(motion: Mapping[str, Any], moving: Sequence[int]) -> str:
 
     `motion` is one entry of motion.json; `moving` are the blocks that are shaded.
     """
-    frame = _Frame.of(motion["outlines"])
+    outlines = motion["outlines"]
+    frame = _Frame.of(outlines)
+    side = frame.scale * math.sqrt(sum(map(_area, outlines)) / len(outlines))
+    width = f'stroke-width="{min(1.0, LINE * side):.2f}"'
     marked = set(moving)
-    rest = []
+    rest = "".join(f'<path d="{frame.path(loops)}"/>' for loops in outlines)
     blocks = []
-    for number, loops in enumerate(motion["outlines"]):
-        path = frame.path(loops)
-        centre = motion["centres"][number]
-        x, y = frame.point(centre)
-        ux, uy, angle = motion["motions"][number]
-        turn = -angle  # y points down in SVG
-        shift_x = frame.scale * ux + turn * y
-        shift_y = -frame.scale * uy - turn * x
-        rest.append(f'<path d="{path}"/>')
-        matrix = f"matrix(1 {turn:.5g} {-turn:.5g} 1 {shift_x:.5g} {shift_y:.5g})"
+    for number, loops in enumerate(outlines):
         colour = MOVES if number in marked else STAYS
-        size = min(NUMBER * frame.scale * math.sqrt(_area(loops)), TALLEST)
-        middle = f'x="{x:.1f}" y="{y + 0.36 * size:.1f}" font-size="{size:.1f}"'
-        label = f"<text {middle} {NUMBERS}>{number}</text>"
+        moved = frame.motion(motion["centres"][number], motion["motions"][number])
+        label = _label(
+            number, frame.point(motion["centres"][number]), frame.scale**2 * _area(loops)
+        )
         blocks.append(
-            f'<g fill="{colour}" stroke="#555" data-motion="{turn:.5g} {shift_x:.5g} {shift_y:.5g}"'
-            f' transform="{matrix}"><path d="{path}"/>{label}</g>'
+            f'<g fill="{colour}" data-motion="{" ".join(f"{part:.5g}" for part in moved)}"'
+            f' transform="{_matrix(*moved)}"><path d="{frame.path(loops)}"/>{label}</g>'
         )
     words = "How the blocks move, with their numbers; grey outlines: at rest."
     slider = (
@@ -134,9 +131,22 @@ def moving_figure(motion: Mapping[str, Any], moving: Sequence[int]) -> str:
     )
     return (
         f'<figure class="moving"><svg xmlns="http://www.w3.org/2000/svg" viewBox="{frame.box}"'
-        f' role="img" aria-label="{text(words)}"><g {REST}>{"".join(rest)}</g>'
-        f"{''.join(blocks)}</svg>{slider}<figcaption>{text(words)}</figcaption></figure>\n"
+        f' role="img" aria-label="{text(words)}"><g {REST} {width}>{rest}</g>'
+        f'<g stroke="#555" {width}>{"".join(blocks)}</g></svg>{slider}'
+        f"<figcaption>{text(words)}</figcaption></figure>\n"
     )
+
+
+def _label(number: int, place: tuple[float, float], area: float) -> str:
+    """The number of a block in its middle; place and area are those of the drawing."""
+    size = min(NUMBER * math.sqrt(area), TALLEST)
+    middle = f'x="{place[0]:.1f}" y="{place[1] + 0.36 * size:.1f}" font-size="{size:.1f}"'
+    return f"<text {middle} {NUMBERS}>{number}</text>"
+
+
+def _matrix(turn: float, shift_x: float, shift_y: float) -> str:
+    """A small rigid motion as SVG has it; the page's script does the same."""
+    return f"matrix(1 {turn:.5g} {-turn:.5g} 1 {shift_x:.5g} {shift_y:.5g})"
 
 
 def script() -> str:
@@ -172,6 +182,12 @@ class _Frame:
     def point(self, place: Sequence[float]) -> tuple[float, float]:
         """A place in the drawing."""
         return self.scale * (place[0] - self._left), self.scale * (self._top - place[1])
+
+    def motion(self, centre: Sequence[float], given: Sequence[float]) -> tuple[float, float, float]:
+        """A motion (u_x, u_y, angle) about a centre: angle, and displacement of the origin."""
+        x, y = self.point(centre)
+        turn = -given[2]  # y points down
+        return turn, self.scale * given[0] + turn * y, -self.scale * given[1] - turn * x
 
     def path(self, loops: Sequence[Any]) -> str:
         """Closed loops as a path of SVG."""

@@ -7,7 +7,7 @@ shown displaced. All texts of the user are escaped.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 
@@ -107,8 +107,12 @@ SECTIONS: tuple[Section, ...] = (
     verification,
     computation,
 )
-#: Parts that begin on a new page in print: after page 1, and the appendix.
-NEW_PAGE: tuple[Section, ...] = (loads_and_groups, verification)
+#: Classes of parts: "break" begins on a new page in print.
+KINDS: Mapping[Section, str] = {
+    loads_and_groups: "break",
+    verification: "break appendix",
+    computation: "appendix",
+}
 
 
 def report_page(content: Content) -> str:
@@ -122,6 +126,7 @@ def report_page(content: Content) -> str:
 
 def _part(section: Section, content: Content) -> Iterator[str]:
     """One part of the page."""
-    yield '<section class="break">' if section in NEW_PAGE else "<section>"
+    kind = KINDS.get(section, "")
+    yield f'<section class="{kind}">' if kind else "<section>"
     yield from section(content)
     yield "</section>"

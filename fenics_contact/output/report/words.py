@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 STATUS: Mapping[str, str] = {
-    "limit": "a collapse state was found and verified.",
+    "limit": "a collapse state was found, and all its conditions were checked (see the appendix).",
     "unbounded": "nothing limits the live load.",
     "unstable": "the dead load alone has no equilibrium. The motion of the blocks that fall proves"
     " this.",
@@ -167,6 +167,8 @@ p, td, li { overflow-wrap: break-word; }
 @page :first { @top-left { content: none; } }
 @media print {
   body { margin: 0; max-width: none; padding: 0; font-size: 10pt; }
+  .appendix { font-size: 8.5pt; }
+  .appendix h2 { font-size: 12pt; }
   .break { page-break-before: always; }
   .slider { display: none; }
   img { max-height: 9.5cm; }
