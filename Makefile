@@ -4,6 +4,8 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
             python3-matplotlib python3-tqdm python3-pytest python3-pytest-xdist python3-hypothesis \
             python3-ezdxf python3-shapely python3-mypy python3-venv python3-pip python3-dev gcc openmpi-bin \
             libopenblas0-serial
+# For the report as PDF, and to test its slider in a browser; without them these tests are skipped.
+BROWSER := weasyprint chromium chromium-driver python3-selenium
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
 MKDOCS := mkdocs==1.6.1 mkdocstrings-python==2.0.11
@@ -30,7 +32,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # Ranks that wait leave the core to others.
 export OMPI_MCA_mpi_yield_when_idle := 1
 
-.PHONY: help setup packages debootstrap debian13 demo gallery docs test test-debian13 test-slow test-mpi lint meshes benchmarks clean
+.PHONY: help setup packages debootstrap browser debian13 demo gallery docs test test-browser test-debian13 test-slow test-mpi lint meshes benchmarks clean
 help:  ## say what there is
 	@grep -E '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
@@ -38,7 +40,8 @@ setup: packages .venv/installed  ## install what is missing: Debian packages, vi
 
 packages: NEEDED := $(PACKAGES)
 debootstrap: NEEDED := debootstrap
-packages debootstrap:
+browser: NEEDED := $(BROWSER)
+packages debootstrap browser:
 	@missing=""; for p in $(NEEDED); do \
 	  dpkg-query -W -f='$${Status}' $$p 2>/dev/null | grep -q "ok installed" || missing="$$missing $$p"; \
 	done; \
@@ -59,7 +62,7 @@ packages debootstrap:
 
 demo: setup  ## the limit load of a wall with an opening, with files and pictures
 	$(PYTHON) demos/03_wall_w3.py
-	@echo "in demos/output/w3: report.html, collapse.png, thrust.png, stress.png, capacity.png"
+	@echo "in demos/output/w3: report.html, scene.png, collapse.png, forces.png, thrust.png, stress.png, capacity.png"
 	@echo "all demos with their pictures: docs/gallery.md; to run them: make gallery"
 
 gallery: setup  ## run all demos; small copies of their pictures for docs/gallery.md (2 minutes)
@@ -74,6 +77,9 @@ docs: setup .venv/bin/mkdocs .venv/bin/ruff  ## the site of documentation, in bu
 
 test: setup  ## run the tests that take less than a few seconds each
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow"
+
+test-browser: setup browser  ## the report as PDF and in a browser (installs WeasyPrint and Chromium)
+	$(PYTHON) -m pytest -n $(WORKERS) tests/system/test_browser.py tests/system/test_report_pdf.py
 
 test-slow: setup  ## run all other tests
 	$(PYTHON) -m pytest -n $(WORKERS) -m slow

@@ -20,6 +20,7 @@ from fenics_contact.results.plan import skipped
 from fenics_contact.results.result import Collapse, Result
 from fenics_contact.results.tie_values import TieState
 from fenics_contact.scene.scene import JointLaw, Tie
+from fenics_contact.scene.units import Units
 
 
 class Progress:
@@ -164,10 +165,11 @@ def summary(result: Result) -> str:
     if result.status == "unstable":
         return f"unstable: {result.reason()}"
     lines = []
+    units = result.scene.units
     for direction, end in result.ends.items():
         reversed_load = " (live load reversed)" if direction == "negative" else ""
-        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end))
-        lines += tension_lines(tie_arrays(result.layout, end.joints))
+        lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), units)
+        lines += tension_lines(tie_arrays(result.layout, end.joints), units)
         if direction in result.seismic:
             lines.append(seismic_line(vars(result.seismic[direction])))
     lines += [str(result.curve_end)] if result.curve_end else []
@@ -183,18 +185,18 @@ def summary(result: Result) -> str:
     return "\n".join(lines)
 
 
-def tension_lines(ties: NamedArrays) -> list[str]:
+def tension_lines(ties: NamedArrays, units: Units) -> list[str]:
     """Forces of ties, one by one."""
     if "state" not in ties:
         return []
     texts = []
     for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
-        carried = f" {force:.6g} N/m" if state != TieState.SLACK else ""
+        carried = f" {units.force(force)}" if state != TieState.SLACK else ""
         texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
     return [f"ties: {', '.join(texts)}"]
 
 
-def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
+def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]:
     """One end of the range of load factors, and its verification."""
     if end.status == "unbounded":
         return [f"{name}: unbounded, {reason}"]
@@ -214,8 +216,8 @@ def _end_lines(name: str, end: Collapse, reason: str) -> list[str]:
         first,
         f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
-        *_crushing_lines(end),
-        *_torn_lines(end),
+        *_crushing_lines(end, units),
+        *_torn_lines(end, units),
         *_peak_lines(end),
         *_lowest_lines(end),
         *_mesh_lines(end),
@@ -241,7 +243,7 @@ def _peak_lines(end: Collapse) -> list[str]:
     ]
 
 
-def _crushing_lines(end: Collapse) -> list[str]:
+def _crushing_lines(end: Collapse, units: Units) -> list[str]:
     """Where joints crush, and over which length."""
     if end.crushed_ends is None:
         return []
@@ -249,23 +251,23 @@ def _crushing_lines(end: Collapse) -> list[str]:
         return ["crushing: no joint is at its compressive strength"]
     first = end.crushed[0]
     count = len(end.crushed)
-    x, y = np.round(first.position, 9) + 0.0
+    place = units.place(first.position, 3).removesuffix(" m")
     rest = f", {count - 1} more over less" if count > 1 else ""
     return [
         f"crushing: the load factor is that with it; {first.group} crushes over"
-        f" {1e3 * first.length:.3g} mm at ({x:.3g}, {y:.3g}){rest}"
+        f" {units.small(first.length)} at {place}{rest}"
     ]
 
 
-def _torn_lines(end: Collapse) -> list[str]:
+def _torn_lines(end: Collapse, units: Units) -> list[str]:
     """How much of the joints has torn, and the load factor with all strengths."""
     if end.torn is None:
         return []
     if end.torn.length_m == 0.0:
         return ["torn: no joint that may lose its strength opens in the collapse"]
     return [
-        f"torn: {end.torn.length_m:.3g} m of joints have lost their strength; with all strengths"
-        f" the load factor is {end.torn.load_factor_whole:.6g}"
+        f"torn: {units.length(end.torn.length_m, 3)} of joints have lost their strength; with all"
+        f" strengths the load factor is {end.torn.load_factor_whole:.6g}"
     ]
 
 
@@ -344,6 +346,7 @@ def _other_errors(error: MeshError) -> str:
 def description(layout: Layout) -> str:
     """Blocks, joints, supports and loads of a scene, and what will be skipped, in lines."""
     scene = layout.scene
+    units = scene.units
     bodies = layout.bodies
     boundary = layout.boundary
     mesh = scene.mesh
@@ -354,51 +357,51 @@ def description(layout: Layout) -> str:
         f"blocks: {mesh.body_count} ({floating} floating, {mesh.body_count - floating} held by"
         f" supports), {cells} cells, {layout.size} displacements,"
         f" area {layout.bodies_area():.6g} m2",
-        *_joint_lines(layout.joints.without_ties()),
-        *_tie_lines(scene.ties),
+        *_joint_lines(layout.joints.without_ties(), units),
+        *_tie_lines(scene.ties, units),
     ]
     for name, kind in scene.supports.items():
         length = boundary.length[boundary.in_group(name)].sum()
-        lines.append(f"support {name}: {kind}, length {length:.6g} m")
+        lines.append(f"support {name}: {kind}, length {units.length(length)}")
     for name, forces in (("dead", bodies.dead), ("live", bodies.live)):
-        x, y = forces[:, :2].sum(axis=0) + 0.0
-        lines.append(f"{name} load: resultant ({x:.6g}, {y:.6g}) N per metre of thickness")
+        lines.append(f"{name} load: resultant {units.forces(forces[:, :2].sum(axis=0))}")
     if scene.live.profile != "uniform":
         lines.append(f"live body force over the height: {_profile_text(scene.live.profile)}")
     if scene.seismic is not None:
         lines.append(f"seismic check with FC = {scene.seismic.confidence_factor:g}")
     for name, movement in scene.dead.movement.items():
-        x, y = movement.displacement
-        lines.append(
-            f"{name} moves by ({x:.6g}, {y:.6g}) m, turns by {movement.rotation:g} degrees"
-        )
+        by = units.place(movement.displacement, 6)
+        lines.append(f"{name} moves by {by}, turns by {movement.rotation:g} degrees")
     lines += [f"skipped: {item}" for item in skipped(scene)]
     return "\n".join(lines)
 
 
-def _joint_lines(joints: Joints) -> list[str]:
+def _joint_lines(joints: Joints, units: Units) -> list[str]:
     lines = []
     for number, (name, law) in enumerate(zip(joints.names, joints.laws, strict=True)):
         mine = joints.law == number
         kind = "foundation" if np.any(joints.bodies[mine, 0] == GROUND) else "joint"
         lines.append(
-            f"{kind} {name}: {_law_text(law)}{_bond_text(law)}{_gap_text(law)},"
-            f" {int(mine.sum())} points, length {joints.length[mine].sum():.6g} m"
+            f"{kind} {name}: {_law_text(law, units)}{_bond_text(law, units)}"
+            f"{_gap_text(law, units)}, {int(mine.sum())} points,"
+            f" length {units.length(joints.length[mine].sum())}"
         )
     return lines
 
 
-def _tie_lines(ties: Mapping[str, Tie]) -> list[str]:
+def _tie_lines(ties: Mapping[str, Tie], units: Units) -> list[str]:
     """What ties carry, as given."""
     lines = []
     for name, tie in ties.items():
-        end = f"the ground at {_end_text(tie.ground)}" if tie.ground else _end_text(tie.to)
+        ground = _end_text(tie.ground, units)
+        end = f"the ground at {ground}" if tie.ground else _end_text(tie.to, units)
         per = "N" if tie.spacing else "N/m"
-        stretches = f", stiffness {tie.stiffness:g} {per}/m" if tie.stiffness else ""
-        stress = f", prestress {tie.prestress:g} {per}" if tie.prestress else ""
-        apart = f", every {tie.spacing:g} m" if tie.spacing else ""
-        ends = f"from {_end_text(tie.from_)} to {end}"
-        lines.append(f"tie {name}: {ends}, yield {tie.yield_:g} {per}{stretches}{stress}{apart}")
+        stretches = f", stiffness {units.text(tie.stiffness, per)}/m" if tie.stiffness else ""
+        stress = f", prestress {units.text(tie.prestress, per)}" if tie.prestress else ""
+        apart = f", every {units.length(tie.spacing)}" if tie.spacing else ""
+        ends = f"from {_end_text(tie.from_, units)} to {end}"
+        yields = f"yield {units.text(tie.yield_, per)}"
+        lines.append(f"tie {name}: {ends}, {yields}{stretches}{stress}{apart}")
     return lines
 
 
@@ -409,24 +412,27 @@ def _profile_text(profile: tuple[tuple[float, float], ...] | str) -> str:
     return ", ".join(f"{factor:g} at {height:g} m" for height, factor in profile)
 
 
-def _end_text(end: tuple[float, float] | str | None) -> str:
-    return f"({end[0]:g}, {end[1]:g})" if isinstance(end, tuple) else f"{end}"
+def _end_text(end: tuple[float, float] | str | None, units: Units) -> str:
+    if isinstance(end, tuple):
+        return units.place(end, 6).removesuffix(" m")
+    return f"{end}"
 
 
-def _gap_text(law: JointLaw) -> str:
-    return f", gaps up to {law.gap:g} m" if law.gap else ""
+def _gap_text(law: JointLaw, units: Units) -> str:
+    return f", gaps up to {units.length(law.gap)}" if law.gap else ""
 
 
-def _bond_text(law: JointLaw) -> str:
-    tension = f", tensile strength {law.tensile_strength:g} Pa" if law.tensile_strength else ""
+def _bond_text(law: JointLaw, units: Units) -> str:
+    strength = law.tensile_strength
+    tension = f", tensile strength {units.stress(strength)}" if strength else ""
     return tension + ", strength lost where it opens" * law.loses
 
 
-def _law_text(law: JointLaw) -> str:
+def _law_text(law: JointLaw, units: Units) -> str:
     if law.law == "coulomb":
-        cohesion = f", cohesion {law.cohesion:g} Pa" if law.cohesion else ""
+        cohesion = f", cohesion {units.stress(law.cohesion)}" if law.cohesion else ""
         dilatancy = f", dilatancy {law.dilatancy:g} degrees" if law.dilatancy else ""
         return f"Coulomb friction {law.friction:g}{cohesion}{dilatancy}"
     if law.law == "tresca":
-        return f"shear strength {law.bound:g} Pa"
+        return f"shear strength {units.stress(law.bound or 0.0)}"
     return "frictionless"

@@ -88,7 +88,8 @@ class Equilibrium(ServiceState, Pictured):
             found = ", ".join(f"{name} {value:.0e}" for name, value in self.residuals.items())
             lines.append(f"verified: {found}")
         if self.joint_values is not None:
-            lines += [_contact_line(self.joints["state"]), *tension_lines(self.ties)]
+            lines.append(_contact_line(self.joints["state"]))
+            lines += tension_lines(self.ties, self.layout.scene.units)
         took = f"{self.factorizations} factorisations, {self.seconds:.2f} s"
         return "\n".join([*lines, took])
 

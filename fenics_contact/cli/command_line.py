@@ -170,8 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     solve = commands.add_parser("solve", help="compute the limit load of a scene")
     check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")
     report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
-    report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
-    report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
+    _add_report(report)
     mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
     _add_layers(mesh)
     mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
@@ -204,6 +203,15 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     sweep.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
     return parser
+
+
+def _add_report(report: argparse.ArgumentParser) -> None:
+    """Arguments for the folder, the files to write, and what page 1 names."""
+    report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
+    report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
+    report.add_argument("--pdf", type=Path, metavar="FILE", help="PDF too (needs WeasyPrint)")
+    report.add_argument("--project", default="", metavar="TEXT", help="project, on page 1")
+    report.add_argument("--author", default="", metavar="TEXT", help="author, on page 1")
 
 
 def _add_layers(mesh: argparse.ArgumentParser) -> None:

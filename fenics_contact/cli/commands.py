@@ -160,13 +160,15 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Write the page on a result that was written before."""
-    from fenics_contact.output.report import write_report
+    from fenics_contact.output.report.content import Labels
+    from fenics_contact.output.report.page import write_report
 
+    labels = Labels(options.project, options.author)
     with raised_together(comm):
         if comm.rank == 0:
-            target = write_report(options.folder, options.output)
+            written = write_report(options.folder, options.output, options.pdf, labels)
             if not options.quiet:
-                print(f"written to {target}")
+                print("\n".join(f"written to {target}" for target in written))
     return 0
 
 

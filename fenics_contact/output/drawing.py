@@ -14,7 +14,7 @@ import numpy as np
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
-from fenics_contact.output.view import View
+from fenics_contact.output.view import Arrows, View
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.tie_values import TieState
 
@@ -28,11 +28,15 @@ LENGTHS = 0.07, 0.11, 0.16
 #: Entries of a legend in one row.
 IN_A_ROW = 5
 
+#: Tractions and earth pressure, forces at places, resultant of the body force.
+Loads = tuple[Arrows, Arrows, Arrows]
+
 
 def extent(view: View, *more: Array) -> Array:
     """Corners, low and high, m, of the blocks at rest, arrows of loads, more points, a margin."""
     ties = [] if view.ties is None else [view.ties.bars.sides]
-    tables = [view.rest, *ties, *more, *(end for ends in _arrow_ends(view) for end in ends)]
+    loads = view.tractions, view.forces, view.body
+    tables = [view.rest, *ties, *more, *(end for ends in arrow_ends(view, loads) for end in ends)]
     points = np.concatenate([table.reshape(-1, 2) for table in tables])
     margin = 0.02 * view.size
     return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
@@ -249,14 +253,14 @@ def _show_below(axes: Any, height: float) -> None:
     axes.set_ylim(high - shown, high)
 
 
-def _arrow_ends(view: View) -> list[tuple[Array, Array]]:
-    """Tails and tips of the arrows of tractions, forces and the body force."""
+def arrow_ends(view: View, loads: Loads) -> list[tuple[Array, Array]]:
+    """Tails and tips of the arrows of tractions, forces and the body force of a load."""
     ends = []
-    for arrows, length in zip((view.tractions, view.forces, view.body), LENGTHS, strict=True):
+    for arrows, length in zip(loads, LENGTHS, strict=True):
         largest = np.linalg.norm(arrows.vector, axis=1).max(initial=0.0) or 1.0
         reach = length * view.size * arrows.vector / largest
         behind = np.where(arrows.pushes, 1.0, 0.0)
-        if arrows is view.body:  # inside the structure: its middle is where it acts
+        if arrows is loads[-1]:  # inside the structure: its middle is where it acts
             behind[:] = 0.5
         tail = arrows.place - behind[:, None] * reach
         ends.append((tail, tail + reach))
@@ -265,19 +269,24 @@ def _arrow_ends(view: View) -> list[tuple[Array, Array]]:
 
 def draw_live_load(axes: Any, view: View) -> list[Any]:
     """Arrows where the live load acts; entry of a legend."""
+    return draw_load(axes, view, (view.tractions, view.forces, view.body), BLACK, "live load")
+
+
+def draw_load(axes: Any, view: View, loads: Loads, colour: str, label: str) -> list[Any]:
+    """Arrows where a load acts; entry of a legend."""
     from matplotlib import patheffects
 
-    ends = _arrow_ends(view)
+    ends = arrow_ends(view, loads)
     halo = [patheffects.withStroke(linewidth=4.0, foreground="white")]
     for (tails, tips), width in zip(ends, (1.0, 1.6, 2.2), strict=True):
-        arrow = {"arrowstyle": "-|>", "mutation_scale": 6.0 + 4.0 * width, "color": BLACK}
+        arrow = {"arrowstyle": "-|>", "mutation_scale": 6.0 + 4.0 * width, "color": colour}
         arrow |= {"lw": width, "shrinkA": 0.0, "shrinkB": 0.0, "path_effects": halo, "zorder": 5}
         for tail, tip in zip(tails, tips, strict=True):
             axes.annotate("", tip, tail, arrowprops=arrow)
     if not sum(len(tails) for tails, _ in ends):
         return []
-    style = {"marker": _arrow_marker(), "ms": 15, "ls": "none", "color": BLACK}
-    entries: list[Any] = axes.plot([], [], label="live load", **style)
+    style = {"marker": _arrow_marker(), "ms": 15, "ls": "none", "color": colour}
+    entries: list[Any] = axes.plot([], [], label=label, **style)
     return entries
 
 

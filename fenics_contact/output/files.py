@@ -6,8 +6,9 @@ import csv
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,13 @@ import numpy as np
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import filled_at_once, writing
-from fenics_contact.output.plotting import draw_forces, draw_mode, rounded_alike, save_capacity
+from fenics_contact.output.motion import motion_record
+from fenics_contact.output.plotting import draw_forces, draw_mode, save_capacity
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
-from fenics_contact.output.report import RECORD, write_report
-from fenics_contact.output.report_words import DRAWN_STATES
+from fenics_contact.output.report.content import RECORD
+from fenics_contact.output.report.page import write_report
+from fenics_contact.output.report.words import DRAWN_STATES, MOTION
+from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.state_files import (
     draw_blocks,
     draw_pictures,
@@ -27,13 +31,14 @@ from fenics_contact.output.state_files import (
     picture_paths,
     short_title,
 )
-from fenics_contact.output.view import UNVERIFIED, view_of
+from fenics_contact.output.view import UNVERIFIED, View, view_of
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Lowest, Peak
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.mesh_error import MeshError
 from fenics_contact.results.named_arrays import tie_arrays
 from fenics_contact.results.result import Collapse, Result
+from fenics_contact.scene.units import rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -79,14 +84,31 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> No
     options = result.scene.output
     if result.fall is not None and options.pictures and not hurry():
         title = "falls under its dead load"
-        draw_blocks(result.layout, result.falling, result.fall, title, folder / "collapse")
+        fall = draw_blocks(result.layout, result.falling, result.fall, title, folder / "collapse")
+        _write_motions(result, {"fall": fall}, folder)
+    views: dict[str, View] = {}
     for direction, end in result.ends.items():
-        _write_collapse(result, direction, end, folder, hurry)
+        shown = _write_collapse(result, direction, end, folder, hurry)
+        views |= {direction: shown} if shown else {}
+    if options.pictures and not hurry():
+        _write_motions(result, views, folder)
+        view = next(iter(views.values())) if views else view_of(result.layout)
+        draw = partial(draw_scene, scene=result.scene)
+        draw_pictures(result.scene, view, "", {folder / "scene": [draw]})
     with writing(comm):
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", result.layout, result.capacity)
+
+
+def _write_motions(result: Result, views: Mapping[str, View], folder: Path) -> None:
+    """How the blocks move, by direction, for the slider of the report. Collective."""
+    comm = result.scene.comm
+    with writing(comm):
+        if comm.rank == 0 and views:
+            records = {name: motion_record(view) for name, view in views.items()}
+            (folder / MOTION).write_text(json.dumps(records, separators=(",", ":")) + "\n")
 
 
 def _write_capacity(result: Result, folder: Path) -> None:
@@ -107,8 +129,12 @@ def _write_capacity(result: Result, folder: Path) -> None:
 
 def _write_collapse(
     result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
-) -> None:
-    """ParaView files and pictures of one end; where nothing limits the load, what wedges."""
+) -> View | None:
+    """ParaView files and pictures of one end; where nothing limits the load, what wedges.
+
+    Returns:
+        What the pictures show; None where there is no collapse mode, or are no pictures.
+    """
     layout = result.layout
     options = result.scene.output
     suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
@@ -116,12 +142,13 @@ def _write_collapse(
     if end.status == "unbounded":
         if options.pictures and not hurry():
             title = f"unbounded, these blocks wedge{reversal}"
-            draw_blocks(layout, result.wedged(end), None, title, folder / f"collapse{suffix}")
-        return
+            draw_blocks(layout, result.wedged(end), None, title, folder / f"collapse{suffix}", sign)
+        return None
     if end.state is None or end.mode is None or end.joints is None:
-        return
+        return None
     state = layout.with_imposed(end.state)
     mode = end.mode
+    view: View | None = None
     if options.pictures and not hurry():
         view = view_of(layout, mode, end.joints, sign)
         view = view if end.status == "limit" else replace(view, caption=UNVERIFIED)
@@ -133,6 +160,7 @@ def _write_collapse(
         write_blocks(path, layout, state.displacement, state.elastic, mode)
         path = folder / f"joints{suffix}.vtu"
         write_joints(path, layout, end.joints, state.displacement, mode)
+    return view
 
 
 def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:

@@ -39,10 +39,11 @@ from fenics_contact.output.drawing import (
 )
 from fenics_contact.output.fields import principal_stresses
 from fenics_contact.output.stress_raster import StressRaster
-from fenics_contact.output.thrust import face_resultants, thrust_lines
+from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View
 from fenics_contact.results.history import CapacityPoint, Peak
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.scene.units import rounded_alike
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
 WIDTH = 6.0
@@ -106,10 +107,12 @@ def draw_forces(axes: Any, view: View) -> Any:
 def draw_thrust(axes: Any, view: View) -> Any:
     """Lines of thrust, the wider the larger the force, with the joints that they cross.
 
+    Those that do not reach the ground are left out, and all where most do not.
+
     Raises:
         ValueError: If the view has no joint values.
     """
-    lines = thrust_lines(face_resultants(view.joints, _values(view)), view.centre)
+    lines = whole_thrust(view)
     frame(axes, view)
     draw_rest(axes, view)
     fine = fineness(axes, view)
@@ -126,8 +129,19 @@ def draw_thrust(axes: Any, view: View) -> Any:
     if view.ties is not None:
         entries += draw_ties(axes, view, view.ties.bars.sides)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
-    axes.set_title(f"line of thrust {view.caption.state} (width: force)", fontsize=10)
+    title = f"line of thrust {view.caption.state} (width: force)"
+    none = "few lines of thrust reach the ground: forces branch"
+    axes.set_title(title if len(lines.segments) else none, fontsize=10)
     return axes
+
+
+def whole_thrust(view: View) -> ThrustLines:
+    """Lines of thrust that reach the ground, none where most do not.
+
+    Raises:
+        ValueError: If the view has no joint values.
+    """
+    return thrust_lines(face_resultants(view.joints, _values(view)), view.centre).whole()
 
 
 def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
@@ -226,17 +240,6 @@ def _values(view: View) -> JointValues:
     if view.values is None:
         raise ValueError("there are no joint forces: no state was found")
     return view.values
-
-
-def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
-    """Numbers with as many decimals as the first one needs for its leading digits."""
-    first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
-    exponent = math.floor(math.log10(first)) if first > 0.0 else 0
-    if exponent < -4 or exponent > 8:
-        form = f".{digits - 1}e"
-    else:
-        form = f".{max(digits - 1 - exponent, 0)}f"
-    return [format(number, form) if number else "0" for number in numbers]
 
 
 # ---- files

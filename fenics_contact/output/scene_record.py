@@ -57,6 +57,7 @@ def scene_record(layout: Layout) -> dict[str, Any]:
     loads = {"dead": (scene.dead, bodies.dead), "live": (scene.live, bodies.live)}
     return {
         "plane": scene.plane,
+        "thickness": scene.thickness,
         "degree": scene.degree,
         "size": {"width": width, "height": height, "area": layout.bodies_area()},
         "stress": function_name(scene.stress) or None,
@@ -70,6 +71,7 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "seismic": scene.seismic and asdict(scene.seismic),
         "contacts": _contacts(layout.joints.without_ties()),
         "solve": asdict(scene.solve),
+        "output": asdict(scene.output),
         "units": dict(UNITS),
     }
 

@@ -11,7 +11,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.output.fields import write_blocks, write_joints
 from fenics_contact.output.folder import filled_at_once, writing
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
-from fenics_contact.output.report import RECORD
+from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.state_files import draw_blocks, draw_state
 from fenics_contact.output.view import View
 from fenics_contact.results.certificate import TOLERANCES

@@ -19,6 +19,7 @@ from fenics_contact.output.plotting import (
     draw_stress,
     draw_thrust,
     save,
+    whole_thrust,
 )
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View, view_of
@@ -49,12 +50,12 @@ def draw_pictures(
     with writing(scene.comm):
         if scene.comm.rank == 0:
             for path, draws in pictures.items():
-                whole = f"{above}\n{title}" if above else title
+                whole = "\n".join(filter(None, (above, title)))
                 save(view, whole, picture_paths(scene, path), *draws)
 
 
 def draw_state(layout: Layout, view: View, elastic: Array, title: str, first: Path) -> None:
-    """Motion with forces, lines of thrust, and stresses of a state. Collective.
+    """Motion, forces, stresses and whole lines of thrust of a state. Collective.
 
     Args:
         layout: Of the state.
@@ -67,18 +68,28 @@ def draw_state(layout: Layout, view: View, elastic: Array, title: str, first: Pa
     _, underscore, rest = first.name.partition("_")
     suffix = underscore + rest
     stress = partial(draw_stress, raster=stress_raster(layout, elastic))
-    panels: dict[Path, list[Draw]] = {
-        first: [draw_mode, draw_forces],
-        first.with_name(f"thrust{suffix}"): [draw_thrust],
-        first.with_name(f"stress{suffix}"): [stress],
-    }
-    draw_pictures(layout.scene, view, title, panels)
+    panels: dict[str, Draw] = {first.name: draw_mode, f"forces{suffix}": draw_forces}
+    panels[f"stress{suffix}"] = stress
+    if len(whole_thrust(view).segments):
+        panels[f"thrust{suffix}"] = draw_thrust
+    pictures = {first.with_name(name): [draw] for name, draw in panels.items()}
+    draw_pictures(layout.scene, view, title, pictures)
 
 
 def draw_blocks(
-    layout: Layout, blocks: Indices, motion: Array | None, title: str, path: Path
-) -> None:
-    """Picture of some blocks among all, moved by rigid motions (a, b, c) by block. Collective."""
+    layout: Layout,
+    blocks: Indices,
+    motion: Array | None,
+    title: str,
+    path: Path,
+    sign: float = 1.0,
+) -> View:
+    """Picture of some blocks among all, moved by rigid motions (a, b, c) by block. Collective.
+
+    Returns:
+        What it shows; `sign` is that of the live load.
+    """
     mode = None if motion is None else layout.rigid_motion(motion)
-    view = replace(view_of(layout, mode), marked=blocks)
+    view = replace(view_of(layout, mode, sign=sign), marked=blocks)
     draw_pictures(layout.scene, view, title, {path: [draw_marked]})
+    return view

@@ -10,7 +10,8 @@ A part that two sections hold carries the force of one to the other, and its own
 through it runs straight between their centres of pressure: the line of resistance of J. Heyman,
 The Stone Skeleton, Cambridge 1995. Where one section holds a part, the line begins in it, on the
 line of action. Where a third section carries much too, as below a lintel or in a wall whose blocks
-all turn by themselves, forces branch and there is no line.
+all turn by themselves, forces branch and there is no line. Pictures leave out lines that do not
+reach the ground; where most do not, as in a facade with windows, they have none.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ class ThrustOptions:
         aside: Forces branch where a third section has more than this part of the second largest
             force on a part. Fill on a ring has less; piers below a lintel have more.
         along: Cosine of the angle between a force and the line through a part, at least.
+        grounded: Part of all lines that reach the ground, at least, for lines in pictures.
     """
 
     touching: float = 1e-6
@@ -46,6 +48,7 @@ class ThrustOptions:
     loaded: float = 1e-6
     aside: float = 0.3
     along: float = 0.7
+    grounded: float = 0.5
 
 
 OPTIONS = ThrustOptions()
@@ -153,12 +156,30 @@ class ThrustLines:
         force: Resultant that every piece carries, N per metre of thickness, shape (pieces,).
         centre: Centres of pressure of the sections crossed, m, shape (sections, 2).
         ends: Ends of these sections, m, shape (sections, 2, 2).
+        piece_whole: Whether a piece is of a line that reaches the ground, shape (pieces,); False
+            for all where most lines do not.
+        section_whole: Whether such a line crosses a section, shape (sections,).
     """
 
     segments: Array
     force: Array
     centre: Array
     ends: Array
+    piece_whole: Flags
+    section_whole: Flags
+
+    def whole(self) -> ThrustLines:
+        """The lines that reach the ground, none where most do not."""
+        pieces = self.piece_whole
+        crossed = self.section_whole
+        return ThrustLines(
+            self.segments[pieces],
+            self.force[pieces],
+            self.centre[crossed],
+            self.ends[crossed],
+            pieces[pieces],
+            crossed[crossed],
+        )
 
 
 def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
@@ -190,12 +211,33 @@ def thrust_lines(faces: Resultants, centre: Array) -> ThrustLines:
         if any(uses[id(section)] > 1 or GROUND in section.parts for section in held)
     ]
     crossed = {id(section): section for _, held in pieces for section in held}.values()
+    piece_whole, section_whole = _whole([held for _, held in pieces], list(crossed))
     return ThrustLines(
         np.array([(held[0].centre, end) for end, held in pieces]).reshape(-1, 2, 2),
         np.array([np.mean([section.size for section in held]) for _, held in pieces]),
         np.array([section.centre for section in crossed]).reshape(-1, 2),
         np.array([section.ends for section in crossed]).reshape(-1, 2, 2),
+        piece_whole,
+        section_whole,
     )
+
+
+def _whole(held: Sequence[Sequence[Section]], sections: Sequence[Section]) -> tuple[Flags, Flags]:
+    """Which pieces, and which sections, are of lines that reach the ground; none if these are few.
+
+    `held` are the one or two sections of every piece.
+    """
+    if not sections:
+        return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
+    number = {id(section): k for k, section in enumerate(sections)}
+    met = [[number[id(section)] for section in of_piece] for of_piece in held]
+    links = np.array([of_piece for of_piece in met if len(of_piece) == 2], dtype=np.int64)
+    line = connected(links.reshape(-1, 2), len(sections))
+    on_ground = np.array([GROUND in section.parts for section in sections], dtype=bool)
+    grounded = np.isin(line, line[on_ground])
+    if len(np.unique(line[grounded])) < OPTIONS.grounded * (line.max() + 1):
+        grounded[:] = False
+    return np.array([grounded[of_piece[0]] for of_piece in met], dtype=bool), grounded
 
 
 def _passes(held: Sequence[Section]) -> bool:

@@ -78,6 +78,7 @@ class View:
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
         body: Resultant of the live body force on its line of action; no arrow if there is none.
+        dead: Dead tractions and earth pressure, forces at places, resultant of the body force.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
@@ -97,6 +98,7 @@ class View:
     body: Arrows
     ties: TieValues | None
     tie_motion: Array
+    dead: tuple[Arrows, Arrows, Arrows]
     scale: float = 1.0
     caption: Caption = COLLAPSE
     marked: Indices | None = None
@@ -160,7 +162,8 @@ def view_of(
         sides = scale * at_sides(layout, mode)
         at_points = middle(joints, sides[: len(at_points)])
         at_ties = sides[len(at_points) :]
-    tractions, forces, body = _live_load(layout, sign)
+    scene = layout.scene
+    tractions, forces, body = _arrows(layout, scene.live, layout.bodies.live, sign)
     return View(
         boundary=boundary,
         joints=joints,
@@ -170,12 +173,13 @@ def view_of(
         centre=layout.bodies.centre,
         area=layout.bodies_area(),
         material=_materials(layout),
-        materials=tuple(layout.scene.materials),
+        materials=tuple(scene.materials),
         tractions=tractions,
         forces=forces,
         body=body,
         ties=None if values is None else tie_values(layout.joints, values),
         tie_motion=at_ties,
+        dead=_arrows(layout, scene.dead, layout.bodies.dead, 1.0),
         scale=scale,
     )
 
@@ -189,14 +193,16 @@ def _materials(layout: Layout) -> Indices:
     return number
 
 
-def _live_load(layout: Layout, sign: float) -> tuple[Arrows, Arrows, Arrows]:
-    """Tractions, forces at places, and the body force, of the live load as it acts."""
+def _arrows(layout: Layout, load: Load, total: Array, sign: float) -> tuple[Arrows, Arrows, Arrows]:
+    """Tractions, forces at places, and the body force, of a load as it acts.
+
+    `total` are its resultants on all blocks, with the moments over the bodies' size.
+    """
     boundary = layout.boundary
     bodies = layout.bodies
-    load = layout.scene.live
     points = boundary.points
     on_facets = [*_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
-    rest = bodies.live * [1.0, 1.0, bodies.size]
+    rest = total * [1.0, 1.0, bodies.size]
     for facets, force in on_facets:
         body = boundary.body[facets]
         arm = points[facets, : force.shape[1]] - bodies.centre[body][:, None]

@@ -19,6 +19,7 @@ from fenics_contact.checks import check_types, checked, key_of
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import BLOCKS, BlockMesh
 from fenics_contact.scene.toml_tables import from_table, read_toml
+from fenics_contact.scene.units import UNITS, Units
 
 #: Values that strings can have, by name of their key.
 CHOICES = {
@@ -34,6 +35,7 @@ CHOICES = {
     "slip": ("stress-free", "load-steps"),
     "states": ("first", "lowest"),
     "formats": ("png", "svg", "pdf"),
+    "units": UNITS,
 }
 
 #: Methods that solve for joint forces within given bounds.
@@ -479,10 +481,12 @@ class OutputOptions:
 
     Attributes:
         paraview: ParaView files of fields and joints.
-        pictures: Collapse mode and joint forces, lines of thrust, stresses, and the capacity curve.
+        pictures: Scene, collapse mode, joint forces, lines of thrust, stresses, capacity curve.
         formats: Of the pictures: "png", "svg", "pdf".
         capacity: Number of points on the capacity curve, 0 for none.
         report: report.html, all of the result on one page.
+        units: Of what people read: "SI": N, Pa and m on the console, kN, MPa and m in the report;
+            "m": kN, MPa and m in both; "mm": likewise with lengths in mm. Files are in SI units.
     """
 
     paraview: bool = True
@@ -490,9 +494,11 @@ class OutputOptions:
     formats: tuple[str, ...] = ("png",)
     capacity: int = 0
     report: bool = False
+    units: str = "SI"
 
     def __post_init__(self) -> None:
         check_types(self)
+        _require_choice("units", self.units)
         for name in self.formats:
             _require_choice("formats", name)
         _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
@@ -548,6 +554,7 @@ class Scene(_Shared):
         ties: Ties, anchors and cables, by any name.
         seismic: The seismic check to make; None: none.
         plane: "strain" or "stress".
+        thickness: Of the structure, m, for forces that people read; results are per metre of it.
         degree: Degree of the displacements, 1 or 2.
         stress: In Python only: a function (strain, material) that returns the stress in the plane
             as a UFL tensor, linear in the strain, in place of `young`, `poisson` and `plane`.
@@ -565,10 +572,15 @@ class Scene(_Shared):
     dead: Load = field(default_factory=Load)
     plane: str = "strain"
     degree: int = 1
+    thickness: float | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
         _require_choice("plane.state", self.plane)
+        wide = self.thickness
+        problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
+        _require(wide is None or 0.0 < wide < math.inf, problem)
+        _require_size("plane.thickness", wide or 0.0)
         _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
         _require(len(self.title) <= LONGEST_TITLE, long)
@@ -593,6 +605,11 @@ class Scene(_Shared):
     def comm(self) -> MPI.Comm:
         """Communicator of the mesh."""
         return self.mesh.comm
+
+    @property
+    def units(self) -> Units:
+        """Units of what people read on the console."""
+        return Units(self.output.units, self.thickness)
 
     @classmethod
     @checked
@@ -631,6 +648,7 @@ class Scene(_Shared):
             live=tables.loads.live,
             dead=tables.loads.dead,
             plane=tables.plane.state,
+            thickness=tables.plane.thickness,
             degree=tables.mesh.degree,
             **{item.name: getattr(tables, item.name) for item in fields(_Shared)},
         )
@@ -641,7 +659,7 @@ class Scene(_Shared):
         return _as_tables(
             {
                 "mesh": {"file": self.mesh.source, "degree": self.degree},
-                "plane": {"state": self.plane},
+                "plane": {"state": self.plane, "thickness": self.thickness},
                 "materials": self.materials,
                 "loads": {"live": self.live, "dead": self.dead},
                 **shared,
@@ -815,6 +833,7 @@ class _MeshTable:
 @dataclass(frozen=True)
 class _PlaneTable:
     state: str = "strain"
+    thickness: float | None = None
 
 
 @dataclass(frozen=True)

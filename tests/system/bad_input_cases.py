@@ -121,6 +121,9 @@ VALUES = {
     ),
     "blocks": value("mesh.blocks", "all", "'all'", "connected, surfaces"),
     "plane": value("plane.state", "bent", "bent", "strain"),
+    "no thickness": value("plane.thickness", 0.0, "plane.thickness = 0.0 must be a number above 0"),
+    "thickness without number": value("plane.thickness", "thin"),
+    "units": value("output.units", "inch", "SI, m, mm"),
     "support": value("supports.left", "glued", "glued", "roller"),
     "young too long": value("materials.default.young", 10**400),
 }  # fmt: skip

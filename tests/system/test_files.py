@@ -27,7 +27,7 @@ CELL_ARRAYS = {"stress_xx", "stress_yy", "stress_xy", "von_mises", "body", "mate
 CELL_ARRAYS |= {"principal_1", "principal_2", "direction_2_x", "direction_2_y"}
 JOINT_ARRAYS = {"pressure", "shear", "gap", "slip"}
 JOINT_VECTORS, FACET_ARRAYS = {"displacement", "collapse_mode"}, {"state", "group", "friction"}
-PICTURES = {"collapse.png", "thrust.png", "stress.png"}
+PICTURES = {"collapse.png", "forces.png", "scene.png", "stress.png", "thrust.png"}
 PARAVIEW = {"blocks.pvd", "blocks000000.pvtu", "blocks_p0_000000.vtu", "joints.vtu"}
 
 FORMATS = ("svg", "pdf")
@@ -167,7 +167,7 @@ def test_result_says_how_it_came_about(solved):
 
 
 def test_nothing_else_is_written(solved):
-    assert files(solved.output) == PARAVIEW | PICTURES | {"result.json"}
+    assert files(solved.output) == PARAVIEW | PICTURES | {"result.json", "motion.json"}
     besides = files(solved.folder) - {f"wall/{name}" for name in files(solved.output)}
     assert besides == {"wall", "wall.toml", "wall.msh"}
     assert f"written to {solved.output.name}" in solved.run.out
@@ -184,15 +184,15 @@ def test_result_is_written_last(tmp_path):
     found = run(["solve", "scene.toml"], tmp_path)
     assert (found.code, found.err.count("\n")) == (4, 1)
     assert "cannot write to 'scene': Is a directory" in found.err
-    assert files(tmp_path / "scene") == PICTURES  # of the first run
+    assert files(tmp_path / "scene") == PICTURES | {"motion.json"}  # of the first run
 
 
 def test_pictures_in_other_formats(tmp_path, capsys):
     formats = {"output.formats": ["svg", "pdf"], "output.paraview": False}
     scene = write_scene(tmp_path, WALL | formats, "wall")
     assert run_here(["solve", scene], capsys).code == 0
-    names = {f"{name}.{suffix}" for name in ("collapse", "thrust", "stress") for suffix in FORMATS}
-    assert files(tmp_path / "scene") == names | {"result.json"}
+    names = {f"{Path(name).stem}.{suffix}" for name in PICTURES for suffix in FORMATS}
+    assert files(tmp_path / "scene") == names | {"result.json", "motion.json"}
     for name in names:
         start = (tmp_path / "scene" / name).read_bytes()[:5]
         assert start == (b"<?xml" if name.endswith("svg") else b"%PDF-")
@@ -340,7 +340,7 @@ def test_two_ranks_write_all_pieces(solved, on_two_ranks):
 # ---- what is written, and where
 
 
-OUTPUT = {"paraview": PARAVIEW, "pictures": PICTURES}
+OUTPUT = {"paraview": PARAVIEW, "pictures": PICTURES | {"motion.json"}}
 
 
 @pytest.mark.parametrize("off", [{"paraview"}, {"pictures"}, {"paraview", "pictures"}])
@@ -398,6 +398,18 @@ def test_check_says_what_is_in_a_scene(ranks, tmp_path):
         (line,) = [line for line in lines if line.startswith(start)]
         assert all(part in line for part in rest)
     assert "skipped: live tractions" not in found.out
+
+
+def test_check_in_units_of_engineers(tmp_path, capsys):
+    changes = {"joints.default.cohesion": 2e3, "plane.thickness": 0.5, "output.units": "mm"}
+    scene = write_scene(tmp_path, changes, "wall")
+    found = run_here(["check", scene], capsys)
+    assert "joint default: Coulomb friction 0.3, cohesion 0.002 MPa" in found.out
+    assert "length 1400 mm" in found.out
+    assert f"dead load: resultant (0, -{0.5e-3 * WEIGHT:.6g}) kN\n" in found.out
+    found = run_here(["check", scene, "--set", "output.units=m"], capsys)
+    assert "length 1.4 m" in found.out
+    assert f"live load: resultant ({0.5e-3 * WEIGHT:.6g}, 0) kN\n" in found.out
 
 
 # ---- directions, methods, control, slip and states
@@ -504,7 +516,8 @@ def test_capacity_curve(ranks, tmp_path):
     write_scene(tmp_path, rough | {"output.capacity": 5, "output.paraview": False}, "tower")
     found, output = run(["solve", "scene.toml", "-o", "out"], tmp_path, ranks), tmp_path / "out"
     assert (found.code, found.err) == (0, "")
-    assert files(output) == PICTURES | {"capacity.csv", "capacity.png", "result.json"}
+    drawn = PICTURES | {"capacity.png", "motion.json"}
+    assert files(output) == drawn | {"capacity.csv", "result.json"}
     curve = capacity_of(output)
     factor, displacement = curve["load_factor"], curve["displacement_m"]
     assert len(factor) == 5

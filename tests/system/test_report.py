@@ -9,7 +9,10 @@ from typing import Any
 
 import pytest
 
-from fenics_contact.output.report import report_page
+from fenics_contact.output.report.answer import answer
+from fenics_contact.output.report.content import Content, Labels
+from fenics_contact.output.report.mechanism import SCRIPT
+from fenics_contact.output.report.page import report_page
 from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
 
 SMALL = {"output.paraview": False, "output.report": True}
@@ -34,7 +37,13 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
 }
 #: The mark-up of the page.
 TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
-TAGS.add("figcaption")
+TAGS |= set("figcaption section svg g path text label input script".split())
+#: Its attributes.
+ATTRIBUTES = set("src alt class scope lang charset viewbox role aria-label xmlns hidden".split())
+ATTRIBUTES |= set(
+    "d x y font-size font-family text-anchor fill stroke stroke-width transform".split()
+)
+ATTRIBUTES |= set("data-motion type min max step value".split())
 
 
 class Page(HTMLParser):
@@ -46,13 +55,16 @@ class Page(HTMLParser):
         self.pictures: list[str] = []
         self.cells: list[list[str]] = []
         self.text = ""
+        self.answer = ""
+        self.numbers: list[str] = []
+        self.kind: list[str] = []
         self.feed(text)
         self.close()
         assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = dict(attrs)
-        assert tag in TAGS and set(given) <= {"src", "alt", "class", "scope", "lang", "charset"}
+        assert tag in TAGS and set(given) <= ATTRIBUTES
         if tag == "img":
             assert (given["src"] or "").startswith("data:image/")
             self.pictures.append(given["alt"] or "")
@@ -60,17 +72,26 @@ class Page(HTMLParser):
             self.cells.append([])
         if tag in ("td", "th"):
             self.cells[-1].append("")
-        if tag not in ("img", "meta"):
+        if tag not in ("img", "meta", "input"):
             self.open.append(tag)
+            self.kind.append(given.get("class") or "")
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
+        self.kind.pop()
 
     def handle_data(self, data: str) -> None:
         if "style" in self.open:
             assert "url" not in data and "@import" not in data
             return
+        if "script" in self.open:
+            assert data == SCRIPT
+            return
         self.text += data
+        if self.kind and self.kind[-1].startswith("status"):
+            self.answer += data
+        if self.open and self.open[-1] == "text":
+            self.numbers.append(data)
         if self.open and self.open[-1] in ("td", "th"):
             self.cells[-1][-1] += data
 
@@ -106,6 +127,7 @@ def test_every_status_has_its_page(status, direction, folder, capsys):
     assert (len(record["ends"]) == 2) == (direction == "both" and status != "unstable")
     drawn = {name for name in record["files"] if name.endswith(".png")}
     assert len(page.pictures) == len(drawn)
+    assert page.answer
 
 
 def test_numbers_are_those_of_the_result(folder, capsys):
@@ -114,7 +136,7 @@ def test_numbers_are_those_of_the_result(folder, capsys):
     assert [float(text) for text in factors] == pytest.approx([0.3, -0.3])
     assert page.row("surely carried, from 0 to") == ["0"]
     assert float(page.row("surely not carried beyond")[0]) == pytest.approx(0.3)
-    assert page.row("default")[1:] in (["Young's modulus", "1e+09 Pa"], ["1e+09 Pa"])
+    assert page.row("default")[1:] in (["Young's modulus", "1000 MPa"], ["1000 MPa"])
     rows = [cells for cells in page.cells if cells[-1:] == ["yes"] and len(cells) == 5]
     assert len(rows) == len(record["residuals"]) + len(record["negative"]["residuals"])
     assert set(record["tolerances"]) == set(record["residuals"])
@@ -126,7 +148,7 @@ def test_a_residual_that_fails_is_seen(folder, capsys):
     _, record = solved(folder, capsys, {}, "block")
     for value in (1.0, None):
         record["residuals"]["friction"] = value
-        page = Page(report_page(record, {}))
+        page = Page(report_page(Content(record)))
         assert page.row("friction")[-1] == "NO"
         assert page.row("no tension")[-1] == "yes"
 
@@ -157,11 +179,13 @@ def test_any_text_is_text(folder, capsys):
     scene["loads"]["live"]["traction"] = {HOSTILE: [1.0, 2.0]}
     scene["supports"] = {HOSTILE: HOSTILE}
     record["warnings"] = [HOSTILE, "\ud800\x00"]
-    page = Page(report_page(record, {"collapse": 'data:image/png;base64,"><script>'}))
+    pictures = {"collapse": 'data:image/png;base64,"><script>'}
+    labels = Labels(HOSTILE, HOSTILE)
+    page = Page(report_page(Content(record, pictures, labels=labels)))
     shown = HOSTILE.replace("\u202e", "\\u202e")
-    assert page.text.count(shown) >= 6
-    assert page.row(shown)[-1] == "1e+09 Pa"
-    report_page(record, {}).encode("utf-8")
+    assert page.text.count(shown) >= 8
+    assert page.row(shown)[-1] == "1000 MPa"
+    report_page(Content(record)).encode("utf-8")
 
 
 LOADS = {
@@ -175,16 +199,16 @@ LOADS = {
 def test_loads_have_places_and_units(folder, capsys):
     page, _ = solved(folder, capsys, LOADS, "block")
     texts = [" ".join(cells) for cells in page.cells]
-    assert "default cohesion 2000 Pa" in texts and "dead tilt 1.5 degrees" in texts
-    force = "force (10, 0) N per metre of thickness, x 0 m, y 0.4 m, width 0 m"
+    assert "default cohesion 0.002 MPa" in texts and "dead tilt 1.5 degrees" in texts
+    force = "force (0.01, 0) kN per metre of thickness, x 0 m, y 0.4 m, width 0 m"
     assert f"live force P {force}" in texts
     earth = next(text for text in texts if text.startswith("dead earth left"))
-    assert "level 0.5 m, unit weight 100 N/m3, coefficient 1, surcharge 0 Pa" in earth
+    assert "level 0.5 m, unit weight 0.1 kN/m3, coefficient 1, surcharge 0 kN/m2" in earth
 
 
 def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
     page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
-    assert len(page.pictures) == 4
+    assert len(page.pictures) == 6
     page, record = solved(folder, capsys, {"output.pictures": False}, "block")
     assert (folder / "scene" / "capacity.png").exists()
     assert page.pictures == [] and record["files"] == []
@@ -265,3 +289,74 @@ def test_profile_is_among_the_loads(folder, capsys):
     assert row[2] == "((0, 0.5), (1, 2))"
     out = run_here(["check", "scene.toml"], capsys).out
     assert "live body force over the height: 0.5 at 0 m, 2 at 1 m" in out
+
+
+def ends_of(record: Any, *given: float | str) -> Any:
+    """A record whose ends have other load factors, or a status in place of one."""
+    end = next(iter(record["ends"].values()))
+    changes = [{"status" if isinstance(one, str) else "load_factor": one} for one in given]
+    ends = dict(zip(("positive", "negative"), changes, strict=False))
+    return record | {"ends": {name: {**end, **change} for name, change in ends.items()}}
+
+
+def test_the_answer_is_one_sentence(folder, capsys):
+    page, record = solved(folder, capsys, {"loads.live.body": [9.81, 0.0]}, "block")
+    assert page.answer == "The structure stands 0.3 g to the right."
+    both = ends_of(record, 0.3371, -0.3689)
+    assert answer(both) == "The structure stands 0.337 g to the right and 0.369 g to the left."
+    lost = "The structure stands any load to the left. No limit load was found to the right."
+    assert answer(ends_of(record, "not_converged", "unbounded")) == lost
+    record["scene"]["loads"]["live"]["body"] = [-19.62, 0.0]
+    turned = "The structure stands 0.6 g to the left."
+    assert answer(ends_of(record, 0.3)) == turned
+
+
+def test_loads_that_are_no_weight_are_carried_so_many_times(folder, capsys):
+    live = {"loads.live.body": [0.0, 0.0], "loads.live.traction": {"left": [100.0, 0.0]}}
+    page, record = solved(folder, capsys, live, "block")
+    times = f"{record['load_factor']:.3g} times the live load"
+    assert page.answer == f"The structure carries {times}."
+
+
+def test_units_of_engineers_and_the_thickness(folder, capsys):
+    page, record = solved(folder, capsys, LOADS | {"output.units": "mm"}, "block")
+    weight = abs(record["scene"]["resultants"]["dead"][1])
+    assert page.row("joints default")[0].endswith("cohesion 0.002 MPa, no tensile strength")
+    assert "wide and 500 mm high" in page.row("blocks")[0]
+    assert page.row("dead load")[0].endswith("kN per metre of thickness")
+    assert "y 400 mm" in page.text
+    thick, record = solved(folder, capsys, {"plane.thickness": 0.5, **LOADS}, "block")
+    assert record["scene"]["resultants"]["dead"][1] == pytest.approx(-weight)
+    assert f", {-0.5e-3 * weight:.4g}) kN" in thick.row("dead load")[0]
+    assert "metre of thickness" not in thick.row("dead load")[0]
+
+
+SWEEP = """joints.default.friction,status,load_factor,lower,upper,load_factor_negative
+0.2,limit,0.2,,,
+0.4,limit,0.31234567,,,
+<b>,not_converged,,,,
+"""
+
+
+@pytest.mark.parametrize("place", ["scene", "scene_sweep"])
+def test_a_sweep_beside_the_result_is_its_sensitivity(place, folder, capsys):
+    solved(folder, capsys, {}, "block")
+    beside = folder / place
+    beside.mkdir(exist_ok=True)
+    (beside / "sweep.csv").write_text(SWEEP)
+    (beside / "sweep.json").write_text('{"vary": {"joints.default.friction": [0.2, 0.4, 1]}}')
+    assert run_here(["report", "scene"], capsys).code == 0
+    page = page_of(folder / "scene")
+    assert page.row("0.4") == ["limit", "0.31235"] and page.row("<b>") == ["not converged", "-"]
+    assert "the load factor goes from 0.2 to 0.3123." in page.text
+    (beside / "sweep.csv").write_text(SWEEP.replace("0.31234567", "abc"))
+    assert run_here(["report", "scene"], capsys).code == 0
+    assert "Sensitivity" not in page_of(folder / "scene").text
+
+
+def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):
+    page, record = solved(folder, capsys, {"solve.direction": "both"}, "wall")
+    assert page.numbers == [str(k) for k in range(record["mesh"]["bodies"])] * 2
+    (folder / "scene" / "motion.json").write_text("{")
+    assert run_here(["report", "scene"], capsys).code == 0
+    assert page_of(folder / "scene").numbers == []

@@ -14,12 +14,15 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, polygons, running_bond, wall
 from fenics_contact.output.drawing import force_scale, force_text, nice
 from fenics_contact.output.fields import principal_stresses
-from fenics_contact.output.plotting import draw_forces, draw_mode, draw_thrust, rounded_alike
+from fenics_contact.output.motion import motion_record
+from fenics_contact.output.plotting import draw_forces, draw_mode, draw_thrust
+from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.scene import EdgeForce
+from fenics_contact.scene.units import rounded_alike
 from tests.helpers import PUSH, WEIGHT, on_ground, rectangle
 
 ROUGH = JointLaw(friction=0.8)
@@ -119,6 +122,43 @@ def test_a_line_does_not_branch():
     heights = thrust(view).segments[:, :, 1]
     # Two pieces in each pier; the lintel carries two piers, and the course above, alone, has none.
     np.testing.assert_allclose(np.sort(heights.max(axis=1)), [0.4, 0.4, 0.8, 0.8], atol=1e-9)
+
+
+def test_a_facade_has_no_lines_of_thrust_and_piers_keep_theirs():
+    rows = [[3, 4], [4, 3], *[[1, -1, 1, -1, 1, -1, 1]] * 2, [7]]
+    facade, _ = solved(on_ground(wall(rows, (0.4, 0.4)), JointLaw(friction=0.6)))
+    lines = thrust(facade)
+    assert len(lines.segments) > len(lines.whole().segments) == 0
+    title = draw_thrust(Figure().subplots(), facade).get_title()
+    assert title == "few lines of thrust reach the ground: forces branch"
+    gate = wall([[1, -1, 1], [1, -1, 1], [3]], (0.4, 0.4))
+    for model in (tower(3), gate):
+        lines = thrust(solved(on_ground(model, JointLaw(friction=0.3)))[0])
+        assert len(lines.whole().segments) == len(lines.segments) > 0
+        assert len(lines.whole().centre) == len(lines.centre)
+
+
+@pytest.mark.mpi
+def test_motions_of_blocks_are_those_of_the_mode():
+    view, _ = solved(on_ground(tower(2), ROUGH))
+    record = motion_record(view)
+    assert [len(loops) for loops in record["outlines"]] == [1, 1]
+    assert sorted(record["outlines"][1][0]) == [[0.0, 0.5], [0.0, 1.0], [0.5, 0.5], [0.5, 1.0]]
+    for (x, y), (ux, uy, angle) in zip(record["centres"], record["motions"], strict=True):
+        # Both turn about the toe at (0.5, 0), to the right.
+        np.testing.assert_allclose([ux, uy], [-angle * y, angle * (x - 0.5)], atol=1e-5)
+    assert angle < 0.0
+
+
+def test_a_scene_is_drawn_with_the_names_of_its_groups():
+    force = EdgeForce((0.0, -2.0e3), 0.25)
+    live = Load(PUSH.body, traction={"left": (1e3, 0.0)}, force={"wheel": force})
+    scene = on_ground(wall([[1, 1]], (0.5, 0.5)), ROUGH, live=live)
+    with Discretization(scene) as discretization:
+        axes = draw_scene(Figure().subplots(), view_of(discretization), scene)
+    entries = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert entries == ["foundation base", "dead load", "live load"]
+    assert {"left", "wheel"} <= {text.get_text() for text in axes.texts}
 
 
 def test_line_of_thrust_of_an_arch_lies_in_the_ring():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 STATUS: Mapping[str, str] = {
-    "limit": "a collapse state was found and verified.",
+    "limit": "a collapse state was found, and all its conditions were checked (see the appendix).",
     "unbounded": "nothing limits the live load.",
     "unstable": "the dead load alone has no equilibrium. The motion of the blocks that fall proves"
     " this.",
@@ -89,9 +89,13 @@ PHASES: Mapping[str, str] = {
     "total": "all, without writing",
 }
 
+#: The file that holds outlines and motions of the blocks.
+MOTION = "motion.json"
+
 _SHOWN = {
-    "collapse": "How the blocks move, and the joint forces where there is equilibrium",
-    "thrust": "Line of thrust",
+    "collapse": "How the blocks move in the collapse",
+    "forces": "Joint forces at collapse, each through its centre of pressure",
+    "thrust": "Lines of thrust",
     "stress": "Principal stresses",
 }
 
@@ -110,8 +114,17 @@ PICTURES: Mapping[str, str] = {
         f"{name}_negative": f"{words}, live load reversed."
         for name, words in (_SHOWN | _OTHERS).items()
     },
+    "scene": "Materials, groups and loads.",
     "capacity": "Capacity curve: load factor against displacement.",
 }
+
+RANGE = (
+    "With friction the equations can have several collapse states. The load factor is that of the"
+    " state that was found and verified. The bracket holds for all of them: below its lower end"
+    " none exists, and beyond its upper end nothing is carried. Where the ends meet the load factor"
+    " is the only one. A structure with less friction forces than this state has falls earlier, but"
+    " not before the lower end."
+)
 
 NOTES = (
     "With Coulomb friction several collapse states may exist. The load factor is that of one"
@@ -124,18 +137,43 @@ NOTES = (
 )
 
 STYLE = """
-body { font: 11pt/1.45 Georgia, serif; max-width: 50em; margin: 2em auto; padding: 0 1em; }
-h1, h2, h3 { font-family: sans-serif; line-height: 1.2; page-break-after: avoid; }
-h2 { border-bottom: 1px solid #999; margin-top: 1.6em; }
-table { border-collapse: collapse; margin: 0.6em 0; }
+body { font: 11pt/1.4 Georgia, "Liberation Serif", "DejaVu Serif", serif; max-width: 50em;
+  margin: 2em auto; padding: 0 1em; }
+h1, h2, h3, table, figcaption, .labels, .slider { font-family: "Helvetica Neue", Arial,
+  "Liberation Sans", "DejaVu Sans", sans-serif; }
+h1, h2, h3 { line-height: 1.2; page-break-after: avoid; }
+h1 { font-size: 170%; margin: 0 0 0.2em; string-set: title content(); }
+h2 { font-size: 130%; border-bottom: 1px solid #999; margin-top: 1.4em; }
+h3 { font-size: 105%; margin-bottom: 0.3em; }
+table { page-break-inside: avoid; border-collapse: collapse; margin: 0.6em 0; font-size: 85%;
+  line-height: 1.3; }
 th, td { border: 1px solid #bbb; padding: 0.2em 0.6em; text-align: left; vertical-align: top; }
 th { font-weight: normal; background: #f3f3f3; }
 tr { page-break-inside: avoid; }
-.status { padding: 0.5em 0.8em; border: 2px solid #555; font-weight: bold; }
+.labels { font-size: 85%; color: #444; margin: 0 0 1em; }
+.status { font-size: 130%; padding: 0.5em 0.8em; border: 2px solid #555; font-weight: bold; }
 .limit { border-color: #27632a; }
 figure { margin: 1em 0; page-break-inside: avoid; }
-img { max-width: 100%; max-height: 22cm; }
-figcaption { font-size: 90%; }
+img { display: block; max-width: 100%; max-height: 22cm; margin: 0 auto; }
+section:first-of-type img { width: 100%; max-height: none; }
+svg { display: block; width: 100%; max-height: 16cm; }
+figcaption { font-size: 85%; text-align: center; }
+.slider { text-align: center; margin: 0.3em 0; }
+.slider input { width: 60%; vertical-align: middle; }
 p, td, li { overflow-wrap: break-word; }
-@media print { body { margin: 0; max-width: none; } }
+@page { size: A4; margin: 22mm 18mm 20mm;
+  @top-left { content: string(title); font: 8pt sans-serif; color: #555; }
+  @bottom-right { content: "page " counter(page) " of " counter(pages); font: 8pt sans-serif;
+    color: #555; } }
+@page :first { @top-left { content: none; } }
+@media print {
+  body { margin: 0; max-width: none; padding: 0; font-size: 10pt; }
+  .appendix { font-size: 8.5pt; }
+  .appendix h2 { font-size: 12pt; }
+  .break { page-break-before: always; }
+  .slider { display: none; }
+  img { max-height: 9.5cm; }
+  svg { height: 9.5cm; }
+  section:first-of-type img { width: auto; max-height: 12.5cm; }
+}
 """

@@ -1,0 +1,180 @@
+"""Page 1 of the report: the answer in one sentence, the collapse, and what was assumed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fenics_contact.output.report.content import Content, Record
+from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
+from fenics_contact.output.report.words import PICTURES, STATUS
+from fenics_contact.scene.units import Units
+
+#: Acceleration that is written as 1 g, m/s2.
+GRAVITY = 9.81
+#: A component of an acceleration below this part of the other one is none.
+LEVEL = 1e-9
+#: Groups of one kind that page 1 has room for; the tables of the structure have all.
+SHOWN = 4
+
+
+def first_page(content: Content) -> Iterator[str]:
+    """Title, project, author and date, answer, collapse picture, assumptions."""
+    record = content.record
+    status = record["status"]
+    yield heading(record["title"] or "Limit load", 1)
+    yield paragraph(_labels(content), kind="labels")
+    yield paragraph(answer(record), kind=f"status {status}")
+    name = "verified" if status == "limit" else status.replace("_", " ")
+    yield paragraph(f"{name.capitalize()}: {STATUS[status]}")
+    direction = next(iter(record["ends"]), "positive")
+    if address := content.picture_of("collapse", direction):
+        yield picture(address, _caption(record, direction))
+    yield heading("Assumptions", 2)
+    yield table(_assumptions(record, content.units))
+
+
+def _labels(content: Content) -> str:
+    """Project, author, date and program in one line."""
+    labels = content.labels
+    record = content.record
+    named = [
+        f"Project: {labels.project}" if labels.project else "",
+        f"Author: {labels.author}" if labels.author else "",
+        f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}",
+    ]
+    return " \N{MIDDLE DOT} ".join(filter(None, named))
+
+
+def _caption(record: Record, direction: str) -> str:
+    """What the picture of one end shows."""
+    if record["status"] == "unstable":
+        return "Blocks that fall under the dead load, by number."
+    if record["ends"][direction]["status"] == "unbounded":
+        return "Blocks that wedge, by number."
+    one = "collapse" if direction == "positive" or len(record["ends"]) == 1 else "collapse_negative"
+    return PICTURES[one]
+
+
+def answer(record: Record) -> str:
+    """What the structure stands, in one sentence, or why that is not known."""
+    status = record["status"]
+    if status == "unstable":
+        return "The structure does not stand under its dead load."
+    if not record["ends"] or status == "no_equilibrium":
+        return "No equilibrium was found under the dead load alone."
+    acceleration = sideways(record)
+    known: list[str] = []
+    lost: list[str] = []
+    for direction, end in record["ends"].items():
+        part = _stands(end, direction, acceleration)
+        way = _way(direction, acceleration)
+        (known if part else lost).append(part or f"No limit load was found {way}.")
+    verb = "carries" if acceleration is None else "stands"
+    sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
+    return " ".join(sentence + lost)
+
+
+def sideways(record: Record) -> float | None:
+    """Horizontal acceleration of the live load at load factor 1, m/s2; None for other loads.
+
+    The live load is then the horizontal body force alone, and the dead load has the weight.
+    """
+    dead = record["scene"]["loads"]["dead"]
+    live = record["scene"]["loads"]["live"]
+    x, y = live["body"]
+    others = [live.get(name) for name in ("traction", "force", "earth", "form", "tilt")]
+    uniform = live.get("profile") in (None, "uniform")
+    level = abs(y) <= LEVEL * abs(x)
+    weight = dead["body"][1] < 0.0
+    return x if x and level and weight and uniform and not any(others) else None
+
+
+def _stands(end: Record, direction: str, acceleration: float | None) -> str:
+    """What is carried in one direction; empty if it is not known."""
+    way = _way(direction, acceleration)
+    if end["status"] == "unbounded":
+        return f"any load {way}"
+    if end["status"] != "limit":
+        return ""
+    factor = abs(end["load_factor"])
+    if acceleration is None:
+        return f"{factor:.3g} times {way.removeprefix('for ')}"
+    return f"{factor * abs(acceleration) / GRAVITY:.3g} g {way}"
+
+
+def _way(direction: str, acceleration: float | None) -> str:
+    """A direction of the live load, in words."""
+    if acceleration is None:
+        return f"for the live load{' reversed' if direction == 'negative' else ''}"
+    right = (acceleration > 0.0) == (direction == "positive")
+    return f"to the {'right' if right else 'left'}"
+
+
+def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
+    """What the answer rests on, in kN, MPa, and m or mm."""
+    scene = record["scene"]
+    width = units.length(scene["size"]["width"], 4)
+    height = units.length(scene["size"]["height"], 4)
+    thickness = scene.get("thickness")
+    yield "blocks", f"{record['mesh']['bodies']}, together {width} wide and {height} high"
+    if thickness:
+        yield "thickness", f"{units.length(thickness)}; forces are those of all of it"
+    else:
+        yield "thickness", "not given; forces are per metre of thickness"
+    yield "dead load", units.forces(scene["resultants"]["dead"], 4)
+    live = units.forces(scene["resultants"]["live"], 4)
+    same = sideways(record)
+    share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
+    yield "live load at load factor 1", live + share
+    down = math.hypot(*scene["loads"]["dead"]["body"])
+    rows = [
+        *(
+            (f"material {name}", _material(one, down, units))
+            for name, one in _some(scene, "materials")
+        ),
+        *((f"joints {name}", _law(one, units)) for name, one in _some(scene, "joints")),
+        *((f"foundation {name}", _law(one, units)) for name, one in _some(scene, "foundations")),
+    ]
+    yield from rows
+    for kind in ("supports", "ties"):
+        if names := scene.get(kind):
+            yield kind, ", ".join(names)
+
+
+def _some(scene: Record, kind: str) -> list[tuple[str, Record]]:
+    """Groups of a kind, as many as there is room for."""
+    return list(scene[kind].items())[:SHOWN]
+
+
+def _material(one: Record, gravity: float, units: Units) -> str:
+    """Density and weight, stiffness, strength."""
+    weight = f" ({units.text(one['density'] * gravity, 'N/m3', 4)})" if gravity else ""
+    parts = [
+        f"{one['density']:g} kg/m3{weight}",
+        f"Young's modulus {units.stress(one['young'])}",
+        f"Poisson's ratio {one['poisson']:g}",
+    ]
+    if one.get("compressive_strength"):
+        parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
+    return ", ".join(parts)
+
+
+def _law(one: Record, units: Units) -> str:
+    """Friction and strengths of joints."""
+    law = one["law"]
+    parts = ["no friction"] if law == "frictionless" else []
+    if law == "coulomb":
+        friction = one["friction"] or 0.0
+        angle = math.degrees(math.atan(friction))
+        parts.append(f"coefficient of friction {friction:g} ({angle:.3g} degrees)")
+    named = {"bound": "shear strength"} | {
+        key: key.replace("_", " ")
+        for key in ("cohesion", "tensile_strength", "compressive_strength")
+    }
+    parts += [f"{words} {units.stress(one[key])}" for key, words in named.items() if one.get(key)]
+    if not one.get("tensile_strength"):
+        parts.append("no tensile strength")
+    if one.get("dilatancy"):
+        parts.append(f"dilatancy {value_text(one['dilatancy'], 'degrees')}")
+    return ", ".join(parts)

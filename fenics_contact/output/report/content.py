@@ -1,0 +1,185 @@
+"""What the report is made from: result.json and the files beside it, read on one rank."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fenics_contact.errors import InputError
+from fenics_contact.output.report.words import MOTION, PICTURES
+from fenics_contact.scene.units import Units
+
+#: The file of a result that the page is made from.
+RECORD = "result.json"
+#: Pictures that a page can hold, by ending; the first that exists.
+IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
+#: Files of a sweep, and what its folder has behind the name of the result's.
+SWEEP, SWEEP_RECORD, SWEEP_PICTURE, SWEEP_FOLDER = "sweep.csv", "sweep.json", "sweep.png", "_sweep"
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Whom a report is for and from.
+
+    Attributes:
+        project: Name of the project.
+        author: Who hands the report over.
+    """
+
+    project: str = ""
+    author: str = ""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep that lies beside a result.
+
+    Attributes:
+        keys: That vary.
+        rows: Of the table, by column.
+        picture: Data URI; empty if there is none.
+        folder: Where it is.
+    """
+
+    keys: tuple[str, ...]
+    rows: tuple[Mapping[str, str], ...]
+    picture: str
+    folder: str
+
+
+@dataclass(frozen=True)
+class Content:
+    """All that a report shows.
+
+    Attributes:
+        record: Content of result.json.
+        pictures: Data URIs by stem of the file.
+        motions: Content of motion.json: outlines and motions of blocks by direction.
+        sweep: A sweep beside the result.
+        labels: Project and author.
+    """
+
+    record: Record
+    pictures: Mapping[str, str] = field(default_factory=dict)
+    motions: Mapping[str, Any] = field(default_factory=dict)
+    sweep: Sweep | None = None
+    labels: Labels = field(default_factory=Labels)
+
+    @property
+    def units(self) -> Units:
+        """Units of the report: kN, MPa, and m or mm."""
+        scene = self.record["scene"]
+        wished = scene.get("output", {}).get("units", "m")
+        return Units("mm" if wished == "mm" else "m", scene.get("thickness"))
+
+    def details(self, direction: str) -> Record:
+        """Where result.json has the verification of one end."""
+        record = self.record
+        apart = direction == "negative" and "negative" in record
+        details: Record = record["negative"] if apart else record
+        return details
+
+    def picture_of(self, stem: str, direction: str) -> str:
+        """Data URI of a picture of one end; empty if there is none."""
+        both = len(self.record["ends"]) == 2
+        return self.pictures.get(
+            f"{stem}_negative" if both and direction == "negative" else stem, ""
+        )
+
+
+def read_content(folder: Path, labels: Labels) -> Content:
+    """What lies in the folder of a result.
+
+    Raises:
+        InputError: If the folder holds no result, or one of a version that kept less.
+    """
+    record = _read(folder)
+    files = record.get("files", ())
+    return Content(
+        record, _pictures(folder, files), _motions(folder, files), _sweep(folder), labels
+    )
+
+
+def _read(folder: Path) -> Record:
+    """The content of result.json."""
+    path = folder / RECORD
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        there = "cannot be read" if path.exists() else "is not there"
+        raise InputError(
+            f"{path} {there}; give the folder that `fenics-contact solve` wrote to"
+        ) from error
+    if isinstance(record, dict) and record.get("status") == "equilibrium":
+        raise InputError(f"{path} is that of a state at a given load factor; give a limit load")
+    if not isinstance(record, dict) or "ends" not in record or "scene" not in record:
+        raise InputError(
+            f"{path} is not of this version, or is no result; solve the scene again for a report"
+        )
+    return record
+
+
+def _pictures(folder: Path, files: Iterable[str]) -> dict[str, str]:
+    """Data URIs of the known pictures among the files of a result, by stem."""
+    found: dict[str, str] = {}
+    for stem in PICTURES:
+        for suffix in IMAGES:
+            path = folder / f"{stem}{suffix}"
+            if path.name in files and stem not in found and path.is_file():
+                found[stem] = _address(path)
+    return found
+
+
+def _address(path: Path) -> str:
+    """Data URI of a picture."""
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return f"data:{IMAGES[path.suffix]};base64,{data}"
+
+
+def _motions(folder: Path, files: Iterable[str]) -> Mapping[str, Any]:
+    """Content of motion.json, if it is of this result and whole."""
+    if MOTION not in files:
+        return {}
+    try:
+        found: Mapping[str, Any] = json.loads((folder / MOTION).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # the page does without
+        return {}
+    return found
+
+
+def _sweep(folder: Path) -> Sweep | None:
+    """A sweep in the folder, or in the one that `fenics-contact sweep` writes to beside it."""
+    beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
+    for place in (folder, beside):
+        try:
+            vary = json.loads((place / SWEEP_RECORD).read_text(encoding="utf-8"))["vary"]
+            keys = tuple(key for names in vary for key in names.split(", "))
+            with (place / SWEEP).open(encoding="utf-8", newline="") as file:
+                rows = _whole_rows(list(csv.DictReader(file)), keys)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, csv.Error):
+            continue  # no sweep, or one that was touched by hand: the page does without
+        if rows:
+            shown = place / SWEEP_PICTURE
+            address = _address(shown) if shown.is_file() else ""
+            return Sweep(keys, rows, address, place.name)
+    return None
+
+
+def _whole_rows(
+    rows: Sequence[Mapping[str, str]], keys: Sequence[str]
+) -> tuple[Mapping[str, str], ...]:
+    """Rows with all that is shown, whose load factor is a number or left out."""
+    needed = (*keys, "status", "load_factor")
+    whole = []
+    for row in rows:
+        if all(isinstance(row.get(name), str) for name in needed):
+            float(row["load_factor"] or "nan")
+            whole.append(row)
+    return tuple(whole)

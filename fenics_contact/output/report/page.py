@@ -1,0 +1,132 @@
+"""A result on one page: report.html, made from result.json and the files beside it; and as PDF.
+
+The page needs no other file. Its only script moves the blocks; without it, and in print, they are
+shown displaced. All texts of the user are escaped.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from itertools import chain
+from pathlib import Path
+
+from fenics_contact.errors import InputError, OutputError
+from fenics_contact.output.report.answer import first_page
+from fenics_contact.output.report.appendix import computation, verification
+from fenics_contact.output.report.content import RECORD, Content, Labels, read_content
+from fenics_contact.output.report.forces import forces
+from fenics_contact.output.report.html import bullets, heading, paragraph, text
+from fenics_contact.output.report.mechanism import how_it_fails, script
+from fenics_contact.output.report.pdf import pdf_of, pdf_writer
+from fenics_contact.output.report.ranges import load_factors
+from fenics_contact.output.report.sensitivity import sensitivity
+from fenics_contact.output.report.structure import loads_and_groups, structure
+from fenics_contact.output.report.words import NOTES, STYLE
+
+#: The page.
+PAGE = "report.html"
+
+#: A part of the page, as HTML.
+Section = Callable[[Content], Iterator[str]]
+
+
+def write_report(
+    folder: Path,
+    target: Path | None = None,
+    pdf: Path | None = None,
+    labels: Labels | None = None,
+) -> list[Path]:
+    """Write the page on the result in a folder, on this rank.
+
+    Args:
+        folder: Where a result was written to.
+        target: The page; report.html in the folder by default.
+        pdf: The same as PDF, if it is wished.
+        labels: Project and author.
+
+    Returns:
+        What was written.
+
+    Raises:
+        InputError: If the folder holds no result, or one of a version that kept less, or if
+            WeasyPrint, which makes the PDF, is not installed. Nothing is written then.
+        OutputError: If a file cannot be written.
+    """
+    content = read_content(folder, labels or Labels())
+    writer = pdf_writer() if pdf else None
+    target = target or folder / PAGE
+    try:
+        page = report_page(content)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{folder / RECORD} is damaged ({error!r}); solve the scene again"
+        ) from error
+    _replace(target, page.encode("utf-8"), "-o")
+    if pdf:
+        _replace(pdf, pdf_of(writer, page), "--pdf")
+    return [target, *([pdf] if pdf else [])]
+
+
+def _replace(target: Path, data: bytes, option: str) -> None:
+    """Write a file that is complete whenever it is there."""
+    unfinished = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        unfinished.write_bytes(data)
+        os.replace(unfinished, target)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        reason = f"{error.strerror}; choose with {option}"
+        raise OutputError(f"cannot write '{target}': {reason}") from None
+
+
+def _warnings(content: Content) -> Iterator[str]:
+    """Warnings of the run."""
+    warnings = content.record["warnings"]
+    yield heading("Warnings")
+    yield bullets(warnings) if warnings else paragraph("None.")
+
+
+def _notes(_: Content) -> Iterator[str]:
+    """What readers should know of the theory."""
+    yield heading("What to know when you use these numbers")
+    yield bullets(NOTES)
+
+
+#: Parts of the page in their order; each begins with its heading.
+SECTIONS: tuple[Section, ...] = (
+    first_page,
+    loads_and_groups,
+    how_it_fails,
+    load_factors,
+    forces,
+    sensitivity,
+    structure,
+    _warnings,
+    _notes,
+    verification,
+    computation,
+)
+#: Classes of parts: "break" begins on a new page in print.
+KINDS: Mapping[Section, str] = {
+    loads_and_groups: "break",
+    verification: "break appendix",
+    computation: "appendix",
+}
+
+
+def report_page(content: Content) -> str:
+    """The page, as HTML."""
+    title = text(content.record["title"] or "Limit load")
+    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    parts = chain.from_iterable(_part(section, content) for section in SECTIONS)
+    body = "\n".join([*parts, script()])
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
+
+
+def _part(section: Section, content: Content) -> Iterator[str]:
+    """One part of the page."""
+    kind = KINDS.get(section, "")
+    yield f'<section class="{kind}">' if kind else "<section>"
+    yield from section(content)
+    yield "</section>"

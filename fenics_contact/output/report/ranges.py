@@ -1,0 +1,161 @@
+"""Load factors in the report: brackets, peak, lowest state, errors, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from fenics_contact.output.report.content import Content, Record
+from fenics_contact.output.report.html import alike, heading, paragraph, table, value_text
+from fenics_contact.output.report.words import RANGE, STATUS
+from fenics_contact.output.seismic_words import TITLE, seismic_rows
+
+
+def direction_words(name: str) -> str:
+    """A direction of the live load in words."""
+    return "live load reversed" if name == "negative" else "live load as given"
+
+
+def load_factors(content: Content) -> Iterator[str]:
+    """Load factors with their brackets, ties, what was tried, and what the numbers mean."""
+    record = content.record
+    yield heading("The range of load factors")
+    if record["status"] == "limit":
+        yield paragraph(RANGE)
+    for direction, end in record["ends"].items():
+        yield heading(f"Load factor, {direction_words(direction)}", 3)
+        if end["status"] != record["status"]:
+            yield paragraph(STATUS[end["status"]])
+        if end["reason"]:
+            yield paragraph(f"Reason: {end['reason']}.")
+        yield table(_rows(direction, end, content))
+        yield _ties(content, direction)
+        yield table(seismic_rows((record.get("seismic") or {}).get(direction)), title=TITLE)
+        if end["status"] == "not_converged" and end["attempts"]:
+            head = "attempt", "how it ended", "factorisations"
+            keys = "name", "outcome", "factorizations"
+            tried = [[one[key] for key in keys] for one in end["attempts"]]
+            yield table(tried, head, "What was tried")
+    if not record["ends"]:
+        yield paragraph(f"Reason: {record['reason']}.")
+
+
+def _ties(content: Content, direction: str) -> str:
+    """Forces of ties at one end."""
+    units = content.units
+    forces = [
+        (tie["name"], units.force(tie["force"]), tie["state"])
+        for tie in content.details(direction).get("ties", [])
+    ]
+    per = "tension" if units.thickness else "tension per metre of thickness"
+    return table(forces, ("tie", per, "state"), "Ties")
+
+
+def _rows(direction: str, end: Record, content: Content) -> Iterator[Sequence[str]]:
+    """Load factor, bracket and errors of one end."""
+    details = content.details(direction)
+    factor = end["load_factor"]
+    bounds = end["bounds"]
+    sides = ("lower", "upper")
+    if direction == "negative":
+        sides = sides[::-1]
+    name = "load factor" if end["status"] == "limit" else "load factor reached, not verified"
+    if end["status"] == "unbounded":
+        yield "load factor", "no limit"
+        return
+    yield name, "none" if factor is None else alike(factor, factor)
+    torn = details.get("torn")
+    if torn:
+        length = content.units.length(torn["length_m"])
+        yield from _torn_rows(factor, torn, [bounds[side] for side in sides], length)
+    else:
+        yield from _bracket_rows(end, factor, bounds, sides)
+    if end["status"] == "limit":
+        yield from _peak_rows(factor, details["peak"])
+        yield from _lowest_rows(factor, details)
+        yield from _error_rows(factor, details, content.record)
+
+
+def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
+    """Whether a lower collapse state is known, and all that were found where there are several."""
+    lowest = details.get("lowest")
+    if not lowest:
+        return
+    searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
+    text = {
+        "lower": (
+            f"{alike(lowest['load_factor'], factor)}: another collapse state, verified. A load"
+            " that rises may end there: the capacity curve tells."
+        ),
+        "none": (
+            f"no lower state found by {searches}"
+            if lowest["starts"]
+            else "there is no lower one, as the bracket proves"
+        ),
+        "not_known": f"not known: {lowest['reason']}",
+    }
+    yield "lowest collapse state found", text[lowest["status"]]
+    for number, state in enumerate(details.get("states", [])[1:], start=2):
+        yield f"collapse state {number}", alike(state["load_factor"], factor)
+
+
+def _bracket_rows(
+    end: Record, factor: float, bounds: Record, sides: Sequence[str]
+) -> Iterator[Sequence[str]]:
+    """What the rigid-block programs say of the load factor."""
+    sure = bounds.get("frictionless")
+    first, beyond = (bounds[side] for side in sides)
+    lost = "not known, or the dead load needs friction to stand"
+    yield "surely carried, from 0 to", lost if sure is None else alike(sure, factor)
+    yield "no collapse state before", "not known" if first is None else alike(first, factor)
+    yield "surely not carried beyond", alike(beyond, factor)
+    if bounds.get("meet") and end["status"] == "limit":
+        yield "other collapse states", "none exists: the bracket is closed"
+
+
+def _torn_rows(
+    factor: float, torn: Record, bounds: Sequence[float | None], length: str
+) -> Iterator[Sequence[str]]:
+    """Joints that have lost their strength, and what is known of the load factor without it."""
+    ends = ["not known" if bound is None else alike(bound, factor) for bound in bounds]
+    yield "joints that have lost their strength", length
+    yield "load factor with all strengths", alike(torn["load_factor_whole"], factor)
+    yield "bracket of the blocks with these joints torn", f"{ends[0]} to {ends[1]}"
+
+
+def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
+    """What the loading path carries before it falls to the collapse."""
+    if peak is None or peak["status"] == "none":
+        return
+    if peak["status"] == "not_known":
+        yield "carried on the way to the collapse", f"not known: {peak['reason']}"
+        return
+    carried = alike(peak["load_factor"], factor)
+    moved = value_text(1e3 * peak["displacement_m"], "mm")
+    yield (
+        "carried on the way to the collapse, at least",
+        f"{carried}, at {moved}; then joints slip and the load falls. This depends on the"
+        " stiffness and on the mesh: the load factor above is the one to quote.",
+    )
+
+
+def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequence[str]]:
+    """What is known of the error of a load factor."""
+    gap = details["error_estimate"]
+    mesh = details["discretization"]
+    yield "difference from rigid blocks with the friction forces of this state", value_text(gap)
+    if not mesh:
+        yield "error by the mesh", "not estimated"
+        return
+    length = mesh["hinge_length"]
+    error = mesh["hinge_error"]
+    if length is not None:
+        yield "length of hinges in this mesh", value_text(1e3 * length, "mm")
+    yield "load factor for point hinges", alike(mesh["load_factor_point_hinges"], factor)
+    small = error is not None and abs(error) <= record["scene"]["solve"]["tolerance"]
+    percent = "not known" if error is None else f"{100 * error:.2g} %"
+    yield "error by the length of hinges", "below the tolerance" if small else percent
+    if mesh["unknown"]:
+        yield "what is not known of the error by the mesh", mesh["unknown"]
+    for change in mesh["state_changes"]:
+        before, after = (alike(change[key], factor) for key in ("before", "after"))
+        yield "another collapse state for shorter hinges", f"{before} to {after}"

@@ -1,0 +1,100 @@
+"""Numbers and units for people: SI as in files, or kN, MPa and lengths in m or mm.
+
+Files keep SI units, and forces per metre of thickness, whatever is chosen here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+#: Choices of `output.units`: N, Pa, m; kN, MPa, m; kN, MPa, mm.
+UNITS = ("SI", "m", "mm")
+PER_METRE = "per metre of thickness"
+
+#: Unit in SI, factor and unit in kN and MPa; units that are not here stay.
+_ENGINEERS: Mapping[str, tuple[float, str]] = {
+    "Pa": (1e-6, "MPa"),
+    "N": (1e-3, "kN"),
+    "N/m": (1e-3, "kN/m"),
+    "N/m2": (1e-3, "kN/m2"),
+    "N/m3": (1e-3, "kN/m3"),
+    f"N {PER_METRE}": (1e-3, f"kN {PER_METRE}"),
+    f"N {PER_METRE}, N with a spacing": (1e-3, f"kN {PER_METRE}, kN with a spacing"),
+    f"N/m {PER_METRE}, N/m with a spacing": (1e-3, f"kN/m {PER_METRE}, kN/m with a spacing"),
+}
+
+
+@dataclass(frozen=True)
+class Units:
+    """How quantities are written for people.
+
+    Attributes:
+        name: One of `UNITS`.
+        thickness: Of the structure, m. Forces of a whole structure are multiplied by it; None:
+            they are per metre of thickness.
+    """
+
+    name: str = "SI"
+    thickness: float | None = None
+
+    def converted(self, value: float, unit: str) -> tuple[float, str]:
+        """A value and its unit, from those in SI."""
+        if unit == "m":
+            return (1e3 * value, "mm") if self.name == "mm" else (value, "m")
+        factor, name = (1.0, unit) if self.name == "SI" else _ENGINEERS.get(unit, (1.0, unit))
+        return factor * value, name
+
+    def text(self, value: float, unit: str, digits: int = 6) -> str:
+        """A value with its unit, from those in SI."""
+        number, name = self.converted(value, unit)
+        return f"{number:.{digits}g} {name}"
+
+    def length(self, value: float, digits: int = 6) -> str:
+        """A length, from m."""
+        return self.text(value, "m", digits)
+
+    def small(self, value: float, digits: int = 3) -> str:
+        """A displacement or the length of a hinge, from m: in mm, in SI too."""
+        return f"{1e3 * value:.{digits}g} mm"
+
+    def stress(self, value: float, digits: int = 6) -> str:
+        """A stress or a strength, from Pa."""
+        return self.text(value, "Pa", digits)
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of forces on the structure: "kN/m" is per metre of thickness."""
+        unit = "N" if self.name == "SI" else "kN"
+        return unit if self.thickness else f"{unit}/m"
+
+    def force_number(self, value: float) -> float:
+        """A force on the structure in `force_unit`, from N per metre of thickness."""
+        return value * (self.thickness or 1.0) * (1.0 if self.name == "SI" else 1e-3) + 0.0
+
+    def force(self, value: float, digits: int = 6) -> str:
+        """A force on the structure, from N per metre of thickness."""
+        return f"{self.force_number(value):.{digits}g} {self.force_unit}"
+
+    def forces(self, force: Sequence[float], digits: int = 6) -> str:
+        """Two components of a force on the structure, from N per metre of thickness."""
+        pair = ", ".join(f"{self.force_number(value):.{digits}g}" for value in force)
+        return f"({pair}) {self.force_unit.replace('/m', f' {PER_METRE}')}"
+
+    def place(self, place: Sequence[float], digits: int = 4) -> str:
+        """Coordinates, from m, without what rounding leaves of 0."""
+        values = [self.converted(round(value, 9) + 0.0, "m")[0] for value in place]
+        pair = ", ".join(f"{value:.{digits}g}" for value in values)
+        return f"({pair}) {self.converted(0.0, 'm')[1]}"
+
+
+def rounded_alike(numbers: Sequence[float], digits: int = 5) -> list[str]:
+    """Numbers with as many decimals as the first one needs for its leading digits."""
+    first = abs(numbers[0]) if math.isfinite(numbers[0]) else 0.0
+    exponent = math.floor(math.log10(first)) if first > 0.0 else 0
+    if exponent < -4 or exponent > 8:
+        form = f".{digits - 1}e"
+    else:
+        form = f".{max(digits - 1 - exponent, 0)}f"
+    return [format(number, form) if number else "0" for number in numbers]

@@ -1,0 +1,46 @@
+"""The report as PDF, with project and author on page 1."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from tests.system.program import run_here, write_scene
+
+OPTIONS = ["--pdf", "wall.pdf", "--project", "Town wall & gate", "--author", "A. Mason"]
+
+
+@pytest.fixture
+def solved(folder, capsys):
+    """The folder of a result."""
+    write_scene(folder, {"output.paraview": False}, "block")
+    assert run_here(["solve", "scene.toml"], capsys).code == 0
+    return folder / "scene"
+
+
+def test_pdf_with_project_and_author(solved, capsys):
+    weasyprint = pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
+    found = run_here(["report", "scene", *OPTIONS], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert found.out == "written to scene/report.html\nwritten to wall.pdf\n"
+    assert (solved.parent / "wall.pdf").read_bytes().startswith(b"%PDF-")
+    page = (solved / "report.html").read_text()
+    assert "Project: Town wall &amp; gate" in page and "Author: A. Mason" in page
+    document = weasyprint.HTML(string=page).render()
+    assert 4 <= len(document.pages) <= 10
+    assert document.metadata.title in page
+
+
+def test_without_weasyprint_one_line_and_no_file(solved, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    found = run_here(["report", "scene", *OPTIONS], capsys)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert "--pdf needs WeasyPrint" in found.err and "'weasyprint'" in found.err
+    assert not (solved / "report.html").exists() and not (solved.parent / "wall.pdf").exists()
+
+
+def test_4_where_the_pdf_cannot_be_written(solved, capsys):
+    pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
+    found = run_here(["report", "scene", "--pdf", "no/wall.pdf"], capsys)
+    assert found.code == 4 and "cannot write 'no/wall.pdf'" in found.err and "--pdf" in found.err
