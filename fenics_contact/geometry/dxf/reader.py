@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -132,6 +133,7 @@ def _open_dxf(path: Path) -> Any:
         raise InputError(f"{problem}, or pip install ezdxf shapely") from None
     if not path.is_file():
         raise InputError(f"'{path}' does not exist or is no file; give the path of a DXF file")
+    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # else it writes to stderr
     try:
         return ezdxf.readfile(path)
     except OSError as error:  # ezdxf's own word for a file of another kind, too
@@ -297,10 +299,20 @@ def _ellipse(entity: Any) -> _Pieces:
 
 
 def _spline(entity: Any) -> _Pieces:
-    curve = entity.construction_tool()
+    try:
+        curve = entity.construction_tool()
+    except ZeroDivisionError:  # ezdxf's tangents at fit points whose distances are alike
+        curve = _spline_through(entity.fit_points)
     spans = min(max(1, curve.count - curve.degree), 1000)
     points = np.array([tuple(p)[:2] for p in curve.approximate(spans * LIMITS.chords)])
     return points, np.zeros(len(points)), False
+
+
+def _spline_through(points: Any) -> Any:
+    """Spline by chord lengths through fit points."""
+    from ezdxf.math import global_bspline_interpolation
+
+    return global_bspline_interpolation(points, min(3, len(points) - 1), method="chord")
 
 
 _READERS = {
