@@ -310,6 +310,9 @@ class _Reading:
                 f"a line ends {distance:.3g} {self.found.unit} short of another: extend it, or"
                 " blocks are one",
             )
+        others = np.delete(ends, np.unique(point), axis=0)
+        for end in others[inside_outlines(others, self.blocks) >= 0]:
+            self._doubt(end, "a line ends within a block, which it does not divide: extend it")
 
     def _doubt_sizes(self) -> Iterator[str]:
         """Mark very small blocks; warnings on layers of blocks that may be openings."""

@@ -122,7 +122,7 @@ def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
     least, most = facing[:, 2].min(), facing[:, 2].max()
     step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
     gap = f"{np.ceil(1.05 * most / step) * step:.2g}"
-    in_unit = " to ".join(f"{d / UNITS[read.unit]:.3g}" for d in np.unique([least, most]))
+    in_unit = " to ".join(dict.fromkeys(f"{d / UNITS[read.unit]:.3g}" for d in (least, most)))
     mortar = len(gaps) > len(read.drawing.blocks)
     yield (
         f"warning: {len(gaps)} corners lie beside another block without touching it, {in_unit}"

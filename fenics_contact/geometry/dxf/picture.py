@@ -102,7 +102,7 @@ def _draw_marks(axes: Any, read: DxfContents, marks: Sequence[Mark]) -> None:
     for mark in marks:
         first.setdefault(mark.text, mark)
     for mark in list(first.values())[:IN_WORDS]:
-        text = mark.text if len(mark.text) < 60 else f"{mark.text[:57]}..."
+        text = mark.text if len(mark.text) < 80 else f"{mark.text[:77]}..."
         axes.annotate(
             f"{text} at {read.place(mark.x, mark.y)}", (mark.x, mark.y), (8, 8), size=7,
             textcoords="offset points", color=SUSPICIOUS, zorder=6,

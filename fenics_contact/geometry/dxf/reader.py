@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,38 @@ def read_curves(path: Path, unit: str | None) -> Curves:
     Raises:
         InputError: If ezdxf is missing, the file is no DXF, has no unit, or has a damaged entity.
     """
+    with _warnings_of_ezdxf() as said:
+        found = _read_curves(path, unit)
+    found.notes += [f"warning: damaged file: {text}" for text in list(dict.fromkeys(said))[:5]]
+    return found
+
+
+@contextmanager
+def _warnings_of_ezdxf() -> Iterator[list[str]]:
+    """What ezdxf says about a damaged file, in a list instead of on stderr."""
+    said: list[str] = []
+
+    class Collector(logging.Handler):
+        """Appends messages to the list, each as one printable line."""
+
+        def emit(self, record: logging.LogRecord) -> None:
+            """Append a message."""
+            said.append("".join(c for c in record.getMessage()[:200] if c.isprintable()))
+
+    logger = logging.getLogger("ezdxf")
+    handler = Collector(logging.WARNING)
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield said
+    finally:
+        logger.propagate = before
+        logger.removeHandler(handler)
+
+
+def _read_curves(path: Path, unit: str | None) -> Curves:
+    """Curves of a file; see `read_curves`."""
     document = _open_dxf(path)
     source = f"'{path}'"
     unit = unit or DXF_UNITS.get(document.units, "")
@@ -133,7 +166,6 @@ def _open_dxf(path: Path) -> Any:
         raise InputError(f"{problem}, or pip install ezdxf shapely") from None
     if not path.is_file():
         raise InputError(f"'{path}' does not exist or is no file; give the path of a DXF file")
-    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # else it writes to stderr
     try:
         return ezdxf.readfile(path)
     except OSError as error:  # ezdxf's own word for a file of another kind, too
@@ -166,7 +198,9 @@ class _Parts:
     def visible(self) -> Iterator[tuple[Any, str]]:
         """Entities of the model space on visible layers, with their layers."""
         for entity, layer in self._parts(self.document.modelspace(), "", ()):
-            if layer.lower() not in self._hidden:
+            if layer.lower() in self._hidden:
+                self.left_out[f"on layer '{layer}', which is off or frozen"] += 1
+            else:
                 printable = layer.encode("utf-8", "replace").decode()
                 yield entity, self._spelling.setdefault(layer.lower(), printable)
 
@@ -176,7 +210,7 @@ class _Parts:
         """Entities and their layers; those on layer 0 of a block have the layer of its insert."""
         for entity in entities:
             self._add(1)
-            layer = str(entity.dxf.get("layer", "0"))
+            layer = _layer_of(entity)
             layer = outer if layer == "0" and outer else layer  # as CAD programs do
             if entity.dxftype() == "INSERT":
                 yield from self._inserted(entity, layer, inside)
@@ -215,6 +249,11 @@ class _Parts:
                 f"{self.source} has more than {LIMITS.parts} entities with its inserted blocks;"
                 " delete what is no block of the structure"
             )
+
+
+def _layer_of(entity: Any) -> str:
+    """Name of an entity's layer; "0" for entities that ezdxf does not know."""
+    return str(entity.dxf.layer) if entity.dxf.is_supported("layer") else "0"
 
 
 def _curve(entity: Any, layer: str, source: str) -> Curve | None:
