@@ -128,7 +128,7 @@ def closed_polylines(document: Any) -> None:
     pair.add_blockref("BRICK", (100, 0))
     array = {"layer": "BRICKS", "column_count": 2, "column_spacing": 200, "row_count": 2}
     space.add_blockref("PAIR", (450, 500), dxfattribs=array | {"row_spacing": 50})
-    space.add_line((0, 0), (1000, 0), dxfattribs={"layer": "BASE"})
+    space.add_line((0, 0), (1000, 0), dxfattribs={"layer": "base"})
     space.add_text("wall", dxfattribs={"layer": "TEXT", "height": 100})
 
 

@@ -413,7 +413,8 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
         block = part[np.hypot(*(part - part[np.arange(len(part)) - 1]).T) > near]
         if len(block) < 3:
             raise InputError(
-                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) is too small to be drawn"
+                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) m is too small beside the whole,"
+                f" {near / COINCIDENT:g} m"
             )
         blocks.append(block if _area(block) > 0.0 else block[::-1])
     starts, side = divided_segments(_ends(blocks), np.unique(corners, axis=0), near)

@@ -212,10 +212,9 @@ class _Reading:
             self.blocks.append(self.chains[k])
             self.names.append(curve.layer)
         if not self.blocks:
-            count = len(self.by_role.sides) + len(self.by_role.voids)
             raise InputError(
-                f"{self.found.source} has no closed polyline, which would be a block, but {count}"
-                " other lines; give layers of lines between blocks with --lines"
+                f"{self.found.source} has no closed polyline, which would be a block; give layers"
+                " of closed curves with --blocks, or of lines between blocks with --lines"
                 f" ({_listed_notes(self.notes)})"
             )
         self._leave_out(_in_openings(self.blocks, self.voids))
@@ -366,6 +365,7 @@ class _Reading:
         scale = UNITS[self.found.unit]
         roles = self.by_role
         faces = bool(roles.lines)
+        drawn = not faces and any(not self._curve(k).closed for k in roles.sides)
         lines: dict[str, list[npt.ArrayLike]] = {}
         for k in [*roles.sides, *(roles.lines + roles.voids if faces else ())]:
             (ring,) = self._rings([k])
@@ -378,11 +378,23 @@ class _Reading:
             if length == 0.0
         ]
         groups: Segments = {name: lines[name] for name in sorted(lines) if lengths[name] > 0.0}
-        if not groups or (faces and "base" not in map(str.lower, groups)):
+        if not groups or (not drawn and "base" not in map(str.lower, groups)):
             why = "" if groups else "no lines on sides of blocks: "
-            groups = {**groups, **lowest_level(blocks)}
+            groups = {**groups, **self._lowest_level(blocks)}
             self.notes.append(f'{why}the group "base" is the lowest level')
         return groups
+
+    def _lowest_level(self, blocks: Sequence[Array]) -> Segments:
+        """The group "base", on which a side of a block must lie."""
+        level = lowest_level(blocks)
+        if Drawing(blocks, self.names, level).lengths()["base"] == 0.0:
+            lowest = min(blocks, key=lambda block: block[:, 1].min())
+            place = self._place(lowest[np.argmin(lowest[:, 1])] / UNITS[self.found.unit])
+            raise InputError(
+                f"{self.found.source}: no side of a block lies on the lowest level, at {place}, to"
+                " stand on; draw lines on a layer of their own where the structure stands"
+            )
+        return level
 
     def _refuse_far_blocks(self) -> None:
         """Refuse a block so far from the others that the digits of all would not do."""
@@ -390,7 +402,8 @@ class _Reading:
         middle = np.median(points, axis=0)
         away = np.linalg.norm(points - middle, axis=1)
         worst = int(np.argmax(away))
-        size = self.near / COINCIDENT
+        block = np.median([np.ptp(block, axis=0).max() for block in self.blocks])
+        size = 2.0 * float(np.median(away)) + block
         if away[worst] > DOUBTS.apart * size:
             raise InputError(
                 f"{self.found.source}: the block on layer '{self.names[worst]}' at"

@@ -107,11 +107,17 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
     first, second = (names[k] for k in pairs[0])
     layers = Counter(" and ".join(sorted({names[a], names[b]})) for a, b in pairs.tolist())
     listed = ", ".join(f"{count} on {layer}" for layer, count in layers.most_common(3))
-    return (
-        f"{source}: blocks overlap at {read.place(*places[0])}, on layers '{first}' and '{second}'"
-        f" ({len(pairs)} overlaps: {listed}); draw them side by side, or name layers of openings"
-        " with --voids, of joints with --lines, and those that are no stones with --ignore"
-    )
+    more = f" ({len(pairs)} overlaps: {listed})" if len(pairs) > 1 else ""
+    if len(set(names)) == 1:
+        on = f"both on layer '{first}'"
+        cure = "draw them side by side, each once"
+    else:
+        on = f"on layers '{first}' and '{second}'"
+        cure = (
+            "draw them side by side, or name layers of openings with --voids, of joints with"
+            " --lines, and those that are no stones with --ignore"
+        )
+    return f"{source}: blocks overlap at {read.place(*places[0])}, {on}{more}; {cure}"
 
 
 def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,9 @@ def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> Non
     below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.6 / tall)}
     axes.legend(ncol=4, fontsize=9, frameon=False, **below)
     try:
-        figure.savefig(target, dpi=150, bbox_inches="tight")
+        with warnings.catch_warnings():  # characters of layers that the font lacks
+            warnings.simplefilter("ignore", UserWarning)
+            figure.savefig(target, dpi=150, bbox_inches="tight")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot write the picture to '{target}': {reason}") from None

@@ -28,12 +28,14 @@ class ReaderLimits:
         coordinate: Largest coordinate, in the drawing's unit; map coordinates have 1e10 mm.
         parts: Largest number of entities with all inserted blocks.
         depth: Largest number of inserts in each other.
+        bulge: Largest bulge: that of a full circle but for a quarter of a degree.
         chords: Points along an ellipse or a span of a spline from which its chords are chosen.
     """
 
     coordinate: float = 1e12
     parts: int = 200_000
     depth: int = 16
+    bulge: float = 1e3
     chords: int = 72
 
 
@@ -262,8 +264,11 @@ def _curve(entity: Any, layer: str, source: str) -> Curve | None:
     try:
         with np.errstate(all="ignore"):
             points, bulges, closed = _READERS[kind](entity)
-        wrong = not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges))
-        reason = "a coordinate is no number" if wrong else ""
+        reason = ""
+        if not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges)):
+            reason = "a coordinate is no number"
+        elif np.any(np.abs(bulges) > LIMITS.bulge):
+            reason = f"an arc has a bulge of {np.abs(bulges).max():g}"
     except Exception as error:  # damaged entities fail anywhere in ezdxf
         reason = str(error) or type(error).__name__
     if reason:
