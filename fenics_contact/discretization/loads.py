@@ -29,8 +29,6 @@ from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm,
 
 #: Facets look the same way if their normals differ by less than 60 degrees.
 ALIKE = 0.5
-#: Largest nodal force, N per metre of thickness: squares of it and sums of them are numbers.
-LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -67,8 +65,8 @@ def nodal_forces(
     """Nodal forces, this rank's part, of the "dead" or the "live" load.
 
     Raises:
-        InputError: If a traction acts inside a block, a force where there is no edge, a form is no
-            load, or a force is larger than `LARGEST`.
+        InputError: If a traction acts inside a block, a force where there is no edge, or a form is
+            no load.
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
@@ -89,9 +87,6 @@ def nodal_forces(
         nodes = boundary.nodes[facets]
         here = (nodes >= first) & (nodes < last)
         np.add.at(mine, nodes[here] - first, force[here])
-    with raised_together(scene.comm):
-        if not np.all(np.abs(mine) <= LARGEST):  # false for what is no number
-            raise InputError(f"loads.{kind} has a force of more than {LARGEST:g} N at a node")
     return mine.ravel()
 
 

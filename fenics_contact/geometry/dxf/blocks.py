@@ -384,7 +384,7 @@ class _Reading:
             self.notes.append(f'{why}the group "base" is the lowest level')
         return groups
 
-    def _lowest_level(self, blocks: Sequence[Array]) -> Segments:
+    def _lowest_level(self, blocks: list[Array]) -> Segments:
         """The group "base", on which a side of a block must lie."""
         level = lowest_level(blocks)
         if Drawing(blocks, self.names, level).lengths()["base"] == 0.0:
