@@ -59,13 +59,9 @@ FILES = {
     "mesh not gmsh": Wrong(("block.msh", "gmsh"), files={"block.msh": "solid block\n"}),
     "no surface group": Wrong(("no_surface_group.msh", "two-dimensional"), mesh="no_surface_group"),
     "no mesh named": value("mesh.file", LEFT_OUT),
-    "key of 3000 dots": Wrong(
-        ("scene.toml", "20 tables"), files={"scene.toml": "a." * 3000 + "a = 1"}
-    ),
-    "table of 300000 dots": Wrong(
-        ("scene.toml", "20 tables"), files={"scene.toml": f"[{'a . ' * 300_000}a]"}
-    ),
-}
+    **{f"{len(text)} bytes of dots": Wrong(("scene.toml", "20 tables"), files={"scene.toml": text})
+       for text in (f"{'a.' * 3000}a = 1", f"[{'a . ' * 200_000}a]")},
+}  # fmt: skip
 
 KEYS = {
     "unknown table": value("material", {}, "materials"),
@@ -167,10 +163,7 @@ LOADS = {
     "body of strings": value("loads.live.body", ["9.81", "0"]),
     "body not finite": value("loads.live.body", [NAN, 0.0]),
     "traction of three": value("loads.live.traction.left", [1.0, 0.0, 0.0]),
-    "earth of no size": value(
-        "loads.dead.earth.left", {"level": 1e308, "unit_weight": 1.0}, "level"
-    ),
-    "body of 1e200": value("loads.dead.body", [0.0, -1e200], "more than 1e+100 N"),
+    "earth too high": value("loads.dead.earth.left", {"level": 1e308, "unit_weight": 1}, "level"),
     "traction not finite": value("loads.live.traction.left", [INF, 0.0]),
 }
 

@@ -120,7 +120,7 @@ def test_folder_with_the_name_of_a_picture_is_refused_before_the_run(tmp_path, c
 @pytest.mark.mpi
 def test_earlier_result_stays_where_a_picture_cannot_be_written(tmp_path):
     folder = MPI.COMM_WORLD.bcast(tmp_path)
-    with pytest.raises(OutputError, match="'one.png' is a folder there"):
+    with pytest.raises(OutputError, match=r"'one\.png' is a folder there"):
         with filled_at_once(folder, "result.json", MPI.COMM_WORLD) as hidden:
             if MPI.COMM_WORLD.rank == 0:
                 (folder / "result.json").write_text("before")
