@@ -73,7 +73,7 @@ def _draw_blocks(axes: Any, read: DxfContents, inches_per_metre: float) -> None:
         axes.add_collection(PolyCollection(read.voids, label=label, **style))
     if len(drawing.blocks) > NUMBERED:
         return
-    for number, block in enumerate(drawing.blocks, 1):
+    for number, block in enumerate(drawing.blocks):
         low, high = block.min(axis=0), block.max(axis=0)
         points = 72.0 * inches_per_metre * (high - low)
         font = min(9.0, 0.6 * points[1], points[0] / (0.8 * len(str(number))))
