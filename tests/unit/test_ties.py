@@ -106,6 +106,18 @@ def test_pier_held_by_an_inclined_anchor_rocks(place, degree):
     assert result.ties["force"] == pytest.approx([force], rel=1e-6)
 
 
+def test_pier_with_an_anchor_whose_toe_crushes(recwarn):
+    """About the middle of the block of pressure, N / f_c wide, with N the weight."""
+    force = 3e3
+    strength = 1e6
+    scene = tied(pier(), Tie("left", force, ground=(-2.0, 1.5)), friction=2.0)
+    stone = replace(STONE, compressive_strength=strength)
+    result = limit_load(replace(scene, materials={"default": stone}))
+    lever = 0.25 - 0.5 * UNIT / strength
+    assert result.load_factor == pytest.approx(lever + 1.5 * force / UNIT, rel=1e-6)
+    assert not [one for one in recwarn if "invalid value" in str(one.message)]
+
+
 @pytest.mark.mpi
 def test_pier_held_at_a_group_rocks():
     """The force acts at the middle of the group."""
