@@ -246,7 +246,7 @@ def _crushing_lines(end: Collapse) -> list[str]:
         return ["crushing: no joint is at its compressive strength"]
     first = end.crushed[0]
     count = len(end.crushed)
-    x, y = np.array(first.position) + 0.0
+    x, y = np.round(first.position, 9) + 0.0
     rest = f", {count - 1} more over less" if count > 1 else ""
     return [
         f"crushing: the load factor is that with it; {first.group} crushes over"

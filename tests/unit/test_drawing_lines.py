@@ -276,6 +276,14 @@ def test_drawing_that_stands_on_nothing(sheet):
         sheet.read(blocks="STONE")
 
 
+def test_line_named_base_that_no_block_touches(sheet):
+    sheet.box(0, 0, 1, 1)
+    sheet.lines(((0, -1), (1, -1)), layer="base")
+    contents = sheet.read()
+    assert contents.lengths == pytest.approx({"base": 1.0})
+    assert said(contents, "layer 'base', on whose lines no side of a block lies", "lowest level")
+
+
 def test_bytes_that_are_no_text_are_replaced(sheet):
     sheet.box(0, 0, 1, 1, layer="STEINö")
     sheet.read()

@@ -6,7 +6,7 @@ coordinates is moved to its own origin, because its digits would not do for the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -51,6 +51,7 @@ class DxfContents:
         origin: Where the origin of the drawing of blocks lies in the file, m, shape (2,).
         voids: Outlines of openings, m.
         marks: Suspicious places.
+        lengths: Of the sides in every group, m, both sides where blocks touch.
     """
 
     drawing: Drawing
@@ -59,6 +60,7 @@ class DxfContents:
     origin: Array = field(default_factory=lambda: np.zeros(2))
     voids: Sequence[Array] = ()
     marks: Sequence[Mark] = ()
+    lengths: Mapping[str, float] = field(default_factory=dict)
 
     def place(self, x: float, y: float) -> str:
         """A place in the file's unit, as a CAD program shows it."""
@@ -263,7 +265,8 @@ class _Reading:
         self._refuse_far_blocks()
         self.marks += doubts.small_blocks(self.blocks, self.names, self.found.unit)
         self.notes += doubts.large_blocks(self.blocks, self.names)
-        groups = self._groups()
+        lengths: dict[str, float] = {}
+        groups = self._groups(lengths)
         by_text: dict[str, list[Array]] = {}
         for point, text in self.marks:
             by_text.setdefault(text, []).append(point)
@@ -279,10 +282,14 @@ class _Reading:
             scale * self.origin,
             [scale * void for void in self.voids],
             [Mark(scale * point[0], scale * point[1], text) for point, text in self.marks],
+            lengths,
         )
 
-    def _groups(self) -> Segments:
-        """Groups of the lines on which sides of blocks lie, or the lowest level."""
+    def _groups(self, lengths: dict[str, float]) -> Segments:
+        """Groups of the lines on which sides of blocks lie, or the lowest level.
+
+        `lengths` of the sides of each group, m, are added.
+        """
         scale = UNITS[self.found.unit]
         roles = self.by_role
         faces = bool(roles.lines)
@@ -292,30 +299,34 @@ class _Reading:
             (ring,) = self._rings([k])
             lines.setdefault(self._curve(k).layer, []).extend(pairwise(scale * ring))
         blocks = [scale * block for block in self.blocks]
-        lengths = Drawing(blocks, self.names, lines).lengths()
+        level: Segments = {} if "base" in map(str.lower, lines) else lowest_level(blocks)
+        every = Drawing(blocks, self.names, {**lines, **level}).lengths()
         self.notes += [
             f"left out: layer '{name}', on whose lines no side of a block lies"
-            for name, length in lengths.items()
-            if length == 0.0
+            for name in lines
+            if every[name] == 0.0
         ]
-        groups: Segments = {name: lines[name] for name in sorted(lines) if lengths[name] > 0.0}
+        groups: Segments = {name: lines[name] for name in sorted(lines) if every[name] > 0.0}
         if not groups or (not drawn and "base" not in map(str.lower, groups)):
             why = "" if groups else "no lines on sides of blocks: "
-            groups = {**groups, **self._lowest_level(blocks)}
             self.notes.append(f'{why}the group "base" is the lowest level')
+            if not level:  # a layer of that name has no side
+                level = lowest_level(blocks)
+                every |= Drawing(blocks, self.names, level).lengths()
+            groups = {**groups, **level}
+            self._refuse_without_base(every["base"])
+        lengths.update({name: every[name] for name in groups})
         return groups
 
-    def _lowest_level(self, blocks: list[Array]) -> Segments:
-        """The group "base", on which a side of a block must lie."""
-        level = lowest_level(blocks)
-        if Drawing(blocks, self.names, level).lengths()["base"] == 0.0:
-            lowest = min(blocks, key=lambda block: block[:, 1].min())
-            place = self._place(lowest[np.argmin(lowest[:, 1])] / UNITS[self.found.unit])
+    def _refuse_without_base(self, length: float) -> None:
+        """Refuse a drawing that stands on nothing."""
+        if length == 0.0:
+            lowest = min(self.blocks, key=lambda block: block[:, 1].min())
+            place = self._place(lowest[np.argmin(lowest[:, 1])])
             raise InputError(
                 f"{self.found.source}: no side of a block lies on the lowest level, at {place}, to"
                 " stand on; draw lines on a layer of their own where the structure stands"
             )
-        return level
 
     def _refuse_far_blocks(self) -> None:
         """Refuse a block so far from the others that the digits of all would not do."""

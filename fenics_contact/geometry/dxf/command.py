@@ -66,7 +66,7 @@ def mesh_drawing(order: MeshOrder) -> str:
     _check_size(drawing, size)
     triangles = _meshed(drawing, size, output)
     width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
-    lengths = {name: f"{length:g} m" for name, length in drawing.lengths().items()}
+    lengths = {name: f"{length:g} m" for name, length in read.lengths.items()}
     lines = [
         f"{order.drawing}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
         f"blocks by layer: {_listed(Counter(drawing.names))}",

@@ -86,10 +86,9 @@ def _draw_lines(axes: Any, read: DxfContents) -> None:
     """Lines that name sides, by layer."""
     from matplotlib.collections import LineCollection
 
-    lengths = read.drawing.lengths()
     for k, (name, segments) in enumerate(read.drawing.groups.items()):
         lines = [np.reshape(segment, (2, 2)) for segment in segments]
-        label = f"sides of {name}: {lengths[name]:.4g} m"
+        label = f"sides of {name}: {read.lengths[name]:.4g} m"
         style = {"colors": LINES[k % len(LINES)], "linewidths": 1.6, "alpha": 0.8}
         axes.add_collection(LineCollection(lines, label=label, **style))
 
