@@ -208,16 +208,20 @@ class _Reading:
         faces = faces_between(self._rings(bounding), self.near)
         drawn = on_lines(faces.edges, self._rings(roles.voids), self.near)
         self.voids = openings(faces, drawn)
-        inner = np.array([doubts.inner_point(outline) for outline in faces.outlines]).reshape(-1, 2)
-        owner = inside_outlines(inner, closed)
         by_lines = self._bounded_by_lines(faces)
-        void = inside_outlines(inner, self.voids) >= 0
+        owner = np.full(len(faces.outlines), -1)
+        void = np.zeros(len(faces.outlines), dtype=bool)
+        if closed or self.voids:
+            inner = np.array([doubts.inner_point(outline) for outline in faces.outlines])
+            owner = inside_outlines(inner.reshape(-1, 2), closed)
+            void = inside_outlines(inner.reshape(-1, 2), self.voids) >= 0
         for k, outline in enumerate(faces.outlines):
             if void[k] or (owner[k] < 0 and not by_lines[k]):
                 continue
             if faces.holes[k]:
+                place = self._place(doubts.inner_point(outline))
                 raise InputError(
-                    f"{self.found.source}: the face at {self._place(inner[k])} has lines within"
+                    f"{self.found.source}: the face at {place} has lines within"
                     " that do not touch its outline: it would be a block with a hole; draw a joint"
                     " from there to the outline, or name the layer with --voids or --ignore"
                 )
