@@ -137,6 +137,10 @@ def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = ""
     return folder
 
 
+#: Endings of files that runs write.
+_WRITTEN = (".json", ".csv", ".png", ".svg", ".pdf", ".html")
+
+
 def _check_folder(folder: Path) -> None:
     """Refuse a folder that is a file, or that cannot be written to."""
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
@@ -146,6 +150,10 @@ def _check_folder(folder: Path) -> None:
         raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
     if not os.access(there, os.W_OK):
         raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
+    for path in folder.iterdir() if there == folder else ():
+        if path.suffix in _WRITTEN and path.is_dir():
+            text = f"cannot write to '{folder}': '{path.name}' is a folder; choose another with -o"
+            raise InputError(text)
 
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:

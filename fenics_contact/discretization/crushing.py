@@ -19,6 +19,7 @@ one of the curved law (`crushed`); the linear programs collect tangents until no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -26,6 +27,9 @@ from mpi4py import MPI
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.scene.scene import Scene
+
+#: Infinity times no length is no number at ties, which have no strength; it is left out.
+_NO_STRENGTH: Any = np.errstate(invalid="ignore")
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,7 @@ class Crushing:
         square = mean(arm**2)
         return np.divide(mean(arm * opening), square, out=np.zeros(count), where=square > 0.0)
 
+    @_NO_STRENGTH
     def largest(self, force: Array, side: Array) -> tuple[Array, Array]:
         """Largest M under N, by faces, and where the face then turns.
 
@@ -128,6 +133,7 @@ class Crushing:
         np.minimum.at(inner, self.of_piece[touched], (near - inside)[touched])
         return np.where(self.given, moment, np.inf), side * inner
 
+    @_NO_STRENGTH
     def tangent(self, force: Array, side: Array) -> tuple[Array, Array]:
         """Couple c >= 0 and place x of the tangent at N, |M| <= c + N |x|, as `largest`.
 
@@ -147,6 +153,7 @@ class Crushing:
         before[order] = total - total[first]
         return before
 
+    @_NO_STRENGTH
     def excess(self, force: Array, moment: Array) -> tuple[Array, Array]:
         """By how much M, or N, of every face is beyond its strength, N, and the side of M.
 

@@ -106,5 +106,5 @@ def check_held(
         raise InputError(f"{where} can move all together even with closed joints; add supports")
     raise InputError(
         f"{where} touch neither a support nor a foundation, nor blocks that do; add [supports] or"
-        " [foundations], or check that the blocks touch"
+        " [foundations], or check that the blocks touch (joints.default.gap closes gaps)"
     )

@@ -352,13 +352,16 @@ def outline_problem(corners: Array) -> str:
 
 
 def _clearly_convex(corners: Array) -> bool:
-    """Whether an outline turns one way at all corners, and once around in all."""
+    """Whether an outline turns one way or goes straight on at all corners, once around in all."""
     following = np.arange(1, len(corners) + 1) % len(corners)
     along = corners[following] - corners
+    if not np.all(np.any(along != 0.0, axis=1)):
+        return False
     after = along[following]
     turn = np.arctan2(_cross(along, after), np.sum(along * after, axis=1))
     turn *= np.sign(turn.sum())
-    return bool(turn.min() > 1e-3 and turn.sum() < 7.0)  # once around are 6.28
+    once = 6.0 < turn.sum() < 7.0  # once around are 6.28
+    return bool(once and turn.min() > -1e-9 and turn.max() < 3.0)
 
 
 def _crossing(corners: Array) -> Array | None:
@@ -402,28 +405,32 @@ def _area(corners: Array) -> float:
 
 def _ends(blocks: Polygons) -> Array:
     """Starts and ends of the sides of blocks, one after the other, shape (sides, 2, 2)."""
+    corners = np.concatenate(blocks)
+    return np.stack([corners, corners[_following(blocks)]], axis=1)
+
+
+def _following(blocks: Polygons) -> Indices:
+    """The next side of the same block, of every side, shape (sides,)."""
     counts = np.array([len(block) for block in blocks])
     last = np.cumsum(counts) - 1
     following = np.arange(1, counts.sum() + 1)
     following[last] = last - counts + 1
-    corners = np.concatenate(blocks)
-    return np.stack([corners, corners[following]], axis=1)
+    return following
 
 
 def sides_on(blocks: Polygons, groups: Segments, near: float) -> dict[str, Flags]:
     """Which sides of the blocks, one block after the other, lie on the segments of each group."""
-    ends = _ends(blocks)
+    starts = np.concatenate(blocks)
+    following = _following(blocks)
     found = {}
     for name, segments in groups.items():
         lines = np.array([np.reshape(segment, (2, 2)) for segment in segments]).reshape(-1, 2, 2)
         lines = lines[np.any(lines[:, 0] != lines[:, 1], axis=1)]
-        first, second = (
-            points_near_segments(np.ascontiguousarray(ends[:, k]), lines, near) for k in (0, 1)
-        )
-        starts = first.segment * len(ends) + first.point
-        both = np.isin(starts, second.segment * len(ends) + second.point)
-        on = np.zeros(len(ends), dtype=bool)
-        on[first.point[both]] = True
+        pairs = points_near_segments(starts, lines, near)
+        of_segment = pairs.segment * len(starts)
+        both = np.isin(of_segment + following[pairs.point], of_segment + pairs.point)
+        on = np.zeros(len(starts), dtype=bool)
+        on[pairs.point[both]] = True
         found[name] = on
     return found
 
@@ -442,7 +449,8 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
         block = part[np.hypot(*(part - part[np.arange(len(part)) - 1]).T) > near]
         if len(block) < 3:
             raise InputError(
-                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) is too small to be drawn"
+                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) m is too small beside the whole,"
+                f" {near / COINCIDENT:g} m"
             )
         blocks.append(block if _area(block) > 0.0 else block[::-1])
     starts, side = divided_segments(_ends(blocks), np.unique(corners, axis=0), near)

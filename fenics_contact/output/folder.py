@@ -64,7 +64,14 @@ def filled_at_once(folder: Path, last: str, comm: MPI.Comm) -> Iterator[Path]:
 
 
 def _move(hidden: Path, folder: Path, last: str) -> None:
-    """Move all files; without the one that comes last, those in the folder are of two results."""
+    """Move all files; without the one that comes last, those in the folder are of two results.
+
+    Raises:
+        OutputError: If a folder has the name of a file; nothing is moved then.
+    """
+    for path in hidden.iterdir():
+        if path.is_file() and (folder / path.name).is_dir():
+            raise OutputError(f"'{path.name}' is a folder there")
     (folder / last).unlink(missing_ok=True)
     for path in sorted(hidden.iterdir(), key=lambda path: path.name == last):
         os.replace(path, folder / path.name)

@@ -59,6 +59,10 @@ MOST_HEIGHTS = 100
 ROUNDING = 1e-9
 #: Smallest and largest size of a number that is not 0, in SI units.
 SIZES = 1e-30, 1e30
+#: Largest friction: programs for rigid blocks take coefficients up to 1e15.
+MOST_FRICTION = 1e12
+#: Largest height of soil and water, m, also in map coordinates.
+HIGHEST = 1e9
 
 
 def function_name(function: Callable[..., Any] | None) -> str:
@@ -182,6 +186,8 @@ class JointLaw:
             _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
             _require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
+        rough = f"friction = {self.friction} must be at most {MOST_FRICTION:g}"
+        _require((self.friction or 0.0) <= MOST_FRICTION, rough)
         _require_not_negative("cohesion", self.cohesion)
         _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
@@ -269,7 +275,8 @@ class EarthPressure:
 
     def __post_init__(self) -> None:
         check_types(self)
-        _require(math.isfinite(self.level), f"level = {self.level} must be a finite number (m)")
+        level = f"level = {self.level} must lie in -{HIGHEST:g} ... {HIGHEST:g} m"
+        _require(abs(self.level) <= HIGHEST, level)
         for name in ("unit_weight", "coefficient", "surcharge"):
             _require_not_negative(name, getattr(self, name))
         angle = self.wall_friction

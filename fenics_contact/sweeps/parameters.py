@@ -58,8 +58,10 @@ class Parameter:
         found = _values_of(values) if isinstance(values, str) else [_plain(v) for v in values]
         if not found or not all(all(part.strip() for part in n.split(".")) for n in names):
             raise InputError(f"'{keys}' varies as {_HOW}; give both key and values")
-        once = [value for k, value in enumerate(found) if value not in found[:k]]
-        return cls(names, tuple(once))
+        once: dict[Any, Any] = {}
+        for value in found:
+            once.setdefault(_hashable(value), value)
+        return cls(names, tuple(once.values()))
 
     @classmethod
     def parse(cls, text: str) -> Parameter:
@@ -100,6 +102,13 @@ def _plain(value: Any) -> Any:
     arrays = (np.ndarray, np.generic)
     text = json.dumps(value, default=lambda x: x.tolist() if isinstance(x, arrays) else str(x))
     return json.loads(text)
+
+
+def _hashable(value: Any) -> Any:
+    """A value of TOML that can be a key, equal where the values are."""
+    if isinstance(value, list):
+        return tuple(map(_hashable, value))
+    return json.dumps(value, sort_keys=True) if isinstance(value, dict) else value
 
 
 def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:

@@ -15,14 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
+from fenics_contact.exit_codes import EXIT_CODES
 from fenics_contact.sweeps.parameters import Family, Parameter
-from fenics_contact.sweeps.points import Point, value_text
+from fenics_contact.sweeps.points import WRONG_INPUT, Point, value_text
 from fenics_contact.version import __version__
 
 TABLE, RECORD = "sweep.csv", "sweep.json"
 #: Columns after those of the keys.
 COLUMNS = tuple(item.name for item in fields(Point) if item.name != "values")
 _FLOATS = tuple(item.name for item in fields(Point) if item.type == "float")
+_STATUSES = (*EXIT_CODES, WRONG_INPUT)
 
 
 class Table:
@@ -40,13 +42,14 @@ class Table:
         """Rows of the same sweep that are there already; the folder is made if need be.
 
         Raises:
-            InputError: If the folder has another sweep.
+            InputError: If the folder has another sweep, or files that were changed by hand and
+                cannot be read.
         """
         folder = self.path.parent
         described = folder / RECORD
         with self._told():
             folder.mkdir(parents=True, exist_ok=True)
-            before = json.loads(described.read_text()) if described.exists() else None
+            before = _record(described) if described.exists() else None
             same = "mesh" in record and before == json.loads(json.dumps(record))
             if before is not None and not same:  # the mesh of a scene made in Python has no record
                 raise InputError(
@@ -87,16 +90,36 @@ class Table:
             return []
         text = self.path.read_text()
         rows = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
-        if rows.fieldnames != [*self._keys, *COLUMNS]:
+        if rows.fieldnames is None:
             return []
-        return [_point(row, self._keys) for row in rows if None not in row.values()]
+        if list(rows.fieldnames) != [*self._keys, *COLUMNS]:
+            raise InputError(
+                f"'{self.path}' has other columns than this sweep; put its first line right, or"
+                " remove the file to solve all points again"
+            )
+        return [self._point(rows.line_num, row) for row in rows if None not in row.values()]
+
+    def _point(self, number: int, row: Mapping[str, str]) -> Point:
+        """Point of a row, which has a number for messages."""
+        try:
+            numbers: dict[str, Any] = {name: float(row[name] or math.nan) for name in _FLOATS}
+            numbers["factorizations"] = int(float(row["factorizations"]))  # 14.0 by a spreadsheet
+            if row["status"] not in _STATUSES:
+                raise ValueError(f"unknown status '{row['status']}'")
+        except (ValueError, OverflowError) as error:
+            raise InputError(
+                f"'{self.path}', line {number}, cannot be read: {error}; remove the line to solve"
+                " its point again"
+            ) from None
+        values = {key: _value(row[key]) for key in self._keys}
+        return Point(values, row["status"], reason=row["reason"], **numbers)
 
     @contextmanager
     def _told(self) -> Iterator[None]:
         """Name the folder where a file cannot be read or written."""
         try:
             yield
-        except (OSError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
             text = f"cannot write to '{self.path.parent}': {reason}; choose another with -o"
             raise OutputError(text) from None
@@ -119,17 +142,20 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
     return {**record, "vary": vary}
 
 
-def _point(row: Mapping[str, str], keys: Sequence[str]) -> Point:
-    numbers: dict[str, Any] = {name: float(row[name] or math.nan) for name in _FLOATS}
-    numbers["factorizations"] = int(row["factorizations"])
-    values = {key: _value(row[key]) for key in keys}
-    return Point(values, row["status"], reason=row["reason"], **numbers)
+def _record(path: Path) -> Any:
+    """What a file says that a sweep is of."""
+    try:
+        return json.loads(path.read_text())
+    except (ValueError, RecursionError) as error:  # a byte that is no text is a ValueError
+        raise InputError(
+            f"'{path}' cannot be read: {error}; choose another folder with -o, or remove that one"
+        ) from None
 
 
 def _value(text: str) -> Any:
     try:
         return json.loads(text)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         return text
 
 

@@ -59,7 +59,9 @@ FILES = {
     "mesh not gmsh": Wrong(("block.msh", "gmsh"), files={"block.msh": "solid block\n"}),
     "no surface group": Wrong(("no_surface_group.msh", "two-dimensional"), mesh="no_surface_group"),
     "no mesh named": value("mesh.file", LEFT_OUT),
-}
+    **{f"{len(text)} bytes of dots": Wrong(("scene.toml", "20 tables"), files={"scene.toml": text})
+       for text in (f"{'a.' * 3000}a = 1", f"[{'a . ' * 200_000}a]")},
+}  # fmt: skip
 
 KEYS = {
     "unknown table": value("material", {}, "materials"),
@@ -98,6 +100,7 @@ VALUES = {
     **{f"density {x}": value("materials.default.density", x) for x in (-1.0, NAN, INF)},
     **{f"poisson {x}": value("materials.default.poisson", x) for x in (0.5, -1, 0.7, NAN)},
     **{f"friction {x}": value("joints.default.friction", x) for x in (-0.1, NAN, INF)},
+    "friction 1e30": value("joints.default.friction", 1e30, "at most 1e+12"),
     **{f"friction of the ground {x}": value("foundations.base.friction", x) for x in (-0.1, NAN)},
     **{f"bound {x}": law("bound", law="tresca", bound=x) for x in (-1.0, NAN, INF)},
     **{f"tolerance {x}": value("solve.tolerance", x) for x in (0.0, -1e-6, 1e-13, 0.2, NAN)},
@@ -172,6 +175,7 @@ LOADS = {
     "body of strings": value("loads.live.body", ["9.81", "0"]),
     "body not finite": value("loads.live.body", [NAN, 0.0]),
     "traction of three": value("loads.live.traction.left", [1.0, 0.0, 0.0]),
+    "earth too high": value("loads.dead.earth.left", {"level": 1e308, "unit_weight": 1}, "level"),
     "traction not finite": value("loads.live.traction.left", [INF, 0.0]),
 }
 

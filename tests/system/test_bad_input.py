@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -160,3 +161,9 @@ def test_warnings(name, folder, capsys):
         assert [f"warning: {text}" for text in result(folder / "scene")["warnings"]] == lines
     checked = run_here(["check", "scene.toml"], capsys)
     assert checked.out.count("warning: ") == len(parts) * (MPI.COMM_WORLD.rank == 0)
+
+
+def test_scene_that_is_a_pipe_is_refused(folder, capsys):
+    """Nobody may ever write to it."""
+    os.mkfifo(folder / "pipe.toml")
+    check_message(run_here(["check", folder / "pipe.toml"], capsys), ("pipe.toml", "is a pipe"))

@@ -11,6 +11,8 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact.cli import commands
+from fenics_contact.errors import OutputError
+from fenics_contact.output.folder import filled_at_once
 from tests.system.program import files, launcher, run_command, run_here, write_scene
 
 #: Run the command line, in which no file can be longer than so many bytes, as on a full disk.
@@ -39,7 +41,7 @@ def no_right(folder: Path) -> None:
     [
         (file_in_place, "File exists"),
         (lambda folder: file_in_place(folder.parent), "Not a directory"),
-        (no_right, "Is a directory"),
+        (no_right, "'result.json' is a folder there"),
     ],
 )
 def test_folder_that_changes_during_the_run(
@@ -101,3 +103,29 @@ def test_earlier_result_stays_where_a_new_one_cannot_be_written(tmp_path, capsys
     program = [sys.executable, "-c", ON_A_FULL_DISK, "5000"]
     assert run_command([*program, "solve", str(scene)], tmp_path).code == 4
     assert {path: path.read_bytes() for path in (tmp_path / "scene").iterdir()} == before
+
+
+def test_folder_with_the_name_of_a_picture_is_refused_before_the_run(tmp_path, capsys):
+    scene = write_scene(tmp_path)
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "result.json").write_text("{}")
+    (folder / "collapse.png").mkdir()
+    found = run_here(["solve", scene], capsys)
+    assert (found.code, found.err.count("\n")) == (2, 1)
+    assert "'collapse.png' is a folder; choose another with -o" in found.err
+    assert (folder / "result.json").read_text() == "{}"
+
+
+@pytest.mark.mpi
+def test_earlier_result_stays_where_a_picture_cannot_be_written(tmp_path):
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    with pytest.raises(OutputError, match=r"'one\.png' is a folder there"):
+        with filled_at_once(folder, "result.json", MPI.COMM_WORLD) as hidden:
+            if MPI.COMM_WORLD.rank == 0:
+                (folder / "result.json").write_text("before")
+                (folder / "one.png").mkdir()
+                (hidden / "result.json").write_text("after")
+                (hidden / "one.png").write_text("a picture")
+    MPI.COMM_WORLD.barrier()
+    assert (folder / "result.json").read_text() == "before"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import re
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import fuzz
 from fenics_contact.geometry.mesh import gmsh_session
 from tests.drawing import rectangle
 from tests.system.program import changed, files, result, run, run_here, toml
@@ -177,6 +180,74 @@ def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
     found = run(["mesh", "nowhere.dxf"], tmp_path, ranks)
     assert found.code == 2
     assert found.err.count("fenics-contact: ") == 1
+
+
+# ---- doubts and pictures
+
+
+def wall_mm(mortar: float = 0.0) -> list[tuple[object, str]]:
+    """A stone of 2 m x 1 m on two of 1 m x 1 m, in mm."""
+    boxes = [(0, 0, 1000, 1000), (1000 + mortar, 0, 2000 + mortar, 1000)]
+    boxes.append((0, 1000 + mortar, 2000 + mortar, 2000 + mortar))
+    return [(rectangle(*box), "stone") for box in boxes]
+
+
+def test_mortar_joints_are_closed_with_what_the_command_says(folder, capsys):
+    write_dxf(folder / "block.dxf", wall_mm(10.0))
+    found = run_here(["mesh", "block.dxf", "--size", "0.5"], capsys)
+    assert "10 mm away" in found.out and "mortar joints?" in found.out
+    suggested = re.search(r"--set (joints\.default\.gap=\S+)", found.out)[1].rstrip(";")
+    assert suggested == "joints.default.gap=0.011"
+    (folder / "scene.toml").write_text(toml(changed({"foundations.base.friction": 0.6})))
+    assert run_here(["check", "scene.toml"], capsys).code == 2  # the upper stone hangs in the air
+    found = run_here(["solve", "scene.toml", "--fast", "--set", suggested, "-o", "out"], capsys)
+    assert found.code == 0, found.err
+
+
+def test_overlap_names_layers_and_the_place_as_drawn(folder, capsys):
+    window = (rectangle(800, 300, 1200, 700), "A-1")
+    write_dxf(folder / "block.dxf", [*wall_mm(), window], unit=5)
+    line = ["mesh", "block.dxf", "--picture", "seen.png"]
+    found = run_here(line, capsys)
+    assert found.code == 2
+    assert ") cm, on layers 'stone' and 'A-1' (2 overlaps: 2 on A-1 and stone);" in found.err
+    assert files(folder) == {"block.dxf", "seen.png"}  # the picture shows where
+    found = run_here([*line, "--voids", "a-1"], capsys)
+    assert found.code == 0
+    assert "(900, 500) cm an opening lies over a block, which is not cut" in found.out
+
+
+def test_picture_shows_what_was_read(folder, capsys):
+    lines = [((0, y), (3000, y), "JOINTS") for y in (0, 1000, 2000)]
+    lines += [((x, 0), (x, 2000), "JOINTS") for x in (0, 1000, 3000)]
+    lines += [((2000, 0), (2000, 500), "JOINTS"), ((0, 0), (3000, 0), "base")]
+    write_dxf(folder / "block.dxf", [], lines)
+    found = run_here(["mesh", "block.dxf", "--picture", "seen.svg"], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert "picture of what was read: seen.svg" in found.out
+    shown = (folder / "seen.svg").read_text()
+    for text in ("4 blocks, 3 m x 2 m", "blocks: 4 blocks", "sides of base: 3 m", "1 places"):
+        assert f"<!-- {text}" in shown or f"{text} -->" in shown
+    assert "(2000, 500) mm" in shown
+    (folder / "folder.png").mkdir()
+    for name, reason in (("folder.png", "Is a directory"), ("a.xyz", "not supported")):
+        found = run_here(["mesh", "block.dxf", "--picture", name, "-o", "new.msh"], capsys)
+        assert (found.code, found.err.count("\n")) == (2, 1)
+        assert f"cannot write the picture to '{name}'" in found.err and reason in found.err
+        assert not (folder / "new.msh").exists()
+
+
+def test_damaged_files_are_told_in_one_line(folder, capsys):
+    """Cases of benchmarks/fuzz.py, of which these found something wrong at first."""
+    drawings = fuzz.sound_drawings()
+    for seed in (12, 142, 152, 1188, *range(8)):
+        dice = random.Random(seed)
+        (folder / "a.dxf").write_bytes(fuzz.damaged_drawing(dice, dice.choice(drawings)))
+        (folder / "a.msh").unlink(missing_ok=True)
+        found = run_here(["mesh", "a.dxf", "--unit", "mm"], capsys)
+        assert found.code in (0, 2)
+        assert found.err.count("\n") == (found.code == 2), found.err
+        assert (folder / "a.msh").exists() == (found.code == 0)
 
 
 # ---- the same facade, drawn in both ways

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import signal
 import subprocess
 from pathlib import Path
@@ -191,3 +192,84 @@ def test_sweep_of_a_file_in_python(tmp_path):
     assert list(record["vary"].values()) == [[0.1, 0.2]]
     again = sweep(tmp_path / "scene.toml", {BOTH: [0.1, 0.2]}, tmp_path / "out")
     assert again.column("seconds").tolist() == found.column("seconds").tolist()
+
+
+@pytest.mark.parametrize(
+    ("column", "text", "message"),
+    [
+        ("factorizations", "abc", "line 3, cannot be read: could not convert string to float"),
+        ("load_factor", "0,3", "line 3, cannot be read"),
+        ("factorizations", "inf", "line 3, cannot be read"),
+        ("status", "solved", "line 3, cannot be read: unknown status 'solved'; remove the line"),
+    ],
+)
+def test_table_that_was_touched_by_hand_is_refused(column, text, message, solved, tmp_path, capsys):
+    line = again(solved, tmp_path)
+    change(tmp_path / "sweep.csv", column, text)
+    before = files(tmp_path), (tmp_path / "sweep.csv").read_text()
+    found = run_here(line, capsys)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert message in found.err
+    assert (files(tmp_path), (tmp_path / "sweep.csv").read_text()) == before
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory) -> Path:
+    """A folder with a scene and a sweep of it."""
+    folder = tmp_path_factory.mktemp("solved")
+    sweep(write_scene(folder), {BOTH: [0.1, 0.2]}, folder)
+    return folder
+
+
+def again(solved: Path, folder: Path) -> list[object]:
+    """Arguments for the same sweep in a copy of its folder."""
+    shutil.copytree(solved, folder, dirs_exist_ok=True)
+    return ["sweep", folder / "scene.toml", "-o", folder, "--vary", f"{BOTH}=0.1,0.2"]
+
+
+def change(path: Path, column: str, text: str) -> None:
+    """Another text in a column of the second row."""
+    with path.open(newline="") as file:
+        table = list(csv.DictReader(file))
+    table[1][column] = text
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(table)
+
+
+def test_whole_number_with_a_point_is_one(solved, tmp_path, capsys):
+    """As spreadsheets write them."""
+    line = again(solved, tmp_path)
+    table = rows(tmp_path)
+    change(tmp_path / "sweep.csv", "factorizations", f"{table[1]['factorizations']}.0")
+    found = run_here(line, capsys)
+    assert found.code == 0 and "2 of 2 points are there already" in found.out
+    assert rows(tmp_path) == table
+
+
+def test_table_of_other_columns_is_kept(solved, tmp_path, capsys):
+    line = again(solved, tmp_path)
+    path = tmp_path / "sweep.csv"
+    path.write_text(path.read_text().replace(",", ";"))
+    found = run_here(line, capsys)
+    assert found.code == 2 and "has other columns than this sweep" in found.err
+    assert path.read_text().count(";") > 20
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "\xff"])
+def test_broken_record_is_refused(text, solved, tmp_path, capsys):
+    line = again(solved, tmp_path)
+    (tmp_path / "sweep.json").write_bytes(text.encode("latin-1"))
+    found = run_here(line, capsys)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert "sweep.json' cannot be read" in found.err and "choose another folder" in found.err
+
+
+def test_too_many_points_are_refused_at_once(tmp_path, capsys):
+    write_scene(tmp_path)
+    vary = ["--vary", f"{BOTH}=0.1:0.9:100000", "--vary", "solve.tolerance=1e-7:1e-6:100000"]
+    found = run_here(["sweep", tmp_path / "scene.toml", *vary], capsys)
+    assert (found.code, found.err.count("\n")) == (2, 1)
+    assert "the sweep has more than 100000 points" in found.err
+    assert files(tmp_path) == {"scene.toml", "block.msh"}

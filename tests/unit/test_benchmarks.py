@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from fnmatch import fnmatch
+from pathlib import Path
 
 import pytest
 from mpi4py import MPI
 
-from benchmarks import compare, pictures, run, stability
+from benchmarks import compare, pictures, published, run, stability
 from benchmarks.scenes import COST_SIZE, TIME_ERROR, comparison, matching
 from benchmarks.worker import Worker, save
 
@@ -74,3 +76,18 @@ def test_pictures_are_drawn(tmp_path):
         rows = [{**row, **size, "scene": scene} for size in sizes for scene in scenes]
         pictures.draw(name, rows, tmp_path)
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+@alone
+@pytest.mark.parametrize("name", ["W1, *", "ring *", "block *"])
+def test_page_has_the_rows_that_the_command_prints(name):
+    page = (Path(__file__).parents[2] / "docs" / "published.md").read_text().splitlines()
+    (row,) = [row for row in published.table() if fnmatch(row.name, name)]
+    assert row.row() in page
+
+
+def test_page_has_all_published_values():
+    page = (Path(__file__).parents[2] / "docs" / "published.md").read_text()
+    for row in published.table():
+        assert f"| {row.name} | {row.value} | " in page
+    assert page.count("\n| ") == len(published.table()) + 1

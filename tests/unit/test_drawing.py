@@ -102,7 +102,8 @@ def test_lines_and_open_polylines_are_groups_and_layers_have_no_case(tmp_path):
     contents = read(draw, tmp_path)
     assert contents.drawing.lengths() == pytest.approx({"Base": 1.0, "rim": 2.0})
     assert contents.notes == (
-        "left out: 1 CIRCLE",
+        "left out: 1 on layer 'hidden', which is off or frozen",
+        "left out: 1 closed CIRCLE (else give the layer with --blocks)",
         "left out: layer 'far', on whose lines no side of a block lies",
     )
 

@@ -62,6 +62,14 @@ def tied(model: Any, tie: Tie, friction: float = FRICTION, **options: Any) -> Sc
     return on_ground(model, coulomb(friction), ties={"north": tie}, **options)
 
 
+def agrees(found: Any, expected: float) -> None:
+    """The state, both programs and the certificate have a value that is known by hand."""
+    assert found.certificate.passed
+    values = [found.load_factor, found.bounds.upper]
+    values += [found.certificate.static_factor, found.certificate.kinematic_factor]
+    assert values == pytest.approx([expected] * len(values), rel=1e-6)
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("elastic", ELASTIC)
 def test_anchored_block_slides(elastic):
@@ -73,11 +81,8 @@ def test_anchored_block_slides(elastic):
     assert result.load_factor == pytest.approx(FRICTION + force / UNIT, rel=1e-6)
     assert result.load_factor_negative == pytest.approx(-FRICTION, rel=1e-6)
     for end, tension in ((result.positive, force), (result.negative, 0.0)):
-        assert end.certificate.passed
-        assert end.certificate.static_factor == pytest.approx(end.load_factor, rel=1e-6)
-        assert end.certificate.kinematic_factor == pytest.approx(end.load_factor, rel=1e-6)
+        agrees(end, end.load_factor)
         assert end.bounds.lower == pytest.approx(end.load_factor, rel=1e-6)
-        assert end.bounds.upper == pytest.approx(end.load_factor, rel=1e-6)
         assert tie_arrays(result.layout, end.joints)["force"] == pytest.approx(
             [tension], abs=1e-6 * force
         )
@@ -97,8 +102,20 @@ def test_pier_held_by_an_inclined_anchor_rocks(place, degree):
     tie = Tie(place, force, ground=ground, stiffness=1e6, prestress=1e3)
     result = limit_load(tied(pier(), tie, friction=2.0, degree=degree))
     assert result.status == "limit"
-    assert result.load_factor == pytest.approx(0.25 + moment / UNIT, rel=1e-6)
+    agrees(result.positive, 0.25 + moment / UNIT)
     assert result.ties["force"] == pytest.approx([force], rel=1e-6)
+
+
+def test_pier_with_an_anchor_whose_toe_crushes(recwarn):
+    """About the middle of the block of pressure, N / f_c wide, with N the weight."""
+    force = 3e3
+    strength = 1e6
+    scene = tied(pier(), Tie("left", force, ground=(-2.0, 1.5)), friction=2.0)
+    stone = replace(STONE, compressive_strength=strength)
+    result = limit_load(replace(scene, materials={"default": stone}))
+    lever = 0.25 - 0.5 * UNIT / strength
+    assert result.load_factor == pytest.approx(lever + 1.5 * force / UNIT, rel=1e-6)
+    assert not [one for one in recwarn if "invalid value" in str(one.message)]
 
 
 @pytest.mark.mpi
@@ -107,11 +124,11 @@ def test_pier_held_at_a_group_rocks():
     force = 3e3
     tie = Tie("left", force, ground=(-2.0, 1.5))
     result = limit_load(tied(pier(), tie, friction=2.0))
-    assert result.load_factor == pytest.approx(0.25 + 1.5 * force / UNIT, rel=1e-6)
+    agrees(result.positive, 0.25 + 1.5 * force / UNIT)
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("force", [1e3, 3e3, 1e5])
+@pytest.mark.parametrize("force", [1e3, 3e3, 2e4])
 @pytest.mark.parametrize("ends", [((0.7, 0.25), "right"), ("right", (0.7, 0.25))])
 def test_two_blocks_tied_over_a_crack(force, ends):
     """The tie takes the other block along, or yields before."""
@@ -120,7 +137,7 @@ def test_two_blocks_tied_over_a_crack(force, ends):
     result = limit_load(tied(two(), tie, live=Load(traction={"right": (1e4, 0.0)})))
     carried = min(force, slides)
     assert result.status == "limit"
-    assert result.load_factor * 5e3 == pytest.approx(slides + carried, rel=1e-6)
+    agrees(result.positive, (slides + carried) / 5e3)
     assert result.ties["force"] == pytest.approx([carried], rel=1e-6)
     assert result.ties["state"] == [2 if force < slides else 1]
 

@@ -6,8 +6,7 @@ coordinates is moved to its own origin, because its digits would not do for the 
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -17,46 +16,20 @@ import numpy.typing as npt
 
 from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.drawing import LIMITS as DRAWING_LIMITS
 from fenics_contact.geometry.drawing import Drawing
+from fenics_contact.geometry.dxf import doubts
 from fenics_contact.geometry.dxf.chords import chains_of_chords
 from fenics_contact.geometry.dxf.faces import Faces, faces_between, on_lines, openings
 from fenics_contact.geometry.dxf.reader import UNITS, Curve, Curves, read_curves
 from fenics_contact.geometry.dxf.roles import CurveRoles, LayerRoles, curve_roles
-from fenics_contact.geometry.meshing import (
-    COINCIDENT,
-    Segments,
-    default_size,
-    lowest_level,
-    outline_problem,
-)
+from fenics_contact.geometry.meshing import COINCIDENT, Segments, lowest_level, outline_problem
 from fenics_contact.geometry.outlines import inside_outlines
-from fenics_contact.geometry.planar_cells import Array
-from fenics_contact.geometry.point_pairs import points_near_segments
+from fenics_contact.geometry.planar_cells import PENETRATION, Array
 
-
-@dataclass(frozen=True)
-class DrawingDoubts:
-    """What looks wrong in a drawing.
-
-    Attributes:
-        far: Distance from the origin, in sizes of the drawing, from which it is moved there.
-        apart: Distance of a block from the others, in sizes of the drawing, which is a mistake.
-        open: Distance between the ends of an open polyline, over its length, below which it might
-            be a block that was not closed.
-        small: Area of a block over the median one below which it might be a mistake.
-        large: Mean area of the blocks of a layer over the median one above which they might be
-            openings.
-    """
-
-    far: float = 100.0
-    apart: float = 100.0
-    open: float = 0.25
-    small: float = 1e-3
-    large: float = 4.0
-
-
-DOUBTS = DrawingDoubts()
+#: Distance from the origin from which a drawing is moved there, and distance of a block from the
+#: others which is a mistake, both in sizes of the drawing.
+FAR = 100.0
+APART = 100.0
 
 
 @dataclass(frozen=True)
@@ -79,6 +52,7 @@ class DxfContents:
         origin: Where the origin of the drawing of blocks lies in the file, m, shape (2,).
         voids: Outlines of openings, m.
         marks: Suspicious places.
+        lengths: Of the sides in every group, m, both sides where blocks touch.
     """
 
     drawing: Drawing
@@ -87,6 +61,7 @@ class DxfContents:
     origin: Array = field(default_factory=lambda: np.zeros(2))
     voids: Sequence[Array] = ()
     marks: Sequence[Mark] = ()
+    lengths: Mapping[str, float] = field(default_factory=dict)
 
     def place(self, x: float, y: float) -> str:
         """A place in the file's unit, as a CAD program shows it."""
@@ -145,7 +120,7 @@ def _own_origin(found: Curves) -> tuple[Array, float]:
     points = np.concatenate([curve.points for curve in found.curves])
     low, high = np.quantile(points, [0.05, 0.95], axis=0)
     size = float((high - low).max()) or float(np.ptp(points, axis=0).max())
-    if np.abs(low).max() <= DOUBTS.far * size:
+    if np.abs(low).max() <= FAR * size:
         return np.zeros(2), size
     close = np.all((points >= low - size) & (points <= high + size), axis=1)
     origin = points[close].min(axis=0)
@@ -214,14 +189,18 @@ class _Reading:
             self.blocks.append(self.chains[k])
             self.names.append(curve.layer)
         if not self.blocks:
-            count = len(self.by_role.sides) + len(self.by_role.voids)
             raise InputError(
-                f"{self.found.source} has no closed polyline, which would be a block, but {count}"
-                " other lines; give layers of lines between blocks with --lines"
+                f"{self.found.source} has no closed polyline, which would be a block; give layers"
+                " of closed curves with --blocks, or of lines between blocks with --lines"
                 f" ({_listed_notes(self.notes)})"
             )
-        self._leave_out(_in_openings(self.blocks, self.voids))
-        self._doubt_open_polylines()
+        self._leave_out(_in_openings(self.blocks, self.voids, self.near))
+        for k in self.by_role.sides:
+            layer = self._curve(k).layer
+            if layer in self.names:
+                self.marks += doubts.open_polyline(self.chains[k], layer, self.found.unit)
+        depth = PENETRATION * self.near / COINCIDENT
+        self.marks += doubts.openings_over_blocks(self.blocks, self.voids, depth)
 
     def take_faces(self) -> None:
         """Take faces between lines as blocks, but for those within openings."""
@@ -231,16 +210,20 @@ class _Reading:
         faces = faces_between(self._rings(bounding), self.near)
         drawn = on_lines(faces.edges, self._rings(roles.voids), self.near)
         self.voids = openings(faces, drawn)
-        inner = np.array([_inner_point(outline) for outline in faces.outlines]).reshape(-1, 2)
-        owner = inside_outlines(inner, closed)
         by_lines = self._bounded_by_lines(faces)
-        void = inside_outlines(inner, self.voids) >= 0
+        owner = np.full(len(faces.outlines), -1)
+        void = np.zeros(len(faces.outlines), dtype=bool)
+        if closed or self.voids:
+            inner = np.array([doubts.inner_point(outline) for outline in faces.outlines])
+            owner = inside_outlines(inner.reshape(-1, 2), closed)
+            void = inside_outlines(inner.reshape(-1, 2), self.voids) >= 0
         for k, outline in enumerate(faces.outlines):
             if void[k] or (owner[k] < 0 and not by_lines[k]):
                 continue
             if faces.holes[k]:
+                place = self._place(doubts.inner_point(outline))
                 raise InputError(
-                    f"{self.found.source}: the face at {self._place(inner[k])} has lines within"
+                    f"{self.found.source}: the face at {place} has lines within"
                     " that do not touch its outline: it would be a block with a hole; draw a joint"
                     " from there to the outline, or name the layer with --voids or --ignore"
                 )
@@ -256,7 +239,8 @@ class _Reading:
         self.notes.append(
             f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
         )
-        self._doubt_free_ends(faces)
+        unit = self.found.unit
+        self.marks += doubts.free_ends(faces.free, faces.edges, self.blocks, self.near, unit)
 
     def _bounded_by_lines(self, faces: Faces) -> list[bool]:
         """Which faces have a side on a line between blocks."""
@@ -279,70 +263,16 @@ class _Reading:
             self.blocks = [self.blocks[k] for k in keep]
             self.names = [self.names[k] for k in keep]
 
-    # ---- doubts
-
-    def _doubt_open_polylines(self) -> None:
-        layers = set(self.names)
-        for k in self.by_role.sides:
-            chain = self.chains[k]
-            length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
-            distance = float(np.linalg.norm(chain[-1] - chain[0]))
-            layer = self._curve(k).layer
-            if layer in layers and len(chain) > 2 and distance < DOUBTS.open * length:
-                self._doubt(
-                    chain[0],
-                    f"an open polyline on layer '{layer}' with its ends {distance:.3g}"
-                    f" {self.found.unit} apart is no block: close it if it is one",
-                )
-
-    def _doubt_free_ends(self, faces: Faces) -> None:
-        """Mark ends of lines that stop short of another line."""
-        ends = faces.free[:, 0]
-        reach = 4.0 * DRAWING_LIMITS.gap * default_size(self.blocks)
-        pairs = points_near_segments(ends, faces.edges, reach)
-        length = np.linalg.norm(faces.free[:, 1] - ends, axis=1)[pairs.point]
-        short = (pairs.distance > self.near) & (pairs.distance < 0.5 * length)
-        order = np.argsort(pairs.distance[short])
-        point = pairs.point[short][order]
-        _, first = np.unique(point, return_index=True)
-        for row in first.tolist():
-            distance = pairs.distance[short][order][row]
-            self._doubt(
-                ends[point[row]],
-                f"a line ends {distance:.3g} {self.found.unit} short of another: extend it, or"
-                " blocks are one",
-            )
-
-    def _doubt_sizes(self) -> Iterator[str]:
-        """Mark very small blocks; warnings on layers of blocks that may be openings."""
-        areas = np.array([_area(block) for block in self.blocks])
-        median = float(np.median(areas))
-        for k in np.flatnonzero(areas < DOUBTS.small * median).tolist():
-            self._doubt(
-                _inner_point(self.blocks[k]),
-                f"a block of {areas[k]:.2g} {self.found.unit}2 on layer '{self.names[k]}', the"
-                f" median has {median:.2g}: a sliver between lines that do not meet?",
-            )
-        names = np.array(self.names)
-        for name, count in Counter(self.names).items():
-            large = areas[names == name].mean() / median
-            if large > DOUBTS.large and count < 0.5 * len(names):
-                yield (
-                    f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large"
-                    f" as the median; if they are openings, give --voids {name}"
-                )
-
-    def _doubt(self, point: Array, text: str) -> None:
-        self.marks.append((point, text))
-
     # ---- contents
 
     def contents(self) -> DxfContents:
         """The drawing in m, with its groups."""
         scale = UNITS[self.found.unit]
         self._refuse_far_blocks()
-        self.notes += self._doubt_sizes()
-        groups = self._groups()
+        self.marks += doubts.small_blocks(self.blocks, self.names, self.found.unit)
+        self.notes += doubts.large_blocks(self.blocks, self.names)
+        lengths: dict[str, float] = {}
+        groups = self._groups(lengths)
         by_text: dict[str, list[Array]] = {}
         for point, text in self.marks:
             by_text.setdefault(text, []).append(point)
@@ -358,30 +288,51 @@ class _Reading:
             scale * self.origin,
             [scale * void for void in self.voids],
             [Mark(scale * point[0], scale * point[1], text) for point, text in self.marks],
+            lengths,
         )
 
-    def _groups(self) -> Segments:
-        """Groups of the lines on which sides of blocks lie, or the lowest level."""
+    def _groups(self, lengths: dict[str, float]) -> Segments:
+        """Groups of the lines on which sides of blocks lie, or the lowest level.
+
+        `lengths` of the sides of each group, m, are added.
+        """
         scale = UNITS[self.found.unit]
         roles = self.by_role
         faces = bool(roles.lines)
+        drawn = not faces and any(not self._curve(k).closed for k in roles.sides)
         lines: dict[str, list[npt.ArrayLike]] = {}
         for k in [*roles.sides, *(roles.lines + roles.voids if faces else ())]:
             (ring,) = self._rings([k])
             lines.setdefault(self._curve(k).layer, []).extend(pairwise(scale * ring))
         blocks = [scale * block for block in self.blocks]
-        lengths = Drawing(blocks, self.names, lines).lengths()
+        level: Segments = {} if "base" in map(str.lower, lines) else lowest_level(blocks)
+        every = Drawing(blocks, self.names, {**lines, **level}).lengths()
         self.notes += [
             f"left out: layer '{name}', on whose lines no side of a block lies"
-            for name, length in lengths.items()
-            if length == 0.0
+            for name in lines
+            if every[name] == 0.0
         ]
-        groups: Segments = {name: lines[name] for name in sorted(lines) if lengths[name] > 0.0}
-        if not groups or (faces and "base" not in map(str.lower, groups)):
+        groups: Segments = {name: lines[name] for name in sorted(lines) if every[name] > 0.0}
+        if not groups or (not drawn and "base" not in map(str.lower, groups)):
             why = "" if groups else "no lines on sides of blocks: "
-            groups = {**groups, **lowest_level(blocks)}
             self.notes.append(f'{why}the group "base" is the lowest level')
+            if not level:  # a layer of that name has no side
+                level = lowest_level(blocks)
+                every |= Drawing(blocks, self.names, level).lengths()
+            groups = {**groups, **level}
+            self._refuse_without_base(every["base"])
+        lengths.update({name: every[name] for name in groups})
         return groups
+
+    def _refuse_without_base(self, length: float) -> None:
+        """Refuse a drawing that stands on nothing."""
+        if length == 0.0:
+            lowest = min(self.blocks, key=lambda block: block[:, 1].min())
+            place = self._place(lowest[np.argmin(lowest[:, 1])])
+            raise InputError(
+                f"{self.found.source}: no side of a block lies on the lowest level, at {place}, to"
+                " stand on; draw lines on a layer of their own where the structure stands"
+            )
 
     def _refuse_far_blocks(self) -> None:
         """Refuse a block so far from the others that the digits of all would not do."""
@@ -389,8 +340,9 @@ class _Reading:
         middle = np.median(points, axis=0)
         away = np.linalg.norm(points - middle, axis=1)
         worst = int(np.argmax(away))
-        size = self.near / COINCIDENT
-        if away[worst] > DOUBTS.apart * size:
+        block = np.median([np.ptp(block, axis=0).max() for block in self.blocks])
+        size = 2.0 * float(np.median(away)) + block
+        if away[worst] > APART * size:
             raise InputError(
                 f"{self.found.source}: the block on layer '{self.names[worst]}' at"
                 f" {self._place(points[worst])} is {away[worst] / size:.3g} times the size of the"
@@ -398,22 +350,16 @@ class _Reading:
             )
 
 
-def _in_openings(blocks: Sequence[Array], voids: Sequence[Array]) -> set[int]:
-    """Blocks that lie within openings."""
-    if not voids:
-        return set()
-    inner = np.array([_inner_point(block) for block in blocks])
-    return set(np.flatnonzero(inside_outlines(inner, voids) >= 0).tolist())
-
-
-def _inner_point(outline: Array) -> Array:
-    """A point within an outline."""
+def _in_openings(blocks: Sequence[Array], voids: Sequence[Array], near: float) -> set[int]:
+    """Blocks that lie within openings, but for a distance."""
     from shapely.geometry import Polygon
 
-    point = Polygon(outline).representative_point()
-    return np.array([point.x, point.y])
-
-
-def _area(outline: Array) -> float:
-    x, y = (outline - outline[0]).T
-    return 0.5 * abs(float(x[:-1] @ y[1:] - y[:-1] @ x[1:]))
+    if not voids:
+        return set()
+    inner = np.array([doubts.inner_point(block) for block in blocks])
+    owner = inside_outlines(inner, voids)
+    return {
+        k
+        for k in np.flatnonzero(owner >= 0).tolist()
+        if Polygon(blocks[k]).within(Polygon(voids[owner[k]]).buffer(near))
+    }

@@ -66,7 +66,7 @@ def mesh_drawing(order: MeshOrder) -> str:
     _check_size(drawing, size)
     triangles = _meshed(drawing, size, output)
     width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
-    lengths = {name: f"{length:g} m" for name, length in drawing.lengths().items()}
+    lengths = {name: f"{length:g} m" for name, length in read.lengths.items()}
     lines = [
         f"{order.drawing}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
         f"blocks by layer: {_listed(Counter(drawing.names))}",
@@ -107,11 +107,17 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
     first, second = (names[k] for k in pairs[0])
     layers = Counter(" and ".join(sorted({names[a], names[b]})) for a, b in pairs.tolist())
     listed = ", ".join(f"{count} on {layer}" for layer, count in layers.most_common(3))
-    return (
-        f"{source}: blocks overlap at {read.place(*places[0])}, on layers '{first}' and '{second}'"
-        f" ({len(pairs)} overlaps: {listed}); draw them side by side, or name layers of openings"
-        " with --voids, of joints with --lines, and those that are no stones with --ignore"
-    )
+    more = f" ({len(pairs)} overlaps: {listed})" if len(pairs) > 1 else ""
+    if len(set(names)) == 1:
+        on = f"both on layer '{first}'"
+        cure = "draw them side by side, each once"
+    else:
+        on = f"on layers '{first}' and '{second}'"
+        cure = (
+            "draw them side by side, or name layers of openings with --voids, of joints with"
+            " --lines, and those that are no stones with --ignore"
+        )
+    return f"{source}: blocks overlap at {read.place(*places[0])}, {on}{more}; {cure}"
 
 
 def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
@@ -122,7 +128,7 @@ def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
     least, most = facing[:, 2].min(), facing[:, 2].max()
     step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
     gap = f"{np.ceil(1.05 * most / step) * step:.2g}"
-    in_unit = " to ".join(f"{d / UNITS[read.unit]:.3g}" for d in np.unique([least, most]))
+    in_unit = " to ".join(dict.fromkeys(f"{d / UNITS[read.unit]:.3g}" for d in (least, most)))
     mortar = len(gaps) > len(read.drawing.blocks)
     yield (
         f"warning: {len(gaps)} corners lie beside another block without touching it, {in_unit}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,9 @@ def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> Non
     below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.6 / tall)}
     axes.legend(ncol=4, fontsize=9, frameon=False, **below)
     try:
-        figure.savefig(target, dpi=150, bbox_inches="tight")
+        with warnings.catch_warnings():  # characters of layers that the font lacks
+            warnings.simplefilter("ignore", UserWarning)
+            figure.savefig(target, dpi=150, bbox_inches="tight")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot write the picture to '{target}': {reason}") from None
@@ -70,7 +73,7 @@ def _draw_blocks(axes: Any, read: DxfContents, inches_per_metre: float) -> None:
         axes.add_collection(PolyCollection(read.voids, label=label, **style))
     if len(drawing.blocks) > NUMBERED:
         return
-    for number, block in enumerate(drawing.blocks, 1):
+    for number, block in enumerate(drawing.blocks):
         low, high = block.min(axis=0), block.max(axis=0)
         points = 72.0 * inches_per_metre * (high - low)
         font = min(9.0, 0.6 * points[1], points[0] / (0.8 * len(str(number))))
@@ -83,10 +86,9 @@ def _draw_lines(axes: Any, read: DxfContents) -> None:
     """Lines that name sides, by layer."""
     from matplotlib.collections import LineCollection
 
-    lengths = read.drawing.lengths()
     for k, (name, segments) in enumerate(read.drawing.groups.items()):
         lines = [np.reshape(segment, (2, 2)) for segment in segments]
-        label = f"sides of {name}: {lengths[name]:.4g} m"
+        label = f"sides of {name}: {read.lengths[name]:.4g} m"
         style = {"colors": LINES[k % len(LINES)], "linewidths": 1.6, "alpha": 0.8}
         axes.add_collection(LineCollection(lines, label=label, **style))
 
@@ -102,7 +104,7 @@ def _draw_marks(axes: Any, read: DxfContents, marks: Sequence[Mark]) -> None:
     for mark in marks:
         first.setdefault(mark.text, mark)
     for mark in list(first.values())[:IN_WORDS]:
-        text = mark.text if len(mark.text) < 60 else f"{mark.text[:57]}..."
+        text = mark.text if len(mark.text) < 80 else f"{mark.text[:77]}..."
         axes.annotate(
             f"{text} at {read.place(mark.x, mark.y)}", (mark.x, mark.y), (8, 8), size=7,
             textcoords="offset points", color=SUSPICIOUS, zorder=6,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,12 +28,14 @@ class ReaderLimits:
         coordinate: Largest coordinate, in the drawing's unit; map coordinates have 1e10 mm.
         parts: Largest number of entities with all inserted blocks.
         depth: Largest number of inserts in each other.
+        bulge: Largest bulge: that of a full circle but for a quarter of a degree.
         chords: Points along an ellipse or a span of a spline from which its chords are chosen.
     """
 
     coordinate: float = 1e12
     parts: int = 200_000
     depth: int = 16
+    bulge: float = 1e3
     chords: int = 72
 
 
@@ -92,6 +96,38 @@ def read_curves(path: Path, unit: str | None) -> Curves:
     Raises:
         InputError: If ezdxf is missing, the file is no DXF, has no unit, or has a damaged entity.
     """
+    with _warnings_of_ezdxf() as said:
+        found = _read_curves(path, unit)
+    found.notes += [f"warning: damaged file: {text}" for text in list(dict.fromkeys(said))[:5]]
+    return found
+
+
+@contextmanager
+def _warnings_of_ezdxf() -> Iterator[list[str]]:
+    """What ezdxf says about a damaged file, in a list instead of on stderr."""
+    said: list[str] = []
+
+    class Collector(logging.Handler):
+        """Appends messages to the list, each as one printable line."""
+
+        def emit(self, record: logging.LogRecord) -> None:
+            """Append a message."""
+            said.append("".join(c for c in record.getMessage()[:200] if c.isprintable()))
+
+    logger = logging.getLogger("ezdxf")
+    handler = Collector(logging.WARNING)
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield said
+    finally:
+        logger.propagate = before
+        logger.removeHandler(handler)
+
+
+def _read_curves(path: Path, unit: str | None) -> Curves:
+    """Curves of a file; see `read_curves`."""
     document = _open_dxf(path)
     source = f"'{path}'"
     unit = unit or DXF_UNITS.get(document.units, "")
@@ -164,7 +200,9 @@ class _Parts:
     def visible(self) -> Iterator[tuple[Any, str]]:
         """Entities of the model space on visible layers, with their layers."""
         for entity, layer in self._parts(self.document.modelspace(), "", ()):
-            if layer.lower() not in self._hidden:
+            if layer.lower() in self._hidden:
+                self.left_out[f"on layer '{layer}', which is off or frozen"] += 1
+            else:
                 printable = layer.encode("utf-8", "replace").decode()
                 yield entity, self._spelling.setdefault(layer.lower(), printable)
 
@@ -174,7 +212,7 @@ class _Parts:
         """Entities and their layers; those on layer 0 of a block have the layer of its insert."""
         for entity in entities:
             self._add(1)
-            layer = str(entity.dxf.get("layer", "0"))
+            layer = _layer_of(entity)
             layer = outer if layer == "0" and outer else layer  # as CAD programs do
             if entity.dxftype() == "INSERT":
                 yield from self._inserted(entity, layer, inside)
@@ -215,14 +253,22 @@ class _Parts:
             )
 
 
+def _layer_of(entity: Any) -> str:
+    """Name of an entity's layer; "0" for entities that ezdxf does not know."""
+    return str(entity.dxf.layer) if entity.dxf.is_supported("layer") else "0"
+
+
 def _curve(entity: Any, layer: str, source: str) -> Curve | None:
     """Curve of an entity; none if it has no length."""
     kind = entity.dxftype()
     try:
         with np.errstate(all="ignore"):
             points, bulges, closed = _READERS[kind](entity)
-        wrong = not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges))
-        reason = "a coordinate is no number" if wrong else ""
+        reason = ""
+        if not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges)):
+            reason = "a coordinate is no number"
+        elif np.any(np.abs(bulges) > LIMITS.bulge):
+            reason = f"an arc has a bulge of {np.abs(bulges).max():g}"
     except Exception as error:  # damaged entities fail anywhere in ezdxf
         reason = str(error) or type(error).__name__
     if reason:
@@ -297,10 +343,20 @@ def _ellipse(entity: Any) -> _Pieces:
 
 
 def _spline(entity: Any) -> _Pieces:
-    curve = entity.construction_tool()
+    try:
+        curve = entity.construction_tool()
+    except ZeroDivisionError:  # ezdxf's tangents at fit points whose distances are alike
+        curve = _spline_through(entity.fit_points)
     spans = min(max(1, curve.count - curve.degree), 1000)
     points = np.array([tuple(p)[:2] for p in curve.approximate(spans * LIMITS.chords)])
     return points, np.zeros(len(points)), False
+
+
+def _spline_through(points: Any) -> Any:
+    """Spline by chord lengths through fit points."""
+    from ezdxf.math import global_bspline_interpolation
+
+    return global_bspline_interpolation(points, min(3, len(points) - 1), method="chord")
 
 
 _READERS = {

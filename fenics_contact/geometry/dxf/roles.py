@@ -126,7 +126,11 @@ def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> Cu
     left = [k for k, curve in enumerate(curves) if by_layer.get(curve.layer) != "ignore"]
     left = list(_without_symbols(curves, left, by_layer, roles.notes))
     left = _without_frames(curves, chains, left, named, roles.notes, found.unit)
-    closed = [k for k in left if curves[k].closed and by_layer.get(curves[k].layer) in _BLOCKS]
+    may_be_blocks = ("blocks",) if given.blocks else _BLOCKS
+    closed = [
+        k for k in left if curves[k].closed and by_layer.get(curves[k].layer) in may_be_blocks
+    ]
+    roles.notes += _said_of_blocks(curves, closed, left, given)
     between = _lines_between_blocks(curves, chains, left, by_layer, closed, roles.notes)
     for k in left:
         role = by_layer.get(curves[k].layer)
@@ -134,7 +138,7 @@ def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> Cu
             roles.voids.append(k)
         elif role == "lines" or (not curves[k].closed and curves[k].layer in between):
             roles.lines.append(k)
-        elif curves[k].closed:
+        elif curves[k].closed and role in may_be_blocks:
             roles.blocks.append(k)
         else:
             roles.sides.append(k)
@@ -142,6 +146,23 @@ def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> Cu
 
 
 _BLOCKS = (None, "blocks")
+
+
+def _said_of_blocks(
+    curves: Sequence[Curve], closed: Sequence[int], left: Sequence[int], given: LayerRoles
+) -> Iterator[str]:
+    """Which layers have blocks where several might, and which closed curves are none."""
+    layers = Counter(curves[k].layer for k in closed)
+    if not given.blocks and len(layers) > 1:
+        yield (
+            f"closed curves are blocks on layers {', '.join(layers)}; name those that are no stones"
+            " with --voids or --ignore"
+        )
+    if given.blocks:
+        rest = {curves[k].layer for k in left if curves[k].closed} - set(layers)
+        named = given.of_layers((curve.layer for curve in curves), "")
+        if others := sorted(rest - set(named)):
+            yield f"closed curves on layers {', '.join(others)} are no blocks, as --blocks says"
 
 
 def _guessed_by_name(curves: Sequence[Curve], by_layer: dict[str, str]) -> Iterator[str]:
@@ -167,7 +188,10 @@ def _without_symbols(
             symbols[curve.kind] += 1
         else:
             yield k
-    notes += [f"left out: {count} {kind}" for kind, count in symbols.items()]
+    notes += [
+        f"left out: {count} closed {kind} (else give the layer with --blocks)"
+        for kind, count in symbols.items()
+    ]
 
 
 def _without_frames(
