@@ -56,7 +56,7 @@ class LowestOptions:
     Attributes:
         search: Cost of the search of a second opinion, until a known state is recognised, and of
             following it where none is.
-        searches: Cost of all searches of a second opinion together.
+        searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
         tries: Searches of a second opinion, of which one has to come to an end.
@@ -72,7 +72,7 @@ class LowestOptions:
     """
 
     search: float = 0.5
-    searches: float = 0.7
+    searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
     tries: int = 2
@@ -114,10 +114,9 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
     lower = dict[str, State]()
     ended = list[str]()
     task = _task(case, end.work_ratio, tolerance, end)
-    before = effort.spent
     for name, look in SECOND.items():
         try:
-            with effort.at_most(LOWEST.searches * cost - (effort.spent - before)):
+            with effort.at_most(LOWEST.searches * cost):
                 state = look(task, end, limit, LOWEST.search * cost)
         except SolverError as error:
             _log.info("second opinion: %s", error)
