@@ -112,9 +112,10 @@ class HighFrictionOptions:
 
     Attributes:
         lower: Coefficient from which on paths are lost at points that slide under little pressure.
-        first: Coefficient above which this is tried first: on four walls and a bond with friction
-            3 to 1000 it found all but one state with 79 to 408 factorisations, a third of which on
-            the structure; block modes first took up to 788. With friction 1.5 they take a quarter.
+        early: Coefficient above which this is tried before the whole path of block modes: on four
+            walls and a bond with friction 3 to 1000 it found all but one state with 79 to 408
+            factorisations, a third of them on the structure; that path took up to 788.
+        brief: Cost of that path at most before this is tried; where it suffices it is cheaper.
         change: Of the friction bound on block modes, relative, at which it has followed.
         on_modes: Iterations of the bound on block modes at most.
         between: Those on the structure between two tries with friction in the equations.
@@ -123,7 +124,8 @@ class HighFrictionOptions:
     """
 
     lower: float = 1.0
-    first: float = 2.0
+    early: float = 2.0
+    brief: float = 20.0
     change: float = 1e-3
     on_modes: int = 30
     between: int = 20
@@ -214,6 +216,13 @@ def along_block_modes(task: Task) -> Solution:
                 _log.info("  structure: %s", error)
                 failed = error
     raise failed
+
+
+@wraps(along_block_modes)
+def briefly_along_block_modes(task: Task) -> Answer:
+    """State by continuation in block modes, if it does not take long."""
+    with task.case.discretization.effort.at_most(HIGH_FRICTION.brief):
+        return along_block_modes(task)
 
 
 @monolithic
@@ -577,7 +586,7 @@ COULOMB: dict[str, Strategy] = {
 #: With high friction: paths of block modes are lost where joints slide under little pressure.
 HIGH = replace(
     COULOMB["auto"],
-    attempts=(through_lower_friction, along_block_modes),
+    attempts=(briefly_along_block_modes, through_lower_friction, along_block_modes),
     once=(along_falling_products, interior_point),
 )
 
@@ -590,7 +599,7 @@ def strategy_of(scene: Scene) -> Strategy:
     laws = [*scene.joints.values(), *scene.foundations.values()]
     if any((law.friction or 0.0) > law.dilation for law in laws):
         highest = max(law.friction or 0.0 for law in laws)
-        if scene.solve.method == "auto" and highest > HIGH_FRICTION.first:
+        if scene.solve.method == "auto" and highest > HIGH_FRICTION.early:
             return HIGH
         return COULOMB[scene.solve.method]
     return JOINT_FORCES.get(scene.solve.method, GIVEN)

@@ -18,6 +18,7 @@ from tests.system.program import files, launcher, run_command, run_here, write_s
 #: Run the command line, in which no file can be longer than so many bytes, as on a full disk.
 ON_A_FULL_DISK = """
 import resource, sys
+from mpi4py import MPI  # whose own files are there before the disk is full
 from fenics_contact.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[1]),))
 sys.exit(main(sys.argv[2:]))

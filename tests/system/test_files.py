@@ -175,16 +175,18 @@ def test_nothing_else_is_written(solved):
         check_picture(solved.output / picture)
 
 
-def test_result_is_written_last(tmp_path):
+def test_earlier_result_stays_where_a_folder_is_in_the_way(tmp_path):
     write_scene(tmp_path, {"output.paraview": False})
     assert run(["solve", "scene.toml"], tmp_path).code == 0
-    picture = tmp_path / "scene" / "collapse.png"
-    picture.unlink()
-    picture.mkdir()  # in the way of the next run
+    motion = tmp_path / "scene" / "motion.json"
+    motion.unlink()
+    motion.mkdir()  # in the way of the next run
+    before = (tmp_path / "scene" / "result.json").read_text()
     found = run(["solve", "scene.toml"], tmp_path)
-    assert (found.code, found.err.count("\n")) == (4, 1)
-    assert "cannot write to 'scene': Is a directory" in found.err
-    assert files(tmp_path / "scene") == PICTURES | {"motion.json"}  # of the first run
+    assert (found.code, found.err.count("\n")) == (2, 1)
+    assert "'motion.json' is a folder" in found.err
+    assert files(tmp_path / "scene") == PICTURES | {"result.json"}  # of the first run
+    assert (tmp_path / "scene" / "result.json").read_text() == before
 
 
 def test_pictures_in_other_formats(tmp_path, capsys):
