@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
-from fenics_contact.collapse.further import with_lowest, with_peak
+from fenics_contact.collapse.further import with_lowest, with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve, raise_load
@@ -135,7 +135,7 @@ class LimitLoad(Result):
             with suppress(Stopped):  # before its first point
                 case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
                 if end.peak is not None and end.peak.status == "not_known":
-                    end = with_peak(case, end, CURVE_SOLVE, asked=True)
+                    end = with_peak_at_any_cost(case, end, CURVE_SOLVE)
                 with crushed_like(case, end) as crushed:
                     curve = capacity_curve(crushed, end, points, monitor.point)
         known = end if sign > 0.0 else end.reversed()
