@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.discretization.compilation import compile_forms, compile_laws
 from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import (
     Elasticity,
@@ -21,7 +22,6 @@ from fenics_contact.discretization.elasticity import (
     with_loads,
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
-from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, ground_motion
 from fenics_contact.discretization.joints import Joints, find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout

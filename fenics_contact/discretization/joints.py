@@ -21,15 +21,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
-from fenics_contact.discretization.mortar import (
-    SHARES,
-    Pieces,
-    Stencil,
-    lagrange,
-    pieces_of,
-    stencil_of,
-)
+from fenics_contact.discretization.mortar import Pieces, lagrange, pieces_of, stencil_of
 from fenics_contact.discretization.pairing import joint_stretches
+from fenics_contact.discretization.stencil import SHARES, Stencil
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
