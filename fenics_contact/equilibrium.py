@@ -83,12 +83,7 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
             is not finite, or there is no step.
     """
-    if not math.isfinite(load_factor):
-        raise InputError(f"load_factor = {load_factor} must be finite")
-    if steps < 1:
-        raise InputError(f"steps = {steps} must be 1 or more")
-    if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
-        raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")
+    _check(scene, load_factor, steps)
     strategy = strategy_of(scene)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
@@ -105,3 +100,13 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
             found = ServiceState("not_converged", load_factor, reason=str(stop))
         count = made.factorizations()
     return Equilibrium(**vars(found), layout=made.layout, factorizations=count)
+
+
+def _check(scene: Scene, load_factor: float, steps: int) -> None:
+    """Raise `InputError` for what `equilibrium` cannot be asked."""
+    if not math.isfinite(load_factor):
+        raise InputError(f"load_factor = {load_factor} must be finite")
+    if steps < 1:
+        raise InputError(f"steps = {steps} must be 1 or more")
+    if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
+        raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")

@@ -112,17 +112,10 @@ class Discretization(Layout):
         closed = joints.without_ties()
         check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
-        self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
-        self.points = rows.points
-        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
-        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
+        self.operators = joint_operators(self.joints, self.supports, made.stiffness)
+        self.points = self.operators.points
         self._owned = ExitStack()
-        for operator in maps:
-            self._owned.callback(operator.close)
-        loads = (made.dead, made.live)
-        law = self._law()
-        give = self._compliance()
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
+        self.problem = self._contact_problem(bodies)
         self.problem, self.imposed = _with_imposed(self)
         self.effort = Effort()
         self.tally = Tally(effort=self.effort)
@@ -270,6 +263,19 @@ class Discretization(Layout):
         size = float(np.ptp(points.reshape(-1, 2), axis=0).max())
         resultants = made.dead_resultant, made.live_resultant
         return rigid_bodies(made.centre, *resultants, self.supports, size)
+
+    def _contact_problem(self, bodies: RigidBodies) -> ContactProblem:
+        """The problem under the loads; its maps are freed with this object."""
+        made = self.elasticity
+        rows = self.operators
+        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
+        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
+        for operator in maps:
+            self._owned.callback(operator.close)
+        loads = (made.dead, made.live)
+        law = self._law()
+        give = self._compliance()
+        return ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
 
     def _law(self) -> PointLaws:
         """Law of this rank's rows."""
