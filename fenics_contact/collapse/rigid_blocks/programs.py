@@ -581,12 +581,9 @@ class RigidBlocks:
     def _fall_under(self, load_factor: float) -> Array | None:
         """Motions by which the loads fall, solved for on this rank alone."""
         program = self._program
-        unit = max(self._force, abs(load_factor) * self._force / self._load)
-        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
-        limits = program.limits(unit)
+        unit, standing = self._standing(load_factor)
         # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
         plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
-        standing = LinearProgram(np.zeros(len(limits)), program.forces, right, limits)
         tangents = _Tangents(program, unit)
         if program.crushing is not None:
             if self._within_strength(load_factor):
@@ -595,6 +592,14 @@ class RigidBlocks:
             return None
         missing, multipliers, _ = least_missing(standing, tangents.answer)
         return program.motions(-multipliers) if missing > OPTIONS.rounding else None
+
+    def _standing(self, load_factor: float) -> tuple[float, LinearProgram]:
+        """Unit of force, and the program of any forces in equilibrium with the loads, in it."""
+        program = self._program
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        limits = program.limits(unit)
+        return unit, LinearProgram(np.zeros(len(limits)), program.forces, right, limits)
 
     def _within_strength(self, load_factor: float) -> bool:
         """Whether loads were seen to stand within the strength of joints that crush.
@@ -607,22 +612,16 @@ class RigidBlocks:
         crushing = self._program.crushing
         if crushing is None:
             return False
-        unit = max(self._force, abs(load_factor) * self._force / self._load)
-        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        unit, standing = self._standing(load_factor)
         count = len(crushing.strength)
         given = np.flatnonzero(crushing.given)
         first = program.normal[:count]
         second = program.normal[count:]
-        limits = program.limits(unit)
-        none = np.zeros(program.forces.shape[1])
         for part in OPTIONS.parts:
             whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
             rows = [second - first - whole, first - second - whole, (first + second)[given]]
             most = np.concatenate([np.zeros(2 * count), part * crushing.carried[given] / unit])
-            standing = LinearProgram(
-                none, program.forces, right, limits, vstack(rows).tocsr(), most
-            )
-            answer = standing.answer("highs-ds")
+            answer = replace(standing, rows=vstack(rows).tocsr(), most=most).answer("highs-ds")
             if answer.status == 0 and not len(program.missed_tangents(answer.x, unit)[1]):
                 return True
         return False
