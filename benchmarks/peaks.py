@@ -39,7 +39,7 @@ def row(scene: Scene, control: bool) -> tuple[str, ...] | None:
             return None
         solve, before = made.effort.spent - before, made.effort.spent
         above = Above(end.load_factor, end.size, end.state.work)
-        peak = find_peak(case, above, scene.solve.tolerance, Limits.of(solve, asked=False))
+        peak = find_peak(case, above, scene.solve.tolerance, Limits.usual(solve))
         cost = (made.effort.spent - before) / solve
     numbers = end.load_factor, peak.load_factor, peak.not_found_at
     path = by_load_control(scene) if control else ""

@@ -147,11 +147,8 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
             is not finite, or there is no step.
     """
-    if steps < 1:
-        raise InputError(f"steps = {steps} must be 1 or more")
-    if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
-        raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")
     start = time.perf_counter()
+    _check(scene, load_factor, steps)
     found = _equilibrium(scene, load_factor, steps)
     return replace(found, seconds=time.perf_counter() - start)
 
@@ -194,3 +191,13 @@ def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
             found = ServiceState("not_converged", load_factor, reason=str(stop))
         count = made.factorizations()
     return Equilibrium(**vars(found), layout=made.layout, factorizations=count)
+
+
+def _check(scene: Scene, load_factor: float, steps: int) -> None:
+    """Raise `InputError` for what `equilibrium` cannot be asked."""
+    if not math.isfinite(load_factor):
+        raise InputError(f"load_factor = {load_factor} must be finite")
+    if steps < 1:
+        raise InputError(f"steps = {steps} must be 1 or more")
+    if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
+        raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")

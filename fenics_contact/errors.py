@@ -34,6 +34,12 @@ class Stopped(ContactError):
     """The run is to end: its time is over, or somebody asked for it; the message says which."""
 
 
+def require(condition: bool, message: str, error: type[Exception] = InputError) -> None:
+    """Raise an error with a message where a condition does not hold."""
+    if not condition:
+        raise error(message)
+
+
 @contextmanager
 def raised_together(comm: MPI.Comm) -> Iterator[None]:
     """Raise on all ranks the input or output error of the lowest rank that raised one inside.

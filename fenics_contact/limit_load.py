@@ -19,7 +19,7 @@ from dolfinx import fem
 from fenics_contact.checks import checked
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
-from fenics_contact.collapse.further import with_lowest, with_peak
+from fenics_contact.collapse.further import with_lowest, with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve, raise_load
@@ -33,7 +33,7 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
-from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.geometry.mesh import Array
@@ -54,7 +54,7 @@ from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import UNVERIFIED, View, view_of
 from fenics_contact.results.bounds import LimitBounds
-from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.history import CapacityPoint, Peak, Step, TracePoint
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
@@ -117,33 +117,21 @@ class LimitLoad(Result, Pictured):
         start = time.perf_counter()
         if not 0 <= points <= MOST_POINTS:
             raise InputError(f"points = {points} must lie in 0 ... {MOST_POINTS}")
-        scene = self.scene
         direction, end = next(iter(self.ends.items()), ("", None))
-        points = points or scene.output.capacity or CURVE
+        points = points or self.scene.output.capacity or CURVE
         if end is None or end.status != "limit":
             return self
         if end.torn is not None:
             raise InputError("joints with opened = 'lost' have no capacity curve")
-        sign = SIGNS[direction]
-        kind = strategy_of(scene).kind
-        monitor = monitor or _Silent()
-        end = end if sign > 0.0 else end.reversed()
-        curve: list[CapacityPoint] = []
-        with Discretization(scene) as made:
-            made.end_when(within(scene.solve.time, stop, self.seconds["total"]))
-            with suppress(Stopped):  # before its first point
-                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
-                if end.peak is not None and end.peak.status == "not_known":
-                    end = with_peak(case, end, CURVE_SOLVE, asked=True)
-                with crushed_like(case, end) as crushed:
-                    curve = capacity_curve(crushed, end, points, monitor.point)
-        known = end if sign > 0.0 else end.reversed()
+        with Discretization(self.scene) as made:
+            made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
+            curve, peak = _traced(made, end, SIGNS[direction], points, monitor or _Silent())
         passed = time.perf_counter() - start
         seconds = {"capacity": passed, "total": self.seconds["total"] + passed}
         return replace(
             self,
-            ends={**self.ends, direction: replace(self.ends[direction], peak=known.peak)},
-            capacity=tuple(replace(p, load_factor=sign * p.load_factor) for p in curve),
+            ends={**self.ends, direction: replace(end, peak=peak)},
+            capacity=curve,
             factorizations=self.factorizations + made.factorizations(),
             mode_factorizations=self.mode_factorizations + made.mode_tally.count,
             cost=self.cost + made.effort.spent,
@@ -197,6 +185,26 @@ class LimitLoad(Result, Pictured):
         curve = self.scene.output.capacity and not (self.capacity or self.stopped)
         whole = self.with_capacity() if curve else self
         write_result(whole.with_brackets(), Path(folder), hurry)
+
+
+def _traced(
+    made: Discretization, end: Collapse, sign: float, points: int, monitor: Monitor
+) -> tuple[tuple[CapacityPoint, ...], Peak | None]:
+    """The capacity curve to a collapse under the live load of a sign, and the peak on its path.
+
+    The curve is empty where the run is stopped before its first point.
+    """
+    kind = strategy_of(made.scene).kind
+    end = end if sign > 0.0 else end.reversed()
+    curve: list[CapacityPoint] = []
+    with suppress(Stopped):
+        case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+        if end.peak is not None and end.peak.status == "not_known":
+            end = with_peak_at_any_cost(case, end, CURVE_SOLVE)
+        with crushed_like(case, end) as crushed:
+            curve = capacity_curve(crushed, end, points, monitor.point)
+    known = end if sign > 0.0 else end.reversed()
+    return tuple(replace(p, load_factor=sign * p.load_factor) for p in curve), known.peak
 
 
 class Monitor(Protocol):
@@ -362,8 +370,8 @@ def _solved(
     asked = _asked(discretization.scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization.original, patient=discretization.effort.wait)
-    stands_frictionless = blocks.frictionless.stands()
-    fall = None if stands_frictionless else blocks.fall()
+    lower = 0.0 if blocks.frictionless.stands() else None
+    fall = blocks.fall() if lower is None else None
     seconds["bounds"] = time.perf_counter() - start
     if fall is not None:
         return _result(discretization, {}, seconds, fall)
@@ -372,31 +380,62 @@ def _solved(
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
     start = time.perf_counter()
-    cases: dict[str, LoadCase] = {}
-    for name, sign in SIGNS.items():
-        listener = _Direction(monitor, name, cases) if name in asked else None
-        told = partial(monitor.step, name)
-        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
+    cases = _load_cases(discretization, bonded, monitor, asked)
     for name in asked:
         cases[name].blocks.begin()
     with _Crushed() as crushed:
-        found, cost = _collapses(cases, asked, stands_frictionless, crushed)
+        found, cost = _collapses(cases, asked, lower, crushed)
         seconds["solve"] = time.perf_counter() - start
-        for phase, (text, add) in _additions(scene.solve).items():
-            start = time.perf_counter()
-            if not (scene.solve.fast or discretization.effort.watch.reason):
-                monitor.phase(text)
-            found = {name: add(cases[name], end, cost) for name, end in found.items()}
-            seconds[phase] = time.perf_counter() - start
+        found = _with_additions(discretization, cases, found, cost, monitor, seconds)
         found = {name: crushed.on_joints(name, end) for name, end in found.items()}
     for name, end in found.items():
         if end.status == "limit" and blocks.crushing is None:
             found[name] = with_least_forces(cases[name].discretization, end)
         if discretization.effort.watch.reason:
-            so_far = scene.comm.bcast(_bounds_so_far(cases[name].blocks, stands_frictionless))
-            found[name] = replace(found[name], program=partial(known_bounds, so_far))
+            found[name] = _with_bounds_so_far(cases[name], found[name], lower)
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
     return _result(discretization, ends, seconds)
+
+
+def _with_additions(
+    discretization: Discretization,
+    cases: dict[str, LoadCase],
+    found: dict[str, Collapse],
+    cost: float,
+    monitor: Monitor,
+    seconds: dict[str, float],
+) -> dict[str, Collapse]:
+    """Collapses with all that the scene asks for beside their load factors; see `_additions`."""
+    options = discretization.scene.solve
+    for phase, (text, add) in _additions(options).items():
+        start = time.perf_counter()
+        if not (options.fast or discretization.effort.watch.reason):
+            monitor.phase(text)
+        found = {name: add(cases[name], end, cost) for name, end in found.items()}
+        seconds[phase] = time.perf_counter() - start
+    return found
+
+
+def _load_cases(
+    discretization: Discretization, bonded: Bonded, monitor: Monitor, asked: Sequence[str]
+) -> dict[str, LoadCase]:
+    """Load cases of both directions; the monitor is told of the paths of those asked for."""
+    kind = strategy_of(discretization.scene).kind
+    cases: dict[str, LoadCase] = {}
+    for name, sign in SIGNS.items():
+        listener = _Direction(monitor, name, cases) if name in asked else None
+        told = partial(monitor.step, name)
+        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
+    return cases
+
+
+def _with_bounds_so_far(case: LoadCase, end: Collapse, lower: float | None) -> Collapse:
+    """A collapse with the bracket as far as rank 0 knows it without a long program.
+
+    `lower` is 0 where the dead load stands without friction, and None where it does not.
+    """
+    so_far = LimitBounds(lower, case.blocks.limit_so_far(), lower)
+    return replace(end, program=partial(known_bounds, case.problem.comm.bcast(so_far)))
 
 
 class _Crushed(ExitStack):
@@ -430,25 +469,20 @@ class _Crushed(ExitStack):
         return self._joints[name].on_joints(end) if name in self._joints else end
 
 
-def _bounds_so_far(blocks: RigidBlocks, stands_frictionless: bool) -> LimitBounds:
-    """The bracket as far as rank 0 knows it without a long program, on this rank."""
-    lower = 0.0 if stands_frictionless else None
-    return LimitBounds(lower, blocks.limit_so_far(), lower)
-
-
 def _collapses(
     cases: dict[str, LoadCase],
     asked: Sequence[str],
-    stands_frictionless: bool,
+    lower: float | None,
     crushed: _Crushed,
 ) -> tuple[dict[str, Collapse], float]:
     """Collapses by direction, and the cost of one; what is known, where the run is stopped.
 
-    `cases` become those whose joints crush as at the collapse.
+    `cases` become those whose joints crush as at the collapse. `lower` is 0 where the dead load
+    stands without friction, and None where it does not.
     """
     # Where no state under the dead load alone is known, the range of load factors must reach to
     # either side of zero, whichever end of it was asked for.
-    enough = stands_frictionless or len(asked) == len(SIGNS)
+    enough = lower is not None or len(asked) == len(SIGNS)
     effort = cases[asked[0]].discretization.effort
     before = effort.spent
     found: dict[str, Collapse] = {}
@@ -460,15 +494,19 @@ def _collapses(
         found = reaching_zero(cases, found, asked)
     except Stopped as stop:
         found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
-        if not stands_frictionless:
-            found = {name: _without_zero(end, str(stop), enough) for name, end in found.items()}
+        if lower is None:
+            least = 0.0 if enough else math.inf
+            found = {name: _without_zero(end, str(stop), least) for name, end in found.items()}
     cost = (effort.spent - before) / max(len(found), 1)
     return {name: explained(cases[name], found[name]) for name in asked}, cost
 
 
-def _without_zero(end: Collapse, reason: str, enough: bool) -> Collapse:
-    """A collapse of a run that was stopped before the dead load alone was seen to stand."""
-    if end.status != "limit" or (enough and end.load_factor >= 0.0):
+def _without_zero(end: Collapse, reason: str, least: float) -> Collapse:
+    """A collapse of a run that was stopped before the dead load alone was seen to stand.
+
+    From the load factor `least` on it is a limit all the same.
+    """
+    if end.status != "limit" or end.load_factor >= least:
         return end
     why = f"{reason}, before a state under the dead load alone was found"
     return replace(end, status="not_converged", reason=why)

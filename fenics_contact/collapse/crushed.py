@@ -22,7 +22,7 @@ from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.discretization.crushing import CrushedEnds, CrushedPlace, Crushing
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.errors import SolverError
-from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
 
@@ -173,44 +173,61 @@ def settle(
     crushing = strengths(case)
     crushed = CrushedJoints.of(case, crushing, first)
     found = solve(crushed.case, None)
-    kept = np.zeros(len(first.side), dtype=bool)
-    last = first.force, np.zeros_like(first.force)
+    renewal = _Renewal(crushing, first)
     for _ in range(OPTIONS.states):
         if found.state is None:
             return found, crushed, False
-        ends = crushed.ends
-        force, moment = crushing.resultants(crushed.forces(found.state)[0])
-        beyond, side = crushing.excess(force, moment)
-        over = beyond > OPTIONS.beyond * force.max(initial=0.0) * crushing.length
-        idle = beyond < -OPTIONS.inside * np.maximum(force, 0.0) * crushing.length
-        idle &= (ends.side != 0.0) & ~kept
-        if not np.any(over | idle):
+        ends = renewal.ends(crushed.ends, *crushing.resultants(crushed.forces(found.state)[0]))
+        if ends is None:
             return found, crushed, True
-        if np.any(over):
-            renewed = np.where(over, side, ends.side)
-            carried = np.maximum(force, 0.0)
-            step = np.where(renewed == ends.side, carried - ends.force, 0.0)
-            part = _relaxation(last, ends.force, step)
-            last = (ends.force, step)
-            carried = np.where(renewed == ends.side, ends.force + part * step, carried)
-        else:
-            renewed = np.where(idle, 0.0, ends.side)
-            carried = ends.force
-            kept = kept | idle
-        ends = CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
-        _log.info("  crushing: %d faces", np.sum(renewed != 0.0))
+        _log.info("  crushing: %d faces", np.sum(ends.side != 0.0))
         crushed.close()
         crushed = CrushedJoints.of(case, crushing, ends)
         found = solve(crushed.case, found)
     return found, crushed, False
 
 
-def _relaxation(last: tuple[Array, Array], force: Array, step: Array) -> Array:
-    """Part of the steps N - N0 that faces take, by the secant of each from the state before."""
-    moved = force - last[0]
-    change = step - last[1]
-    secant = np.divide(-moved, change, out=np.ones_like(step), where=moved * change < 0.0)
-    return np.clip(secant, OPTIONS.slowest, 1.0)
+class _Renewal:
+    """Where faces crush, renewed by the forces of one state after another."""
+
+    def __init__(self, crushing: Crushing, first: CrushedEnds) -> None:
+        self._crushing = crushing
+        self._released = np.zeros(len(first.side), dtype=bool)
+        self._force = first.force
+        self._step = np.zeros_like(first.force)
+
+    def ends(self, before: CrushedEnds, force: Array, moment: Array) -> CrushedEnds | None:
+        """Where faces crush by the N and M of a state; None if that is where they did before.
+
+        Faces beyond their strength crush. Where there is none, those that are well within it crush
+        no longer, each at most once.
+        """
+        length = self._crushing.length
+        beyond, side = self._crushing.excess(force, moment)
+        over = beyond > OPTIONS.beyond * force.max(initial=0.0) * length
+        idle = beyond < -OPTIONS.inside * np.maximum(force, 0.0) * length
+        idle &= (before.side != 0.0) & ~self._released
+        if np.any(over):
+            renewed = np.where(over, side, before.side)
+            carried = self._carried(before, renewed == before.side, np.maximum(force, 0.0))
+        elif np.any(idle):
+            renewed = np.where(idle, 0.0, before.side)
+            carried = before.force
+            self._released = self._released | idle
+        else:
+            return None
+        return CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
+
+    def _carried(self, before: CrushedEnds, same: Flags, force: Array) -> Array:
+        """N0 of the next state: by the secant of N - N0 where a face crushes on the same side."""
+        step = np.where(same, force - before.force, 0.0)
+        moved = before.force - self._force
+        change = step - self._step
+        secant = np.divide(-moved, change, out=np.ones_like(step), where=moved * change < 0.0)
+        part = np.clip(secant, OPTIONS.slowest, 1.0)
+        self._force = before.force
+        self._step = step
+        return np.where(same, before.force + part * step, force)
 
 
 def strengths(case: LoadCase) -> Crushing:

@@ -143,9 +143,7 @@ def reaching_zero(
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
     lost = {n for n, end in found.items() if end.status == "not_converged"}
     if case.blocks.crushing is not None:  # a state for a part of the dead load crushes elsewhere
-        reason = _without_equilibrium(found)
-        changed = {n: replace(found[n], status="not_converged", reason=reason) for n in short}
-        return {**found, **changed}
+        return _unknown(found, short, "not_converged", _without_equilibrium(found))
     if not (short or lost) or not case.problem.coulomb:
         return dict(found)
     dead = dead_load_state(case, strategy, options.tolerance)
@@ -153,9 +151,7 @@ def reaching_zero(
         status = "no_equilibrium" if dead.falls else "not_converged"
         reason = _without_equilibrium(found) if short or dead.falls else ""
         # Ends on both sides of zero, or one of them lost, do not leave it out.
-        named = set(found) if short else lost
-        changed = {n: replace(found[n], status=status, reason=reason) for n in named}
-        return {**found, **changed}
+        return _unknown(found, set(found) if short else lost, status, reason)
     ends = dict(found)
     for name in (short | lost).intersection(asked):
         # From afar nothing was found before.
@@ -163,6 +159,14 @@ def reaching_zero(
         near = replace(strategy, attempts=(), once=(), work=alone) if name in lost else strategy
         ends[name] = _raised_from(dead.state, cases[name], near, margin)
     return ends
+
+
+def _unknown(
+    found: Mapping[str, Collapse], names: set[str], status: str, reason: str
+) -> dict[str, Collapse]:
+    """The ends found, some of them with another status and its reason."""
+    changed = {n: replace(found[n], status=status, reason=reason) for n in names}
+    return {**found, **changed}
 
 
 def _raised_from(state: State, case: LoadCase, strategy: Strategy, margin: float) -> Collapse:

@@ -7,6 +7,7 @@ was found before stays, and the rest is not known.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 
 from fenics_contact.collapse.load_case import LoadCase
@@ -34,36 +35,57 @@ FAST = "solve.fast = true leaves it out"
 TEARS = "what joints carry before they tear depends on the way of the load"
 
 
-def with_peak(case: LoadCase, end: Collapse, cost: float, asked: bool = False) -> Collapse:
-    """A collapse with the peak of the path to it; as far as it takes if it was asked for."""
+def with_peak(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with the peak of the path to it, as far as the scene asks for it."""
+    options = case.discretization.scene.solve
+    if options.peak:
+        return with_peak_at_any_cost(case, end, cost)
+
+    def search(above: Above) -> Peak:
+        if options.fast or options.peak is False:
+            return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
+        return _searched(case, above, Limits.usual(cost, case.block_count))
+
+    return _with_peak(case, end, search)
+
+
+def with_peak_at_any_cost(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with the peak of the path to it, with hundreds of factorisations if need be."""
+    limits = Limits.asked(cost)
+
+    def search(above: Above) -> Peak:
+        found = _searched(case, above, limits)
+        return found if found.status == "found" else _raised(case.unrecorded, above, found, limits)
+
+    return _with_peak(case, end, search)
+
+
+def _with_peak(case: LoadCase, end: Collapse, search: Callable[[Above], Peak]) -> Collapse:
+    """A collapse with the peak that a search finds above it, where there may be one to find."""
     if end.status != "limit" or end.state is None or not case.problem.coulomb:
         return end
     above = Above(end.load_factor, end.size, end.state.work)
-    return replace(end, peak=_peak(case, end, above, cost, asked))
+    return replace(end, peak=_peak(end, above, search))
 
 
-def _peak(case: LoadCase, end: Collapse, above: Above, cost: float, asked: bool) -> Peak:
+def _peak(end: Collapse, above: Above, search: Callable[[Above], Peak]) -> Peak:
     """The peak of the path to a collapse, or why it is not known."""
-    options = case.discretization.scene.solve
-    asked = asked or bool(options.peak)
     if end.crushed_ends is not None:
         return Peak("not_known", reason="on the way joints crush in other places than at the end")
     if end.torn is not None:
         return Peak("not_known", reason=TEARS)
     if end.path is not None:
         return peak_of(end.path, above)
-    if not asked and (options.fast or options.peak is False):
-        return Peak("not_known", reason=FAST if options.fast else NOT_ASKED)
-    limits = Limits.of(cost, asked, case.block_count)
-    way = case.record.rise_on_modes
-    case = case.unrecorded
     try:
-        found = find_peak(case, above, options.tolerance, limits, way)
-        if asked and found.status != "found":
-            return _raised(case, above, found, limits)
-        return found
+        return search(above)
     except Stopped as stop:
         return Peak("not_known", reason=str(stop))
+
+
+def _searched(case: LoadCase, above: Above, limits: Limits) -> Peak:
+    """The peak as `find_peak` finds it."""
+    tolerance = case.discretization.scene.solve.tolerance
+    return find_peak(case.unrecorded, above, tolerance, limits, case.record.rise_on_modes)
 
 
 def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:

@@ -77,8 +77,7 @@ def raise_load(
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
-    upper = np.inf if bounds.upper is None else bounds.upper
-    climb = _Climb(case, strategy, options, upper, start)
+    climb = _Climb(case, strategy, options, bounds.upper, start)
     try:
         with case.discretization.effort.at_most(cost):
             climb.run()
@@ -87,15 +86,14 @@ def raise_load(
     except SolverError as error:
         _log.warning("load control: %s", error)
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
-    margin = OPTIONS.margin * options.tolerance * max(climb.lower, case.scales.load_factor)
-    end = min(climb.failed, upper) + margin
+    low, high = climb.bracket()
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
     if found.status != "limit" and case.problem.coulomb:
         against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
-        if against.status == "limit" and climb.lower - margin <= against.load_factor <= end:
+        if against.status == "limit" and low <= against.load_factor <= high:
             found = against
-    if found.load_factor < climb.lower - margin or found.load_factor > end:  # none is neither
+    if found.load_factor < low or found.load_factor > high:  # none is neither
         _log.warning(
             "the collapse found at %.8g is not between the load factors %.8g and %.8g with and"
             " without equilibrium on the path: another state",
@@ -135,8 +133,7 @@ def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> Lo
         SolverError: If no equilibrium is found under the dead load, or the limit on factorisations
             is reached before it was found at any other load factor.
     """
-    upper = case.blocks.limit()
-    climb = _Climb(case, strategy, options, np.inf if upper is None else upper, None)
+    climb = _Climb(case, strategy, options, case.blocks.limit(), None)
     try:
         climb.run()
     except EffortError:
@@ -162,7 +159,7 @@ def raise_load_to(
     Raises:
         SolverError: If none is found there, or none on the way.
     """
-    climb = _Climb(case, strategy, options, np.inf, None)
+    climb = _Climb(case, strategy, options, None, None)
     climb.run_to(load_factor, steps)
     state = climb.state
     elastic = case.scales.elastic
@@ -193,13 +190,17 @@ class _Climb:
         case: LoadCase,
         strategy: Strategy,
         options: SolveOptions,
-        upper: float,
+        upper: float | None,
         start: State | None,
     ) -> None:
+        """Begin next to a state, or to the bonded response; `upper` is no load factor passed.
+
+        It is None where no such bound is known.
+        """
         self.case = case
         self._strategy = strategy
         self._options = options
-        self._upper = upper
+        self._upper = np.inf if upper is None else upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
         none = np.zeros_like(case.first_pressure)
         bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
@@ -267,6 +268,12 @@ class _Climb:
                 where = f"up to a load factor of {self.lower:.6g}, not at {target:.6g}"
                 raise SolverError(f"equilibrium was found {where}")
 
+    def bracket(self) -> tuple[float, float]:
+        """Load factors between which the collapse lies, with a margin for its tolerance."""
+        size = max(self.lower, self.case.scales.load_factor)
+        margin = OPTIONS.margin * self._options.tolerance * size
+        return self.lower - margin, min(self.failed, self._upper) + margin
+
     def _reached(self, target: float) -> bool:
         """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
         case = self.case
@@ -330,14 +337,9 @@ def capacity_curve(
     tolerance = case.discretization.scene.solve.tolerance
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     found: dict[int, CapacityPoint] = {}
-
-    def point(state: State) -> CapacityPoint:
-        work = case.written(state).work
-        return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))
-
     try:
         for number, state in states_along_rising_work(task, works):
-            found[number] = point(state)
+            found[number] = _capacity_point(case, state)
             monitor(number, points, found[number])
     except Stopped as stop:
         _log.warning("capacity curve: %s", stop)
@@ -345,5 +347,12 @@ def capacity_curve(
     none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
     curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
     if end.peak is not None and end.peak.state is not None:
-        curve.append(point(end.peak.state))
+        curve.append(_capacity_point(case, end.peak.state))
     return sorted(curve, key=lambda point: point.work)
+
+
+def _capacity_point(case: LoadCase, state: State) -> CapacityPoint:
+    """The point of a capacity curve at a state."""
+    work = case.written(state).work
+    unit = case.problem.sum(np.abs(case.problem.live))
+    return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))

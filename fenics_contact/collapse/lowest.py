@@ -38,7 +38,7 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import SolverError
 from fenics_contact.results.history import CollapseState, Lowest
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.arclength import PathPoint
+from fenics_contact.solvers.arclength import Continuation, PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.growing_friction import GROWTH, FrictionGrowth, with_growing_friction
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
@@ -364,15 +364,21 @@ def _other(
             return None
         with effort.at_most(budget[1]):
             path = falling(kkt, passed=partial(_end_at_known, recognised, below))
-            try:
-                point = path.follow(path.begin(state, mu), task.mu(OPTIONS.ends[0]))
-            except _KnownError:
-                return None
-            if not point.state.load_factor < below:
+            point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
+            if point is None:
                 return None
             # The products that are left may have lowered the load factor.
             found = to_end(task, point.state, point.mu, kkt)
         return modes.prolonged(found.state)
+
+
+def _low_point(path: Continuation, start: PathPoint, end: float, below: float) -> PathPoint | None:
+    """Point of a path at its end; None if it leads to a known state, or to none that is low."""
+    try:
+        point = path.follow(start, end)
+    except _KnownError:
+        return None
+    return point if point.state.load_factor < below else None
 
 
 class _KnownError(Exception):

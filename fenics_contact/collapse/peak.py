@@ -82,11 +82,17 @@ class Limits:
     found: float
 
     @classmethod
-    def of(cls, solve: float, asked: bool, blocks: int = 1) -> Limits:
-        """Limits by the cost of the collapse, whether the peak was asked for, and the blocks."""
-        seen, found = OPTIONS.asked if asked else OPTIONS.usual
-        part = 1.0 if asked else min(1.0, OPTIONS.few / blocks)
+    def usual(cls, solve: float, blocks: int = 1) -> Limits:
+        """Limits where the peak was not asked for, by the cost of the collapse and the blocks."""
+        seen, found = OPTIONS.usual
+        part = min(1.0, OPTIONS.few / blocks)
         return cls(part * seen * solve, found * solve)
+
+    @classmethod
+    def asked(cls, solve: float) -> Limits:
+        """Limits where the peak was asked for, by the cost of the collapse."""
+        seen, found = OPTIONS.asked
+        return cls(seen * solve, found * solve)
 
 
 @dataclass(frozen=True)

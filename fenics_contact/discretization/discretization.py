@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.discretization.compilation import compile_forms, compile_laws
 from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import (
     Elasticity,
@@ -21,7 +21,6 @@ from fenics_contact.discretization.elasticity import (
     with_loads,
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
-from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.imposed import Imposed, ground_motion
 from fenics_contact.discretization.joints import Joints, find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
@@ -42,7 +41,7 @@ from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, number
 from fenics_contact.solvers.effort import Effort, Tally, Watch
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
-from fenics_contact.solvers.problem import Array, ContactProblem, Scales, SparseMap
+from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, Scales, SparseMap
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
@@ -74,7 +73,7 @@ class Bonded:
     seconds: float
 
 
-class Discretization(Layout):
+class Discretization(Layout, Closing):
     """Elasticity, joints and supports of a scene, and the operators made of them.
 
     Attributes:
@@ -112,17 +111,10 @@ class Discretization(Layout):
         closed = joints.without_ties()
         check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
         _check_live_load(made, bodies, scene)
-        self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
-        self.points = rows.points
-        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
-        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
-        self._owned = ExitStack()
-        for operator in maps:
-            self._owned.callback(operator.close)
-        loads = (made.dead, made.live)
-        law = self._law()
-        give = self._compliance()
-        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
+        self.operators = joint_operators(self.joints, self.supports, made.stiffness)
+        self.points = self.operators.points
+        self._owner = Owner()
+        self.problem = self._contact_problem(bodies)
         self.problem, self.imposed = _with_imposed(self)
         self.effort = Effort()
         self.tally = Tally(effort=self.effort)
@@ -143,15 +135,9 @@ class Discretization(Layout):
         mode_cost = cost * MODE_COST
         self.mode_tally = Tally(cost=mode_cost, effort=other.effort, total=other.mode_tally)
 
-    def __enter__(self) -> Discretization:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """Free the PETSc objects, on all ranks together."""
-        self._owned.close()
+        super().close()
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
 
@@ -168,7 +154,7 @@ class Discretization(Layout):
         new = self._copy()
         problem = self.problem
         new._original = self.original
-        new._owned = ExitStack()
+        new._owner = Owner()
         new._stiffnesses = {}
         new.__dict__.pop("block_modes", None)
         new.joints = self.joints.moved(points, shares)
@@ -178,7 +164,7 @@ class Discretization(Layout):
         normal = SparseMap(rows.normal)
         tangential = SparseMap(rows.tangential)
         for operator in (normal, tangential):
-            new._owned.callback(operator.close)
+            new._owner.callback(operator.close)
         opening, slip = (
             (shares @ self.all_points(origin))[mine]
             for origin in (problem.law.opening_origin, problem.law.slip_origin)
@@ -209,7 +195,7 @@ class Discretization(Layout):
 
     def keep(self, other: Discretization) -> None:
         """Close another discretisation with this one."""
-        self._owned.callback(other.close)
+        self._owner.callback(other.close)
 
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""
@@ -271,6 +257,19 @@ class Discretization(Layout):
         resultants = made.dead_resultant, made.live_resultant
         return rigid_bodies(made.centre, *resultants, self.supports, size)
 
+    def _contact_problem(self, bodies: RigidBodies) -> ContactProblem:
+        """The problem under the loads; its maps are freed with this object."""
+        made = self.elasticity
+        rows = self.operators
+        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
+        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
+        for operator in maps:
+            self._owner.callback(operator.close)
+        loads = (made.dead, made.live)
+        law = self._law()
+        give = self._compliance()
+        return ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
+
     def _law(self) -> PointLaws:
         """Law of this rank's rows."""
         return self.joints.point_laws.at(self.operators.points)
@@ -297,7 +296,7 @@ class Discretization(Layout):
         """K with joint springs, made when first asked for, by `kind` of factorisation."""
         if kind not in self._stiffnesses:
             stiffness = self.stiffness_with(self.problem.stiffness, kind)
-            self._stiffnesses[kind] = self._owned.enter_context(stiffness)
+            self._stiffnesses[kind] = self._owner.enter_context(stiffness)
         return self._stiffnesses[kind]
 
     def stiffness_with(self, elastic: SparseMap, kind: str) -> JointStiffness:
@@ -340,7 +339,7 @@ class Discretization(Layout):
         points = self.operators.points
         sides = self.joints.bodies
         blocks = Blocks(elasticity.node_body, points, sides, count)
-        return self._owned.enter_context(BlockModes(self.problem, shapes, blocks))
+        return self._owner.enter_context(BlockModes(self.problem, shapes, blocks))
 
 
 def find_supports(scene: Scene, boundary: Boundary) -> Supports:

@@ -1,4 +1,4 @@
-"""UFL forms of linear elasticity, and the compilation of all code before all other work.
+"""UFL forms of linear elasticity.
 
     int_Omega sigma(u) : eps(v) dx = int_Omega rho b . v dx + int_Gamma t . v ds,
     sigma(u) = 2 mu eps(u) + lambda tr(eps(u)) I,
@@ -9,35 +9,22 @@ in plane strain, or in plane stress with lambda replaced by 2 lambda mu / (lambd
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.geometry.mesh import Labels
-from fenics_contact.scene.scene import Scene
-from fenics_contact.solvers import compiled_laws
-from fenics_contact.solvers.compiled_laws import CompiledLaws
-
-#: What finds compiled laws in a folder, or compiles them there.
-LoadLaws = Callable[[Path], CompiledLaws]
 
 #: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
 Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
 
 #: Of Gauss's rule for ramps: exact for whole cells, and close where a cell bends.
 RAMP_DEGREE = 20
-
-#: Corners of a cell in gmsh's order, by the cell's name.
-_CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 
 
 def strain(u: Any) -> Any:
@@ -123,74 +110,3 @@ def stress_expression(
     components = ufl.as_vector([xx, yy, xy, ufl.sqrt(1.5 * ufl.inner(deviator, deviator))])
     space = compat.function_space(domain, "DG", 0, (4,))
     return fem.Expression(components, compat.interpolation_points(space)), space
-
-
-def compile_forms(scene: Scene) -> None:
-    """Compile all forms of this module, so that later work finds them in the cache; on all ranks.
-
-    The compiler prints nothing. What an earlier run compiled is only looked up.
-    """
-    kind = (
-        scene.mesh.domain.topology.cell_type.name,
-        scene.degree,
-        scene.plane,
-        bool(scene.dead.movement),
-        scene.stress is not None,
-        scene.live.profile != "uniform",
-    )
-    for turn in (True, False):  # ranks that share a cache must not write it at the same time
-        if turn == (scene.comm.rank == 0):
-            _compile(*kind)
-        scene.comm.barrier()
-
-
-def compile_laws(comm: MPI.Comm, load: LoadLaws = compiled_laws.load) -> tuple[str, ...]:
-    """Compile the laws of joint points, as forms are; a warning where that fails on any rank.
-
-    All ranks then compute them in Python: the same numbers, in more time.
-    """
-    reason = ""
-    for turn in (True, False):  # as the forms
-        if turn == (comm.rank == 0):
-            laws, reason = _loaded(load)
-        comm.barrier()
-    reason = next(filter(None, comm.allgather(reason)), "")
-    compiled_laws.use(None if reason else laws)
-    slower = "joint laws are not compiled, solves take longer: is there a C compiler?"
-    return (f"{slower} ({reason})",) if reason else ()
-
-
-@cache
-def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
-    """The compiled laws, or why there are none."""
-    try:
-        with compat.quiet_compiler(), compat.form_cache() as folder:
-            return load(folder), ""
-    except Exception as error:  # compilers and the packages around them fail in many ways
-        return None, " ".join(str(error).split()) or type(error).__name__
-
-
-@cache
-def _compile(cell: str, degree: int, plane: str, moved: bool, given: bool, profiled: bool) -> None:
-    """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
-    corners = np.array(_CORNERS[cell], dtype=float)
-    cells = np.arange(len(corners))[None, :]
-    here = compat.Partition.to(np.zeros(1, dtype=np.int32))
-    with compat.quiet_compiler(), compat.form_cache():
-        domain, _ = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, here)
-        domain.topology.create_connectivity(1, 2)
-        space = compat.function_space(domain, "Lagrange", degree, (2,))
-        by_cell = compat.function_space(domain, "DG", 0)
-        density, first, second = (fem.Function(by_cell) for _ in range(3))
-        law: Law = first, second
-        if given:
-            law = fem.Function(compat.function_space(domain, "DG", 0, (9,)))
-        stiffness(space, law)
-        if moved:
-            internal_forces(fem.Function(space), law)
-        body_load(space, density, (0.0, 0.0))
-        if profiled:
-            force, up = (fem.Constant(domain, PETSc.ScalarType((0.0, 1.0))) for _ in range(2))
-            ramp_load(density, space, force, up, fem.Constant(domain, PETSc.ScalarType(0.0)))
-        edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
-        stress_expression(fem.Function(space), law, plane)

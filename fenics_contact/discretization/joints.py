@@ -21,15 +21,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
-from fenics_contact.discretization.mortar import (
-    SHARES,
-    Pieces,
-    Stencil,
-    lagrange,
-    pieces_of,
-    stencil_of,
-)
+from fenics_contact.discretization.mortar import Pieces, lagrange, pieces_of, stencil_of
 from fenics_contact.discretization.pairing import joint_stretches
+from fenics_contact.discretization.stencil import SHARES, Stencil
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
@@ -259,9 +253,6 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     laws = (*scene.joints.values(), *scene.foundations.values())
     law = pieces.law[piece[rows]]
     gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
-    gap = np.zeros(len(rows))
-    if np.any(gapped):
-        gap = np.where(gapped[law], np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
     return Joints(
         nodes=nodes.reshape(2, -1).T[rows],
@@ -276,9 +267,16 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         segments=point[:, :2],
         middle=point[:, 2] if per_piece == 3 else point[:0, 0],
         stencil=stencil,
-        gap=gap,
+        gap=_gaps(boundary, stencil, normal, gapped[law]),
         offset=float(np.abs(closed).max(initial=0.0)),
     )
+
+
+def _gaps(boundary: Boundary, stencil: Stencil, normal: Array, gapped: Flags) -> Array:
+    """Initial gaps of joint points: the distance of the sides where the law has one, else 0, m."""
+    if not np.any(gapped):
+        return np.zeros(len(gapped))
+    return np.where(gapped, np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
 
 
 def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.checks import check_types, checked
-from fenics_contact.errors import InputError
+from fenics_contact.errors import require
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.geometry.meshing import blocks_between
@@ -68,11 +68,6 @@ def _box(x: Pair, y: Pair) -> list[Pair]:
     return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
 
 
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise InputError(message)
-
-
 @checked
 def facade(
     storeys: int = 2,
@@ -101,31 +96,65 @@ def facade(
         sill: Height of the band below an opening, m.
     """
     sizes = (*opening, pier, *block)
-    _require(storeys >= 1 and bays >= 1, "facade: give at least one storey and one bay")
-    _require(min(sizes) > 0.0 <= sill, "facade: sizes must be positive, sill 0 or more")
+    require(storeys >= 1 and bays >= 1, "facade: give at least one storey and one bay")
+    require(min(sizes) > 0.0 <= sill, "facade: sizes must be positive, sill 0 or more")
     parts = _Parts()
-    step = opening[0] + pier
-    bearing = min(0.5 * block[0], pier / 3.0)
-    length = bays * step + pier
-    starts = step * np.arange(bays + 1)
+    storey = _Storey(bays, opening, pier, block, sill)
     low = 0.0
     for _ in range(storeys):
-        levels = _levels(low, sill, block[1])
+        low = storey.drawn(parts, low)
+    return parts.framed(_box((0.0, storey.length), (0.0, low)))
+
+
+@dataclass(frozen=True)
+class _Storey:
+    """A storey of a facade; attributes as arguments of `facade`."""
+
+    bays: int
+    opening: Pair
+    pier: float
+    block: Pair
+    sill: float
+
+    @property
+    def step(self) -> float:
+        """From one pier to the next, m."""
+        return self.opening[0] + self.pier
+
+    @property
+    def length(self) -> float:
+        """Of the facade, m."""
+        return self.bays * self.step + self.pier
+
+    @property
+    def starts(self) -> Array:
+        """Left ends of the piers, m, shape (bays + 1,)."""
+        return self.step * np.arange(self.bays + 1)
+
+    def drawn(self, parts: _Parts, low: float) -> float:
+        """Draw the storey from a level up, m; returns the level of its top."""
+        length, height = self.block
+        levels = _levels(low, self.sill, height)
         for k, y in enumerate(itertools.pairwise(levels)):
-            parts.course("spandrels", (0.0, length), y, block[0], k % 2)
-        levels = _levels(levels[-1], opening[1], block[1])
+            parts.course("spandrels", (0.0, self.length), y, length, k % 2)
+        levels = _levels(levels[-1], self.opening[1], height)
         for k, y in enumerate(itertools.pairwise(levels)):
-            for start in starts.tolist():
-                parts.course("piers", (start, start + pier), y, block[0], k % 2)
-        top = levels[-1], levels[-1] + block[1]
-        lintels = [(x + pier - bearing, x + step + bearing) for x in starts[:-1].tolist()]
-        ends = [0.0, *itertools.chain(*lintels), length]
-        parts.add("lintels", *[_box(x, top) for x in lintels])
-        parts.add("piers", *[_box((a, b), top) for a, b in zip(ends[::2], ends[1::2], strict=True)])
-        low = top[1] + block[1]
-        joints = [0.0, *(starts[1:-1] + 0.5 * pier), length]
-        parts.row("floors", joints, (top[1], low))
-    return parts.framed(_box((0.0, length), (0.0, low)))
+            for start in self.starts.tolist():
+                parts.course("piers", (start, start + self.pier), y, length, k % 2)
+        floor = levels[-1] + height
+        self._draw_lintels(parts, (levels[-1], floor))
+        joints = [0.0, *(self.starts[1:-1] + 0.5 * self.pier), self.length]
+        parts.row("floors", joints, (floor, floor + height))
+        return floor + height
+
+    def _draw_lintels(self, parts: _Parts, y: Pair) -> None:
+        """Draw the course of the lintels between two levels, with the piers beside them."""
+        bearing = min(0.5 * self.block[0], self.pier / 3.0)
+        piers = self.starts[:-1].tolist()
+        lintels = [(x + self.pier - bearing, x + self.step + bearing) for x in piers]
+        ends = [0.0, *itertools.chain(*lintels), self.length]
+        parts.add("lintels", *[_box(x, y) for x in lintels])
+        parts.add("piers", *[_box(x, y) for x in zip(ends[::2], ends[1::2], strict=True)])
 
 
 def _levels(low: float, height: float, course: float) -> list[float]:
@@ -185,22 +214,12 @@ def bridge(
     parts = parts or BridgeParts()
     _check_bridge((span, rise, ring), (voussoirs, spans), parts)
     curves = _ring_curves(span, rise, ring * np.arange(parts.rings + 1), voussoirs)
-    # of the outer springing
-    reach = -float(curves[-1][0, 0])
-    level = float(curves[-1][0, 1])
-    wide, high = parts.pier
-    least = 2.0 * reach if spans > 1 else reach
-    _require(wide >= least, f"bridge: piers must be {least:.4g} m wide, for the springings")
     road = float(curves[-1][:, 1].max()) + parts.cover
     drawn = _Parts()
+    wide, high = parts.pier
     for k in range(spans):
-        shift = np.array([k * (span + wide), 0.0])
-        _arch(drawn, [curve + shift for curve in curves], road)
-    for k in range(spans + 1):
-        right = k * (span + wide)
-        foot = right - wide, right
-        top = foot[0] + (reach if k > 0 else 0.0), right - (reach if k < spans else 0.0)
-        _pier(drawn, foot, top, (-high, level, road))
+        _arch(drawn, [np.add(curve, (k * (span + wide), 0.0)) for curve in curves], road)
+    _piers(drawn, (span, spans), curves[-1][0], parts.pier, road)
     ends = (-wide, spans * (span + wide))
     top_level = road + parts.parapet
     if parts.parapet > 0.0:
@@ -210,11 +229,11 @@ def bridge(
 
 def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: BridgeParts) -> None:
     span, rise, ring = sizes
-    _require(min(*counts, parts.rings) >= 1, "bridge: give one of each part at least")
-    _require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
-    _require(parts.cover > 0.0, "bridge: the cover must be positive")
-    _require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
-    _require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
+    require(min(*counts, parts.rings) >= 1, "bridge: give one of each part at least")
+    require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
+    require(parts.cover > 0.0, "bridge: the cover must be positive")
+    require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
+    require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
 
 
 def _ring_curves(span: float, rise: float, above: Array, voussoirs: int) -> list[Array]:
@@ -236,6 +255,26 @@ def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
     drawn.side("springings", *[(curves[0][k], curves[-1][k]) for k in (0, -1)])
     for curve in curves[1:-1]:
         drawn.side("rings", *itertools.pairwise(curve))
+
+
+def _piers(
+    drawn: _Parts, spans: tuple[float, int], springing: Array, pier: Pair, road: float
+) -> None:
+    """The piers and abutments of a bridge.
+
+    `spans` are the clear width of an arch, m, and their number; `springing` is the outer end of the
+    first arch, `pier` the width and height of a pier, m.
+    """
+    span, count = spans
+    wide, high = pier
+    reach = -float(springing[0])
+    least = 2.0 * reach if count > 1 else reach
+    require(wide >= least, f"bridge: piers must be {least:.4g} m wide, for the springings")
+    for k in range(count + 1):
+        right = k * (span + wide)
+        foot = right - wide, right
+        top = foot[0] + (reach if k > 0 else 0.0), right - (reach if k < count else 0.0)
+        _pier(drawn, foot, top, (-high, float(springing[1]), road))
 
 
 def _pier(drawn: _Parts, foot: Pair, top: Pair, levels: tuple[float, float, float]) -> None:
@@ -275,9 +314,9 @@ def retaining_wall(
         courses: Number of courses.
         stones: Number of stones through the thickness; 1 for through stones.
     """
-    _require(courses >= 1 and stones >= 1, "retaining_wall: give at least one course and stone")
+    require(courses >= 1 and stones >= 1, "retaining_wall: give at least one course and stone")
     good = height > 0.0 and 0.0 < top <= base
-    _require(good, "retaining_wall: height and top must be positive, and top at most base")
+    require(good, "retaining_wall: height and top must be positive, and top at most base")
     parts = _Parts()
     levels = height * np.arange(courses + 1) / courses
     face = np.column_stack([(base - top) * levels / height, levels])

@@ -261,8 +261,8 @@ def polygons(
     groups = lowest_level(blocks) if groups is None else groups
     sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
     divided, near = divided_outlines(blocks, groups)
-    if isinstance(size, Sequence):  # every block without the corners of others
-        divided = [divided_outlines([block], {})[0][0] for block in blocks]
+    if isinstance(size, Sequence):
+        divided = _divided_alone(blocks)
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
     with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
@@ -270,6 +270,11 @@ def polygons(
         _draw(model, divided, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
+
+
+def _divided_alone(blocks: Polygons) -> Polygons:
+    """Corners of every block as `divided_outlines` has them, without the corners of others."""
+    return [divided_outlines([block], {})[0][0] for block in blocks]
 
 
 def _checked(

@@ -10,11 +10,13 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.errors import require
 from fenics_contact.geometry.gmsh_reader import GmshContents, Tags
 
 Array = npt.NDArray[np.float64]
@@ -27,6 +29,9 @@ SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
 FORMAT = ["4.1", "0", "8"]
 #: Whole numbers above this are not exact as floating point numbers.
 EXACT = 2.0**53
+
+#: Leaves the file to gmsh where a condition does not hold.
+_require = partial(require, message="gmsh has to read this file", error=ValueError)
 
 _SECTION = re.compile(r"\$(\w+)\n(.*?\n)\$End\1\n", re.DOTALL)
 _NAME = re.compile(r'([0-3]) ([1-9]\d{0,8}) "([^"]{1,100})"')
@@ -67,12 +72,6 @@ class _Numbers:
     def end(self) -> None:
         """See to it that no number is left."""
         _require(len(self._left) == 0)
-
-
-def _require(holds: bool) -> None:
-    """Leave the file to gmsh where a condition does not hold."""
-    if not holds:
-        raise ValueError("gmsh has to read this file")
 
 
 def _whole(numbers: Array) -> npt.NDArray[np.int64]:

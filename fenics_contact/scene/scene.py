@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.checks import check_types, checked, key_of
-from fenics_contact.errors import InputError
+from fenics_contact.errors import InputError, require
 from fenics_contact.geometry.mesh import BLOCKS, BlockMesh
 from fenics_contact.scene.toml_tables import from_table, read_toml
 from fenics_contact.scene.units import UNITS, Units
@@ -70,24 +70,19 @@ def function_name(function: Callable[..., Any] | None) -> str:
     return getattr(function, "__qualname__", type(function).__name__) if function else ""
 
 
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise InputError(message)
-
-
 def _require_choice(name: str, value: str, kind: str = "") -> None:
     known = CHOICES[kind or name]
-    _require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+    require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
 
 
 def _require_not_negative(name: str, value: float) -> None:
-    _require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
+    require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
     _require_size(name, value)
 
 
 def _require_pair(name: str, value: Sequence[float]) -> None:
     good = len(value) == 2 and all(map(math.isfinite, value))
-    _require(good, f"{name} = {list(value)} must be two finite numbers")
+    require(good, f"{name} = {list(value)} must be two finite numbers")
     for component in value:
         _require_size(name, component)
 
@@ -99,16 +94,16 @@ def _require_profile(value: tuple[tuple[float, float], ...] | str) -> None:
         return
     count = len(value)
     few = f"profile has {count} pairs [height, factor]; give 2 to {MOST_HEIGHTS}"
-    _require(2 <= count <= MOST_HEIGHTS, few)
+    require(2 <= count <= MOST_HEIGHTS, few)
     for pair in value:
         _require_pair("profile", pair)
     for (low, _), (high, _) in pairwise(value):
-        _require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
+        require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
 
 
 def _require_strength(value: float | None) -> None:
     name = "compressive_strength"
-    _require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
+    require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
     _require_not_negative(name, value or 0.0)
 
 
@@ -116,7 +111,7 @@ def _require_size(name: str, value: float) -> None:
     """Refuse numbers whose squares and products floating point numbers do not hold."""
     low, high = SIZES
     problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
-    _require(value == 0.0 or low <= abs(value) <= high, problem)
+    require(value == 0.0 or low <= abs(value) <= high, problem)
 
 
 @dataclass(frozen=True)
@@ -138,9 +133,9 @@ class Material:
     def __post_init__(self) -> None:
         check_types(self)
         young = self.young
-        _require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
+        require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
         _require_size("young", young)
-        _require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
+        require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
         _require_not_negative("density", self.density)
         _require_strength(self.compressive_strength)
 
@@ -183,23 +178,23 @@ class JointLaw:
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
             value = getattr(self, name)
             given = getattr(self, name) is not None
-            _require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
-            _require(given or self.law != owner, f"law '{owner}' needs {name}")
+            require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
+            require(given or self.law != owner, f"law '{owner}' needs {name}")
             _require_not_negative(name, value or 0.0)
         rough = f"friction = {self.friction} must be at most {MOST_FRICTION:g}"
-        _require((self.friction or 0.0) <= MOST_FRICTION, rough)
+        require((self.friction or 0.0) <= MOST_FRICTION, rough)
         _require_not_negative("cohesion", self.cohesion)
         _require_not_negative("gap", self.gap)
         cohesive = self.law == "coulomb" or self.cohesion == 0.0
-        _require(cohesive, f"law '{self.law}' takes no cohesion")
+        require(cohesive, f"law '{self.law}' takes no cohesion")
         angle = self.dilatancy
-        _require(0.0 <= angle < 90.0, f"dilatancy = {angle} must lie in 0 ... 90 degrees")
+        require(0.0 <= angle < 90.0, f"dilatancy = {angle} must lie in 0 ... 90 degrees")
         dilates = self.law == "coulomb" or angle == 0.0
-        _require(dilates, f"law '{self.law}' takes no dilatancy")
+        require(dilates, f"law '{self.law}' takes no dilatancy")
         friction = self.friction or 0.0
         most = f"{math.degrees(math.atan(friction)):.6g} degrees for friction = {friction:g}"
         text = f"dilatancy = {angle} must not exceed the angle of friction, {most}"
-        _require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
+        require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
         self._check_tension()
 
     @property
@@ -214,9 +209,9 @@ class JointLaw:
             f"tensile_strength = {self.tensile_strength:g} needs a cohesion of at least friction"
             f" times it, {least:g} Pa: shear is carried up to cohesion + friction x pressure"
         )
-        _require(self.cohesion >= least * (1.0 - SAME_ANGLE), text)
+        require(self.cohesion >= least * (1.0 - SAME_ANGLE), text)
         open_at_first = self.gap > 0.0 and self.tensile_strength > 0.0
-        _require(not open_at_first, "a joint with a gap takes no tensile_strength")
+        require(not open_at_first, "a joint with a gap takes no tensile_strength")
 
     @property
     def dilation(self) -> float:
@@ -246,7 +241,7 @@ class EdgeForce:
         check_types(self)
         _require_pair("force", self.force)
         for name, value in (("x", self.x), ("y", self.y or 0.0)):
-            _require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
+            require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
         _require_not_negative("width", self.width)
 
 
@@ -276,11 +271,11 @@ class EarthPressure:
     def __post_init__(self) -> None:
         check_types(self)
         level = f"level = {self.level} must lie in -{HIGHEST:g} ... {HIGHEST:g} m"
-        _require(abs(self.level) <= HIGHEST, level)
+        require(abs(self.level) <= HIGHEST, level)
         for name in ("unit_weight", "coefficient", "surcharge"):
             _require_not_negative(name, getattr(self, name))
         angle = self.wall_friction
-        _require(abs(angle) < 90.0, f"wall_friction = {angle} must lie between -90 and 90 degrees")
+        require(abs(angle) < 90.0, f"wall_friction = {angle} must lie between -90 and 90 degrees")
 
 
 @dataclass(frozen=True)
@@ -299,7 +294,7 @@ class Movement:
         check_types(self)
         _require_pair("displacement", self.displacement)
         small = abs(self.rotation) <= MOST_TILT
-        _require(
+        require(
             small,
             f"rotation = {self.rotation} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees",
         )
@@ -332,7 +327,7 @@ class Tie:
 
     def __post_init__(self) -> None:
         check_types(self)
-        _require((self.to is None) != (self.ground is None), "to: give either to or ground")
+        require((self.to is None) != (self.ground is None), "to: give either to or ground")
         for name, place in (("from", self.from_), ("to", self.to), ("ground", self.ground)):
             if place is not None and not isinstance(place, str):
                 _require_pair(name, place)
@@ -342,13 +337,13 @@ class Tie:
             ("spacing", self.spacing),
         ):
             if value is not None:
-                _require(value > 0.0, f"{name} = {value} must be a positive number")
+                require(value > 0.0, f"{name} = {value} must be a positive number")
                 _require_not_negative(name, value)
         _require_not_negative("prestress", self.prestress)
         within = self.prestress <= self.yield_
-        _require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
+        require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
         known = self.stiffness is not None or self.prestress == 0.0
-        _require(known, "prestress needs stiffness: a tie that does not stretch keeps no force")
+        require(known, "prestress needs stiffness: a tie that does not stretch keeps no force")
 
     @property
     def per_metre(self) -> float:
@@ -389,7 +384,7 @@ class Load:
         tractions = {f"traction.{name}": value for name, value in self.traction.items()}
         for name, value in {"body": self.body, **tractions}.items():
             _require_pair(name, value)
-        _require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
+        require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
         _require_profile(self.profile)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -462,24 +457,24 @@ class SolveOptions:
     def __post_init__(self) -> None:
         check_types(self)
         limit = self.time
-        _require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
+        require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
         for name in ("method", "direction", "control", "slip", "states"):
             _require_choice(name, getattr(self, name))
         given = self.tolerance
         by_load = self.control == "load"
         for name in ("peak", "lowest", "error"):
             both = self.fast and getattr(self, name)
-            _require(not both, f"{name} = true needs fast = false: fast leaves it out")
-        _require(self.states != "lowest" or not self.fast, "states = 'lowest' needs fast = false")
-        _require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
+            require(not both, f"{name} = true needs fast = false: fast leaves it out")
+        require(self.states != "lowest" or not self.fast, "states = 'lowest' needs fast = false")
+        require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
         wished = self.accuracy
         if wished is not None:
-            _require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
-            _require(self.error is not False, "accuracy needs the error estimate: no error = false")
-            _require(not self.fast, "accuracy needs fast = false: fast estimates no error")
-            _require(not by_load, "accuracy needs control = 'work'")
-        _require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
-        _require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
+            require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
+            require(self.error is not False, "accuracy needs the error estimate: no error = false")
+            require(not self.fast, "accuracy needs fast = false: fast estimates no error")
+            require(not by_load, "accuracy needs control = 'work'")
+        require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
+        require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
 
 
 @dataclass(frozen=True)
@@ -508,8 +503,8 @@ class OutputOptions:
         _require_choice("units", self.units)
         for name in self.formats:
             _require_choice("formats", name)
-        _require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
-        _require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
+        require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
+        require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
 @dataclass(frozen=True)
@@ -528,7 +523,7 @@ class Seismic:
     def __post_init__(self) -> None:
         check_types(self)
         value = self.confidence_factor
-        _require(1.0 <= value <= 10.0, f"confidence_factor = {value} must lie in 1 ... 10")
+        require(1.0 <= value <= 10.0, f"confidence_factor = {value} must lie in 1 ... 10")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -586,18 +581,18 @@ class Scene(_Shared):
         _require_choice("plane.state", self.plane)
         wide = self.thickness
         problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
-        _require(wide is None or 0.0 < wide < math.inf, problem)
+        require(wide is None or 0.0 < wide < math.inf, problem)
         _require_size("plane.thickness", wide or 0.0)
-        _require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
+        require(self.degree in (1, 2), f"mesh.degree = {self.degree} must be 1 or 2")
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
-        _require(len(self.title) <= LONGEST_TITLE, long)
+        require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
             _require_choice(f"supports.{name}", kind, "supports")
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
-            _require(law.gap == 0.0, f"foundations.{name} {needless}")
+            require(law.gap == 0.0, f"foundations.{name} {needless}")
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
-        _require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
+        require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
         self._check_materials()
         self._check_dilatancy()
@@ -703,7 +698,7 @@ class Scene(_Shared):
         for name, tie in self.ties.items():
             for key, end in (("from", tie.from_), ("to", tie.to)):
                 text = f"ties.{name}.{key} = '{end}': {source} has no one-dimensional group '{end}'"
-                _require(
+                require(
                     not isinstance(end, str) or end in facets,
                     f"{text}; it has {_listed(facets)}; or give a place, [x, y]",
                 )
@@ -741,7 +736,7 @@ class Scene(_Shared):
         strengths = [law.compressive_strength for law in laws.values()]
         crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
         text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
-        _require(not (bonded and crushes), f"{text} tensile_strength and compressive_strength")
+        require(not (bonded and crushes), f"{text} tensile_strength and compressive_strength")
 
     def _check_lost(self) -> None:
         solve = self.solve
@@ -757,33 +752,33 @@ class Scene(_Shared):
             (crushes, "compressive_strength"),
         ):
             text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
-            _require(not (losing and refused), f"{text} it cannot be used with {option}")
+            require(not (losing and refused), f"{text} it cannot be used with {option}")
 
     def _check_ties(self) -> None:
         method = self.solve.method
         given = [f"ties.{name}" for name in self.ties]
         text = f"solve.method = '{method}' knows no {', '.join(given)}; use solve.method = 'auto'"
-        _require(not (given and method in BY_JOINT_FORCES), text)
+        require(not (given and method in BY_JOINT_FORCES), text)
 
     def _check_profile(self) -> None:
         text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
-        _require(self.dead.profile == "uniform", text)
+        require(self.dead.profile == "uniform", text)
         bare = self.live.profile != "uniform" and not any(self.live.body)
-        _require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
 
     def _check_seismic(self) -> None:
         """Refuse live loads that are no inertia forces in proportion to the weights."""
         live = self.live
         x, y = self.dead.acceleration
-        _require(any(self.dead.body), "seismic needs weights; give loads.dead.body")
-        _require(any(live.body), "seismic needs inertia forces; give loads.live.body")
+        require(any(self.dead.body), "seismic needs weights; give loads.dead.body")
+        require(any(live.body), "seismic needs inertia forces; give loads.live.body")
         for refused, key in (
             (live.profile != "uniform", "profile"),
             (bool(live.earth), "earth"),
             (live.form is not None, "form"),
         ):
             text = f"seismic: loads.live.{key} is not in proportion to the weights; leave it out"
-            _require(not refused, text)
+            require(not refused, text)
         push = live.acceleration
         forces = {"body": push, **{f"traction.{name}": one for name, one in live.traction.items()}}
         forces |= {f"force.{name}": one.force for name, one in live.force.items()}
@@ -791,9 +786,9 @@ class Scene(_Shared):
             size = math.hypot(*force)
             level = abs(force[0] * x + force[1] * y) <= ROUNDING * size * math.hypot(x, y)
             text = f"seismic: loads.live.{name} must be horizontal, across loads.dead.body"
-            _require(level, text)
+            require(level, text)
             against = force[0] * push[0] + force[1] * push[1] < 0.0
-            _require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
+            require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
 
     def _check_dilatancy(self) -> None:
         dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]
@@ -803,7 +798,7 @@ class Scene(_Shared):
             (self.solve.slip == "load-steps", "slip = 'load-steps'", "slip = 'stress-free'"),
         ):
             text = f"solve.{option} knows no {', '.join(dilating)}; use solve.{instead}"
-            _require(not (dilating and refused), text)
+            require(not (dilating and refused), text)
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -834,7 +829,7 @@ class _MeshTable:
 
     def __post_init__(self) -> None:
         _require_choice("blocks", self.blocks)
-        _require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
+        require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 
 @dataclass(frozen=True)
@@ -857,4 +852,4 @@ class _SceneTables(_Shared):
     plane: _PlaneTable = field(default_factory=_PlaneTable)
 
     def __post_init__(self) -> None:
-        _require(bool(self.materials), "materials is missing; give [materials.default]")
+        require(bool(self.materials), "materials is missing; give [materials.default]")

@@ -119,10 +119,32 @@ class PathPoint:
     work: float
 
     @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Load factor, mu and T."""
+        return self.iterate.load_factor, self.mu, self.work
+
+    @property
     def state(self) -> State:
         """The point as a state."""
         now = self.iterate
         return State(now.u, now.elastic, now.load_factor, now.pressure, now.shear, self.work)
+
+
+class _Advance:
+    """The best progress along a path, and the step in which it was made."""
+
+    def __init__(self, progress: float, patience: int) -> None:
+        self._best = progress
+        self._since = 0
+        self._patience = patience
+
+    def check(self, step: int, progress: float) -> None:
+        """Raise `SolverError` if the path has not advanced by log 2 for too many steps."""
+        if progress >= self._best + np.log(2.0):
+            self._best = progress
+            self._since = step
+        if step - self._since >= self._patience:
+            raise SolverError(f"central path: wanders, after {step} steps")
 
 
 class Continuation:
@@ -167,27 +189,21 @@ class Continuation:
             SolverError: If the path is lost, wanders or takes too many steps.
         """
         options = self.options
-        path = self.path
-        goal = path.progress(end, end) + options.past
+        goal = self.path.progress(end, end) + options.past
         usual = limit = options.elimination.allowed
         before: PathPoint | None = None  # where the last step that reached the path began
-        best = path.progress(point.mu, point.work)
-        since = 0
+        advance = _Advance(self._progress(point), options.patience)
         astray = 0
         for step in range(options.max_steps):
-            progress = path.progress(point.mu, point.work)
-            if progress >= goal - 0.5 * options.past:
+            if self._progress(point) >= goal - 0.5 * options.past:
                 return self.settled(point, options.close)
-            if progress >= best + np.log(2.0):
-                best = progress
-                since = step
-            if step - since >= options.patience:
-                raise SolverError(f"central path: wanders, after {step} steps")
+            advance.check(step, self._progress(point))
             earlier = before if limit > options.least * usual else None
-            new, reached = self._next(point, goal, limit, earlier is None)
+            rounds = options.elimination.rounds if earlier is None else 0
+            new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:
                 limit *= options.shorter
-                point, _ = self._next(earlier, goal, limit, False)
+                point, _ = self._next(earlier, goal, limit, 0)
             else:
                 limit = min(limit / options.shorter, usual)
                 astray = 0 if reached else astray + 1
@@ -195,9 +211,8 @@ class Continuation:
                     self._passed(point)
                 before = point if reached else None
                 point = new
-            values = point.iterate.load_factor, point.mu, point.work
-            _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *values)
-            if astray > options.lost or not np.all(np.isfinite(values)):
+            _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *point.numbers)
+            if astray > options.lost or not np.all(np.isfinite(point.numbers)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
@@ -207,8 +222,12 @@ class Continuation:
         for _ in range(self.options.corrections):
             if self._distance(point) <= close:
                 break
-            point, _ = self._next(point, None, allowed, True)
+            point, _ = self._next(point, None, allowed, self.options.elimination.rounds)
         return point
+
+    def _progress(self, point: PathPoint) -> float:
+        """Logarithm of what varies, rising along the path."""
+        return self.path.progress(point.mu, point.work)
 
     def _distance(self, point: PathPoint) -> float:
         """Largest distance from the path, relative to p and q."""
@@ -224,12 +243,12 @@ class Continuation:
         return kkt.problem.max(np.maximum(np.abs(residual.opening / of_p), np.abs(slip))) / d
 
     def _next(
-        self, point: PathPoint, goal: float | None, limit: float, late: bool
+        self, point: PathPoint, goal: float | None, limit: float, rounds: int
     ) -> tuple[PathPoint, bool]:
         """The point a step on, not past the goal, and whether the step reached the path.
 
         Without a goal the step only goes to the path. No point that is not chosen ends farther
-        from its law than a limit. `late` tells whether points may be chosen on the way.
+        from its law than a limit. Points are chosen on the way in so many rounds.
         """
         options = self.options
         path = self.path
@@ -238,9 +257,7 @@ class Continuation:
         self._factored(point, tangent.load_factor)
         rates = point.mu, path.log_mu_rate, options.smallest
         model = TangentModel.of(linear, correction, tangent, *rates)
-        numbers = replace(options.elimination, allowed=limit)
-        if not late:
-            numbers = replace(numbers, rounds=0)
+        numbers = replace(options.elimination, allowed=limit, rounds=rounds)
         elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
         reach = None
         to_goal = 0.0

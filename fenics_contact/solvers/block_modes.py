@@ -137,41 +137,51 @@ class BlockModes(Closing):
             options: Numbers of the reduction.
         """
         options = options or BlockModesOptions()
-        comm = problem.comm
         count = shapes.shape[2]
         self.full = problem
         self._blocks = blocks
         self._modes = count
-        number, mine = numbered_by_rank(comm, blocks.body, blocks.count)
-        original = np.argsort(number)
+        number, mine = numbered_by_rank(problem.comm, blocks.body, blocks.count)
         basis, is_mode = _orthonormal_columns(problem, shapes, number[blocks.body], mine, options)
         self._basis = SparseMap(basis)
-        self._points = Share(comm, blocks.points, len(blocks.sides))
-        unknowns = _unknowns(original, count)
+        self._points = Share(problem.comm, blocks.points, len(blocks.sides))
+        unknowns = _unknowns(np.argsort(number), count)
         own = unknowns[count * mine.start : count * mine.stop]
-        self._unknowns = Share(comm, own, len(unknowns))
+        self._unknowns = Share(problem.comm, own, len(unknowns))
         self._indentation = _node_compliance(problem, blocks, options.indentation)
         self._point_indentation = _point_compliance(problem, self._indentation)
+        maps = self._projected(problem, unknowns, is_mode[np.argsort(unknowns)])
+        self.reduced = self._loaded(problem, problem, **maps)
+        self._owner = Owner()
+        for item in (*maps.values(), self._basis):
+            self._owner.callback(item.close)
+
+    def _projected(
+        self,
+        problem: ContactProblem,
+        unknowns: npt.NDArray[np.integer],
+        is_mode: npt.NDArray[np.bool_],
+    ) -> dict[str, SparseMap]:
+        """K_P, the rows of B_P and the rigid motions, by their names in `ContactProblem`.
+
+        `unknowns` are the places of the columns of P among all unknowns; `is_mode` tells which
+        unknowns move something.
+        """
+        basis = self._basis.matrix
         stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), unknowns)
-        _set_diagonal_where_missing(stiffness, is_mode[np.argsort(unknowns)])
+        _set_diagonal_where_missing(stiffness, is_mode)
         rigid = basis.transposeMatMult(problem.rigid.matrix)
         motions = np.arange(rigid.getSize()[1])
         normal, tangential = (
             self._points.whole_matrix(operator.matrix.matMult(basis), unknowns)
             for operator in (problem.normal, problem.tangential)
         )
-        self.reduced = self._loaded(
-            problem,
-            problem,
-            stiffness=SparseMap(stiffness),
-            normal=SparseMap(normal),
-            tangential=SparseMap(tangential),
-            rigid=SparseMap(self._unknowns.whole_matrix(rigid, motions)),
-        )
-        self._owner = Owner()
-        less = self.reduced
-        for item in (less.stiffness, less.normal, less.tangential, less.rigid, self._basis):
-            self._owner.callback(item.close)
+        return {
+            "stiffness": SparseMap(stiffness),
+            "normal": SparseMap(normal),
+            "tangential": SparseMap(tangential),
+            "rigid": SparseMap(self._unknowns.whole_matrix(rigid, motions)),
+        }
 
     def _loaded(
         self, reduced: ContactProblem, problem: ContactProblem, **maps: Any

@@ -122,14 +122,8 @@ def solve_interior_point(
         except SolverError as error:
             _log.debug("    %s", error)
             break
-    reached, best, sizes = progress.best
-    if not reached <= max(tolerances.residual, options.acceptable):
-        asked = f"{tolerances.residual:.1e}"
-        raise SolverError(
-            f"interior point: residual {reached:.1e} after {step} steps, asked {asked}"
-        )
-    if reached > tolerances.residual and not progress.settled:
-        raise SolverError(f"interior point: load factor not settled after {step} steps")
+    progress.check(step)
+    _, best, sizes = progress.best
     return Solution(kkt.state(best), sizes, step)
 
 
@@ -181,6 +175,17 @@ class _Progress:
         window = self._options.window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
         return stalled or not np.isfinite(error)
+
+    def check(self, steps: int) -> None:
+        """Raise `SolverError` if the best iterate after so many steps is not good enough."""
+        reached = self.best[0]
+        asked = self._tolerances.residual
+        if not reached <= max(asked, self._options.acceptable):
+            raise SolverError(
+                f"interior point: residual {reached:.1e} after {steps} steps, asked {asked:.1e}"
+            )
+        if reached > asked and not self.settled:
+            raise SolverError(f"interior point: load factor not settled after {steps} steps")
 
     def _change(self, factor: float) -> float:
         """Change of the load factor since the iterate before, in units of the one allowed."""

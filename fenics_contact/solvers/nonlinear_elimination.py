@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws
 from fenics_contact.solvers.joint_law import JointStates, SmoothedLaws
-from fenics_contact.solvers.kkt import Iterate, Linearization
+from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT
 from fenics_contact.solvers.problem import Array
 
 Integers = npt.NDArray[np.int64]
@@ -134,25 +134,18 @@ class TangentModel:
             smallest: Size of p and q by which changes are measured, at least.
         """
         kkt = linear.kkt
-        problem = linear.kkt.problem
         d = kkt.scales.displacement
         f = kkt.scales.force
-        units = np.array([d, f, d, f, d])[:, None]
-        start, across, along = (
-            np.stack([one.y, one.pressure, one.slip, one.shear, kkt.law.dilation(one.z1, one.z2)])
-            / units
-            for one in (linear.now, correction, tangent)
-        )
         laws = linear.laws
         springs = np.stack(laws.springs) * d / f
         return cls(
             kkt.law.smoothed(f, kkt.frictional, smallest),
-            start,
-            across,
-            along,
+            _in_typical_units(kkt, linear.now),
+            _in_typical_units(kkt, correction),
+            _in_typical_units(kkt, tangent),
             springs=np.concatenate([springs, [laws.slope, laws.give * f / d]]),
-            compliance=problem.compliance * f / d,
-            answers=np.empty((2, 0, problem.points)),
+            compliance=kkt.problem.compliance * f / d,
+            answers=np.empty((2, 0, kkt.problem.points)),
             mu=mu,
             log_mu_rate=log_mu_rate,
         )
@@ -225,6 +218,15 @@ class TangentModel:
         return np.array([r + k_n * moved, shear + k_t * slip + coupling * moved])
 
 
+def _in_typical_units(kkt: PerturbedKKT, at: Iterate) -> Array:
+    """Opening, r, slip, shear and dilation of joint points in typical units, shape (5, points)."""
+    d = kkt.scales.displacement
+    f = kkt.scales.force
+    units = np.array([d, f, d, f, d])[:, None]
+    dilation = kkt.law.dilation(at.z1, at.z2)
+    return np.stack([at.y, at.pressure, at.slip, at.shear, dilation]) / units
+
+
 @dataclass(frozen=True)
 class CurvePoint:
     """A point on or near the curve of the chosen points on a line.
@@ -256,6 +258,23 @@ class CurvePoint:
     def error(self) -> float:
         """The largest rest, relative to p and q."""
         return float(np.max(np.abs(self.rest) / self.sizes[:-1], initial=0.0))
+
+
+@dataclass(frozen=True)
+class CurveStep:
+    """A step along a curve of chosen points.
+
+    Attributes:
+        end: Where it leads; None where no step is short enough.
+        corrections: Newton's steps that it took.
+        length: Of the step, in units of the sizes of x.
+        distance: Largest distance of the other points from their laws in the last step tried.
+    """
+
+    end: CurvePoint | None
+    corrections: int
+    length: float
+    distance: float
 
 
 @dataclass(frozen=True)
@@ -417,28 +436,53 @@ class ChosenPoints:
         near = 0.0
         for _ in range(options.curve_steps):
             along = self.direction(here, forward)
-            found = None
-            leaving = 0.0
-            while along is not None and length > options.shortest:
-                found = self.step(here, along, length, reach)
-                if found is None:
-                    length *= 0.4
-                    leaving = 0.0
-                    continue
-                leaving = distance(found[0])
-                if leaving <= options.allowed:
-                    break
-                found = None
-                part = (options.allowed - near) / (leaving - near)
-                length *= _within(part, 0.1, 0.5)
-            if along is None or found is None:
-                return CurveEnd(here, forward, leaving > options.allowed)
-            (here, corrections), near = found, leaving
+            if along is None:
+                return CurveEnd(here, forward, False)
+            step = self._step_near_laws(here, along, length, reach, near, distance)
+            if step.end is None:
+                return CurveEnd(here, forward, step.distance > options.allowed)
+            here = step.end
+            near = step.distance
             forward = along / here.sizes**2
-            length = min(3.0 * length if corrections <= 3 else length, options.longest)
+            longer = 3.0 * step.length if step.corrections <= 3 else step.length
+            length = min(longer, options.longest)
             if not reach[0] < here.tau < reach[1]:
                 break
         return CurveEnd(here, forward, False)
+
+    def _step_near_laws(
+        self,
+        here: CurvePoint,
+        along: Array,
+        length: float,
+        reach: tuple[float, float],
+        near: float,
+        distance: Callable[[CurvePoint], float],
+    ) -> CurveStep:
+        """The step along the curve, shortened until the other points stay near their laws.
+
+        Args:
+            here: Where it begins.
+            along: Direction of the curve there.
+            length: That is tried first.
+            reach: Values of tau at which the curve ends.
+            near: Largest distance of the other points from their laws at `here`.
+            distance: The same at other points.
+        """
+        options = self.options
+        leaving = 0.0
+        while length > options.shortest:
+            found = self.step(here, along, length, reach)
+            if found is None:
+                length *= 0.4
+                leaving = 0.0
+                continue
+            leaving = distance(found[0])
+            if leaving <= options.allowed:
+                return CurveStep(found[0], found[1], length, leaving)
+            part = (options.allowed - near) / (leaving - near)
+            length *= _within(part, 0.1, 0.5)
+        return CurveStep(None, 0, length, leaving)
 
     @cached_property
     def _compliance(self) -> Array:

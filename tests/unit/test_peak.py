@@ -82,7 +82,7 @@ def test_usual_search_finds_it_within_its_limits():
         end = find_collapse(case, COULOMB["auto"], 1e-6)
         cost, before = effort.spent - before, effort.spent
         above = Above(end.load_factor, end.size, end.state.work)
-        peak = find_peak(case, above, 1e-6, Limits.of(cost, asked=False))
+        peak = find_peak(case, above, 1e-6, Limits.usual(cost))
         assert effort.spent - before <= 5.0 * cost + 1e-3
         assert peak.status == "found"
         assert 1.3 * COLLAPSE < peak.load_factor <= PEAK * (1.0 + 1e-3)

@@ -41,6 +41,8 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
+from fenics_contact.collapse.rigid_blocks.linear_program import OPTIONS as HIGHS
+from fenics_contact.collapse.rigid_blocks.linear_program import LinearProgram, least_missing
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
 from fenics_contact.discretization.crushing import Crushing, strength_of
 from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
@@ -49,7 +51,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.bounds import LimitBounds
-from fenics_contact.solvers.highs import Beside, solved
+from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
@@ -60,19 +62,15 @@ class ProgramOptions:
     """Numbers of the linear programs.
 
     Attributes:
-        feasibility: HiGHS' primal and dual tolerance, forces in units of the largest dead load.
-        iterations: At most, for each row and column.
-        rounding: Missing forces in the same units, summed, that count as none.
+        rounding: Missing forces in units of the largest dead load, summed, that count as none.
         crushed: Moments beyond m(N) that count as none, in these units times the face's length.
         rounds: Programs at most for the tangents of m(N).
         settled: The value of a program is that with all tangents if so many more rounds in a row
-            change it by less than `feasibility`. Forces that no mechanism needs may go on changing.
+            change it by less than HiGHS' tolerance. Forces that no mechanism needs may change on.
         parts: Parts k of the strength with which the dead load is seen to stand: what is tried.
         large: Unknowns above which a program is solved in a process of its own: a second or more.
     """
 
-    feasibility: float = 1e-10
-    iterations: int = 50
     rounding: float = 1e-8
     crushed: float = 1e-9
     rounds: int = 60
@@ -85,9 +83,6 @@ OPTIONS = ProgramOptions()
 
 #: The interior point method is ten times as fast as the simplex method on large walls.
 FIRST_METHOD = "highs-ipm"
-
-#: Cost, columns, right hand side, and limits of the unknowns, of a linear program.
-Given = tuple[Array, Any, Array, list[Any]]
 
 
 @dataclass(frozen=True)
@@ -300,8 +295,8 @@ class RigidBlocks:
     def begin(self) -> None:
         """Begin to solve for the limit beside other work, if the program is large; on rank 0."""
         if self._comm.rank == 0 and self._is_large:
-            given = self._largest_program(self._program)
-            self._begun = Beside(*_arguments(*given, FIRST_METHOD))
+            largest = self._largest_program(self._program)
+            self._begun = Beside(*largest.arguments(FIRST_METHOD))
 
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
@@ -477,20 +472,19 @@ class RigidBlocks:
         faces = replace(faces, law=faces.law.with_given(strength))
         program = replace(self._bare, faces=faces)
         columns, right = self._bare_equilibrium
-        limits = [(None, None), *program.limits(self._force)]
-        cost = -np.eye(1, len(limits)).ravel()
+        largest = self._largest_in(program, columns, right)
         pressure = np.zeros(len(self._joints.length))
-        answer = _answer(cost, columns, right, limits, "highs-ds", {"maxiter": iterations})
+        answer = largest.answer("highs-ds", {"maxiter": iterations})
         if answer.status == 0:
             pressure = program.point_forces(answer.x[1:] * self._force)[0]
-            x = np.clip(answer.x, *_ends_of(limits))
+            x = np.clip(answer.x, *largest.ends)
             multipliers = answer.eqlin.marginals
             lost = np.abs(multipliers) @ np.abs(columns @ x - right)
             factor = float(x[0] - lost) * self._load
         elif answer.status == 1:
             raise SolverError(f"rigid-block linear program failed: {answer.message}")
         else:
-            missing, multipliers, _ = _least_missing(columns, right, limits)
+            missing, multipliers, _ = least_missing(largest)
             factor = -np.inf if missing > OPTIONS.rounding else np.inf
             if factor > 0.0 and self._wedging(program) is None:
                 raise SolverError(f"rigid-block linear program failed: {answer.message}")
@@ -502,8 +496,7 @@ class RigidBlocks:
     ) -> LeastForces:
         """Least weighted sums of normal forces of faces, with associative friction.
 
-        Solved on this rank alone, as one program. With the multipliers y a sum is not less than
-        b.y + min r.x over all x within their bounds, r = c - A^T y, whatever HiGHS' tolerance;
+        Solved on this rank alone, as one program. The sums are the values of its dual, in which
         unbounded x are held to be no larger than the largest found.
 
         Args:
@@ -522,21 +515,18 @@ class RigidBlocks:
         columns, right = self._whole_equilibrium
         low, high = (factor / self._load if np.isfinite(factor) else None for factor in factors)
         limits = [(low, high), *program.limits(self._force)]
-        cost = np.array([[0.0, *program.pressing(one)] for one in weights])
+        costs = np.array([[0.0, *program.pressing(one)] for one in weights])
+        single = LinearProgram(np.zeros(len(limits)), columns, right, limits)
         whole = block_diag([columns] * count, "csr")
-        options = {"maxiter": iterations}
-        rights = np.tile(right, count)
-        answer = _answer(cost.ravel(), whole, rights, limits * count, "highs-ds", options)
+        all_sums = LinearProgram(costs.ravel(), whole, np.tile(right, count), limits * count)
+        answer = all_sums.answer("highs-ds", {"maxiter": iterations})
         spent = int(answer.nit)
-        if answer.status == 2 and _least_missing(columns, right, limits)[0] > OPTIONS.rounding:
+        if answer.status == 2 and least_missing(single)[0] > OPTIONS.rounding:
             return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
         if answer.status != 0:
             raise SolverError(f"rigid-block linear program failed: {answer.message}")
         x, multipliers = (v.reshape(count, -1) for v in (answer.x, answer.eqlin.marginals))
-        largest = float(np.abs(x).max())
-        rest = cost - multipliers @ columns
-        least, most = np.nan_to_num(_ends_of(limits), posinf=largest, neginf=-largest)
-        values = multipliers @ right + np.minimum(rest * least, rest * most).sum(axis=1)
+        values = single.dual_values(costs, multipliers, float(np.abs(x).max()))
         normal = np.array([program.face_forces(one[1:]) for one in x])
         factors_found = x[:, 0] * self._load
         return LeastForces(values * self._force, factors_found, normal * self._force, spent)
@@ -591,20 +581,25 @@ class RigidBlocks:
     def _fall_under(self, load_factor: float) -> Array | None:
         """Motions by which the loads fall, solved for on this rank alone."""
         program = self._program
-        unit = max(self._force, abs(load_factor) * self._force / self._load)
-        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
-        limits = program.limits(unit)
+        unit, standing = self._standing(load_factor)
         # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
         plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
-        none = np.zeros(len(limits))
         tangents = _Tangents(program, unit)
         if program.crushing is not None:
             if self._within_strength(load_factor):
                 return None
-        elif tangents.answer(none, program.forces, right, limits, "highs-ds", plain).status == 0:
+        elif tangents.answer(standing, "highs-ds", plain).status == 0:
             return None
-        missing, multipliers, _ = _least_missing(program.forces, right, limits, tangents)
+        missing, multipliers, _ = least_missing(standing, tangents.answer)
         return program.motions(-multipliers) if missing > OPTIONS.rounding else None
+
+    def _standing(self, load_factor: float) -> tuple[float, LinearProgram]:
+        """Unit of force, and the program of any forces in equilibrium with the loads, in it."""
+        program = self._program
+        unit = max(self._force, abs(load_factor) * self._force / self._load)
+        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        limits = program.limits(unit)
+        return unit, LinearProgram(np.zeros(len(limits)), program.forces, right, limits)
 
     def _within_strength(self, load_factor: float) -> bool:
         """Whether loads were seen to stand within the strength of joints that crush.
@@ -617,29 +612,16 @@ class RigidBlocks:
         crushing = self._program.crushing
         if crushing is None:
             return False
-        unit = max(self._force, abs(load_factor) * self._force / self._load)
-        right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
+        unit, standing = self._standing(load_factor)
         count = len(crushing.strength)
         given = np.flatnonzero(crushing.given)
         first = program.normal[:count]
         second = program.normal[count:]
-        limits = program.limits(unit)
-        none = np.zeros(program.forces.shape[1])
         for part in OPTIONS.parts:
             whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
             rows = [second - first - whole, first - second - whole, (first + second)[given]]
             most = np.concatenate([np.zeros(2 * count), part * crushing.carried[given] / unit])
-            under = (
-                none,
-                program.forces,
-                right,
-                limits,
-                "highs-ds",
-                None,
-                vstack(rows).tocsr(),
-                most,
-            )
-            answer = _answer(*under)
+            answer = replace(standing, rows=vstack(rows).tocsr(), most=most).answer("highs-ds")
             if answer.status == 0 and not len(program.missed_tangents(answer.x, unit)[1]):
                 return True
         return False
@@ -649,28 +631,32 @@ class RigidBlocks:
         unit = self._force / self._load
         limits = program.limits(np.inf)
         right = -program.load(self._bodies.live) / unit
-        missing, _, x = _least_missing(program.forces, right, limits)
+        balance = LinearProgram(np.ones(len(limits)), program.forces, right, limits)
+        missing, _, x = least_missing(balance)
         if missing > OPTIONS.rounding:
             return None
-        least = _answer(np.ones(len(limits)), program.forces, right, limits, "highs-ds")
+        least = balance.answer("highs-ds")
         return program.point_forces(unit * (least.x if least.status == 0 else x))
 
-    def _largest_program(self, program: _Program) -> Given:
-        """Cost, columns, right hand side and limits of the largest load factor."""
-        columns, right = self._equilibrium(program)
+    def _largest_program(self, program: _Program) -> LinearProgram:
+        """The linear program of the largest load factor."""
+        return self._largest_in(program, *self._equilibrium(program))
+
+    def _largest_in(self, program: _Program, columns: Any, right: Array) -> LinearProgram:
+        """The linear program of the largest load factor, with an equilibrium of (lambda, x)."""
         limits = [(None, None), *program.limits(self._force)]
-        return -np.eye(1, len(limits)).ravel(), columns, right, limits
+        return LinearProgram(-np.eye(1, len(limits)).ravel(), columns, right, limits)
 
     def _largest(self, program: _Program) -> _Optimum:
         """The largest load factor of a program."""
-        _, columns, right, limits = given = self._largest_program(program)
+        largest = self._largest_program(program)
         tangents = _Tangents(program, self._force, first=1)
         for method in (FIRST_METHOD, "highs-ds"):
             if program.crushing is None:
-                answer = self._answer_beside(program, given, method)
+                answer = self._answer_beside(program, largest, method)
                 tangents.complete = answer.status == 0
             else:
-                answer = tangents.answer(*given, method)
+                answer = tangents.answer(largest, method)
             if answer.status == 0:
                 factor = float(answer.x[0]) * self._load
                 multipliers = answer.eqlin.marginals
@@ -678,20 +664,20 @@ class RigidBlocks:
                 motion = program.motions(multipliers) / work if work else None
                 pressure = program.point_forces(answer.x[1:] * self._force)[0]
                 return _Optimum(factor, motion, pressure, tangents.complete)
-        if _least_missing(columns, right, limits, tangents)[0] > OPTIONS.rounding:
+        if least_missing(largest, tangents.answer)[0] > OPTIONS.rounding:
             return _Optimum(None)
         if self._wedging(program) is not None:
             return _Optimum(np.inf)
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
 
-    def _answer_beside(self, program: _Program, given: Given, method: str) -> Any:
+    def _answer_beside(self, program: _Program, largest: LinearProgram, method: str) -> Any:
         """HiGHS' answer, from a process of its own if the program is large."""
         if not self._is_large:
-            return _answer(*given, method)
+            return largest.answer(method)
         is_begun = program is self._program and method == FIRST_METHOD
         begun, self._begun = (self._begun, None) if is_begun else (None, self._begun)
-        answer = (begun or Beside(*_arguments(*given, method))).answer(self._patient)
-        return _answer(*given, method) if answer is None else answer
+        answer = (begun or Beside(*largest.arguments(method))).answer(self._patient)
+        return largest.answer(method) if answer is None else answer
 
     def _on_root(self, solve: Callable[[], Any]) -> Any:
         """What a function returns on rank 0, on all ranks; its `SolverError` or `Stopped` too."""
@@ -706,12 +692,6 @@ class RigidBlocks:
         if failure is not None:
             raise failure
         return answer
-
-
-def _ends_of(limits: list[Any]) -> Array:
-    """Least and largest values of unknowns, infinite where there is none, shape (2, unknowns)."""
-    ends = [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in limits]
-    return np.array(ends).T
 
 
 class _Tangents:
@@ -730,13 +710,7 @@ class _Tangents:
         self._rows, self._rights = program.missed_tangents(np.zeros(program.forces.shape[1]), unit)
 
     def answer(
-        self,
-        cost: Array,
-        columns: Any,
-        right: Array,
-        limits: list[Any],
-        method: str,
-        options: dict[str, Any] | None = None,
+        self, linear: LinearProgram, method: str, options: dict[str, Any] | None = None
     ) -> Any:
         """HiGHS' answer with all tangents that matter; its status is 0 where it has one.
 
@@ -748,14 +722,14 @@ class _Tangents:
         from scipy.sparse import csr_matrix, hstack, vstack
 
         stop = self._first + self._program.forces.shape[1]
-        after = len(limits) - stop
+        after = len(linear.limits) - stop
         values = [np.inf]
         for _ in range(OPTIONS.rounds):
             parts = (csr_matrix((len(self._rights), n)) for n in (self._first, after))
             before, behind = parts
             rows = hstack([before, self._rows, behind]).tocsr()
-            most = (rows, self._rights) if len(self._rights) else (None, None)
-            answer = _answer(cost, columns, right, limits, method, options, *most)
+            tangent = replace(linear, rows=rows, most=self._rights) if len(self._rights) else linear
+            answer = tangent.answer(method, options)
             if answer.status != 0:
                 return answer
             x = answer.x[self._first : stop]
@@ -763,7 +737,7 @@ class _Tangents:
             self.complete = not len(rights)
             values = [*values, float(answer.fun)]
             change = np.ptp(values[-1 - OPTIONS.settled :])
-            if self.complete or change <= OPTIONS.feasibility * max(abs(answer.fun), 1.0):
+            if self.complete or change <= HIGHS.feasibility * max(abs(answer.fun), 1.0):
                 return answer
             self._rows = vstack([self._rows, more]).tocsr()
             self._rights = np.concatenate([self._rights, rights])
@@ -775,61 +749,3 @@ def _resultants(joints: Joints, bodies: RigidBodies, force: Array, along: Array)
     moved = relative_motions(joints, bodies, np.arange(len(force)), along)
     loaded = (moved.T @ force).reshape(-1, 3)
     return np.asarray(np.einsum("bmk,bk->bm", bodies.free, loaded))
-
-
-def _least_missing(
-    columns: Any, right: Array, limits: list[Any], tangents: _Tangents | None = None
-) -> tuple[float, Array, Array]:
-    """Least sum of forces missing to equilibrium, its multipliers, and the unknowns.
-
-    Raises:
-        SolverError: If HiGHS finds no answer.
-    """
-    from scipy.sparse import eye, hstack
-
-    rows, unknowns = columns.shape
-    missing = eye(rows, format="csr")
-    cost = np.concatenate([np.zeros(unknowns), np.ones(2 * rows)])
-    limits = [*limits, *[(0.0, None)] * (2 * rows)]
-    for method in ("highs-ds", "highs-ipm"):
-        all_columns = hstack([columns, missing, -missing])
-        about = cost, all_columns, right, limits, method
-        answer = _answer(*about) if tangents is None else tangents.answer(*about)
-        if answer.status == 0:
-            return float(answer.fun), answer.eqlin.marginals, answer.x[:unknowns]
-    raise SolverError(f"rigid-block linear program failed: {answer.message}")
-
-
-def _answer(
-    cost: Array,
-    columns: Any,
-    right: Array,
-    limits: list[Any],
-    method: str,
-    options: dict[str, Any] | None = None,
-    rows: Any = None,
-    most: Array | None = None,
-) -> Any:
-    """HiGHS' answer with the least cost; its status is 0 where it has one.
-
-    Besides equilibrium, rows times the unknowns may be `most`.
-    """
-    return solved(*_arguments(cost, columns, right, limits, method, options, rows, most))
-
-
-def _arguments(
-    cost: Array,
-    columns: Any,
-    right: Array,
-    limits: list[Any],
-    method: str,
-    options: dict[str, Any] | None = None,
-    rows: Any = None,
-    most: Array | None = None,
-) -> tuple[Any, ...]:
-    """Arguments of scipy's `linprog`."""
-    names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-    size = sum(columns.shape) + (0 if most is None else len(most))
-    steps = OPTIONS.iterations * size  # HiGHS may go round in circles
-    options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
-    return cost, rows, most, columns, right, limits, method, None, options

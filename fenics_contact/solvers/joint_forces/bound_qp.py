@@ -125,10 +125,7 @@ class BoundQP(Closing):
         """
         options = options or BoundQPOptions()
         b, low, high, x, _ = self._vectors
-        b.array[:] = right * self._unit
-        size = b.norm(PETSc.NormType.INFINITY) or 1.0
-        b.scale(1.0 / size)
-        scale = self._unit * size  # x = scale * scaled x
+        scale = self._unit * self._set_right(right)  # x = scale * scaled x
         lower = lower / scale
         upper = upper / scale
         low.array[:] = np.clip(lower, -options.unbounded, options.unbounded)
@@ -144,6 +141,14 @@ class BoundQP(Closing):
         gradient = self._operator @ found - b.array_r
         residual = _largest_miss(found, gradient, lower, upper, self._operator.comm)
         return BoundSolution(found * scale, residual, iterations, reason)
+
+    def _set_right(self, right: Array) -> float:
+        """Set the scaled b, whose largest entry is 1; returns the number it was divided by."""
+        b = self._vectors[0]
+        b.array[:] = right * self._unit
+        size = float(b.norm(PETSc.NormType.INFINITY)) or 1.0
+        b.scale(1.0 / size)
+        return size
 
     def _run(self, options: BoundQPOptions) -> tuple[int, int]:
         """Iterations and reason of a solver; its answer becomes x.
