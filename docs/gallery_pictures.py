@@ -7,7 +7,7 @@ from pathlib import Path
 from PIL import Image
 
 DOCS = Path(__file__).resolve().parent
-WIDTH, COLOURS = 720, 128  # pixels; for small files
+WIDTH, COLOURS = 680, 128  # pixels; for small files
 
 shutil.rmtree(DOCS / "gallery", ignore_errors=True)
 for name in re.findall(r"\(gallery/(\S+)\)", (DOCS / "gallery.md").read_text()):

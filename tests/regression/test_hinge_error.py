@@ -15,8 +15,8 @@ from fenics_contact.console import summary
 from fenics_contact.mesh_error.nearby import Softened, collapse_and_rate, near
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
+from tests.core.problems import load_case
 from tests.property.scenes import Draw
-from tests.unit.core import load_case
 
 #: Limits for point hinges: extrapolated from meshes graded to the hinges.
 W4, W3 = 0.27952, 0.36195

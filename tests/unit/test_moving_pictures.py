@@ -15,6 +15,7 @@ from PIL import Image
 from fenics_contact import InputError, OutputError, SolverError, equilibrium, limit_load
 from fenics_contact.output.animation import shares
 from tests.bank import BANK, block_recipe
+from tests.helpers import notebook_picture
 
 WALL = BANK["W3 coulomb 0.65"]
 BLOCK = block_recipe(0.4, 1.0, 0.3)
@@ -87,7 +88,7 @@ def test_blocks_that_fall_are_drawn():
         assert [text.get_text() for text in axes.texts] == ["0", "1"]
         with pytest.raises(SolverError, match="no joint forces to draw"):
             result.plot_forces()
-        assert result._repr_png_().startswith(b"\x89PNG")
+        assert notebook_picture(result).startswith(b"\x89PNG")
 
 
 @pytest.mark.mpi

@@ -19,7 +19,7 @@ from fenics_contact.collapse.strategy import (
 from fenics_contact.solvers.interior_point import InteriorPointOptions
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe
-from tests.unit.core import FAR, conditions, load_case, misses, prepared, solved
+from tests.core.problems import FAR, conditions, load_case, misses, prepared, solved
 
 #: A wall with one state.
 wall = prepared(wall_recipe("W4", coulomb(0.4)))

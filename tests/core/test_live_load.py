@@ -18,7 +18,7 @@ from fenics_contact.collapse.strategy import (
 )
 from fenics_contact.collapse.work_control import find_collapse
 from tests.bank import GRAVITY, block_recipe, coulomb, tresca, wall_recipe
-from tests.unit.core import load_case
+from tests.core.problems import load_case
 
 TOLERANCE = 1e-6
 

@@ -11,7 +11,7 @@ from fenics_contact import InputError, Load
 from fenics_contact.discretization.discretization import BONDED_SPRING, Discretization
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import GRAVITY, STONE, block_recipe, tresca
-from tests.unit.core import BOND, THREE_BLOCKS, load_case, prepared, sprung, whole
+from tests.core.problems import BOND, THREE_BLOCKS, load_case, prepared, sprung, whole
 
 case = prepared(THREE_BLOCKS, 2)
 

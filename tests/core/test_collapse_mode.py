@@ -7,7 +7,7 @@ import pytest
 
 from fenics_contact.collapse.collapse_mode import elastic_mode, verify
 from tests.bank import block_recipe
-from tests.unit.core import BOND, conditions, prepared, solved
+from tests.core.problems import BOND, conditions, prepared, solved
 
 block, bond = prepared(block_recipe(0.4, 0.4, 0.5), 2), prepared(BOND)
 

@@ -21,9 +21,9 @@ from fenics_contact.meshing import polygons
 from fenics_contact.results.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
 from fenics_contact.sweeps.solving import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
+from tests.core.problems import load_case
 from tests.helpers import mesh_of
 from tests.property.scenes import Draw
-from tests.unit.core import load_case
 
 A, B, C, D = (0.454286, 0.399982), (0.611674, 0.675854), (0.441754, 0.887746), (0.0, 0.429899)
 E, F, G = (0.0, 0.844656), (0.574139, 0.0), (1.135223, 0.687643)

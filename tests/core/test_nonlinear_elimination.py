@@ -16,7 +16,7 @@ from fenics_contact.solvers.nonlinear_elimination import (
     TangentModel,
 )
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import Place, conditions, dense, prepared
+from tests.core.problems import Place, conditions, dense, prepared
 
 #: All points are chosen, and solved for to many digits.
 ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9, newton_steps=20)

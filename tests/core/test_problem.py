@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.unit.core import BOND, dense, load_case, part, prepared, whole
+from tests.core.problems import BOND, dense, load_case, part, prepared, whole
 
 pytestmark = pytest.mark.mpi
 

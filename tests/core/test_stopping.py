@@ -16,7 +16,7 @@ from fenics_contact.results.history import CapacityPoint
 from fenics_contact.solvers.effort import Effort, Watch
 from fenics_contact.solvers.highs import Beside, solved
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import BOND
+from tests.core.problems import BOND
 
 
 class Asked:

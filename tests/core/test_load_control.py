@@ -19,7 +19,7 @@ from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
-from tests.unit.core import load_case, prepared
+from tests.core.problems import load_case, prepared
 
 block = prepared(block_recipe(0.4, 1.0, 0.3))
 

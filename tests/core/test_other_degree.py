@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.mesh_error.other_degree import Counterparts
-from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
+from tests.core.problems import THREE_BLOCKS, on_an_inclined_roller
 
 
 def linear(whole: Discretization) -> np.ndarray:

@@ -14,8 +14,8 @@ from fenics_contact.discretization.stencil import Stencil
 from fenics_contact.mesh_error.hinge_nodes import HingeNodes, wedge_compliance
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.problem import Owner
+from tests.core.problems import THREE_BLOCKS, on_an_inclined_roller
 from tests.helpers import dense
-from tests.unit.core import THREE_BLOCKS, on_an_inclined_roller
 
 MODULUS = 2.0e9
 

@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact.solvers.growing_friction import GROWTH, with_growing_friction
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from tests.unit.core import FAR, THREE_BLOCKS, load_case
+from tests.core.problems import FAR, THREE_BLOCKS, load_case
 
 
 def test_all_of_the_friction_acts_from_some_products_on():

@@ -22,7 +22,7 @@ from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import block_recipe, coulomb, wall_recipe
-from tests.unit.core import load_case, prepared
+from tests.core.problems import load_case, prepared
 
 Answer = tuple[Solution, History]
 

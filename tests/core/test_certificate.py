@@ -20,7 +20,7 @@ from fenics_contact.results.certificate import (
 )
 from fenics_contact.solvers.problem import Scales, State
 from tests.bank import block_recipe
-from tests.unit.core import BOND, FAR, Array, conditions, load_case, solved
+from tests.core.problems import BOND, FAR, Array, conditions, load_case, solved
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fenics_contact.meshing import running_bond
 from fenics_contact.results.history import History, Step
 from fenics_contact.solvers.interior_point import Solution
 from tests.bank import Recipe, block_recipe, coulomb
-from tests.unit.core import FAR, Array, misses, prepared, solved
+from tests.core.problems import FAR, Array, misses, prepared, solved
 
 bond = prepared(Recipe(lambda n, quads: running_bond(2, 3, elements=n), coulomb(0.45)))
 

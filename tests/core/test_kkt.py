@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact import JointLaw
 from tests.bank import Recipe, tresca
-from tests.unit.core import BOND, FAR, Array, conditions, noisy, prepared, solved
+from tests.core.problems import BOND, FAR, Array, conditions, noisy, prepared, solved
 
 case = prepared(BOND)
 

@@ -15,8 +15,8 @@ from fenics_contact.solvers.interior_point import (
     solve_interior_point,
 )
 from tests.bank import GRAVITY, block_recipe
+from tests.core.problems import BOND, FAR, Array, conditions, dense, misses, prepared, solved
 from tests.property.scenes import Draw
-from tests.unit.core import BOND, FAR, Array, conditions, dense, misses, prepared, solved
 
 bond, block = prepared(BOND), prepared(block_recipe(0.4, 0.4, 0.5), 2)
 

@@ -116,7 +116,7 @@ def test_variants_and_methods_agree_on_a_wall(angle):
 def test_a_state_without_dilatancy_is_none_with_it():
     """Its certificate fails: blocks that slide and do not open move into each other."""
     from fenics_contact.results.certificate import certify
-    from tests.unit.core import load_case
+    from tests.core.problems import load_case
 
     recipe = wall_recipe("W1", coulomb(FRICTION))
     with Discretization(recipe.scene(1)) as made:

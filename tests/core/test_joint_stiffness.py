@@ -17,7 +17,7 @@ from fenics_contact.solvers.joint_stiffness import (
     JointRows,
     JointStiffness,
 )
-from tests.unit.core import (
+from tests.core.problems import (
     THREE_BLOCKS,
     Array,
     dense,

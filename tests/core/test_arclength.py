@@ -19,7 +19,7 @@ from fenics_contact.solvers.kkt import COLD
 from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import (
+from tests.core.problems import (
     FAR,
     Place,
     conditions,

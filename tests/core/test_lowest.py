@@ -16,7 +16,7 @@ from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
 from fenics_contact.results.certificate import state_residuals
 from tests.bank import BANK, PUSH, WEIGHT, block_recipe, coulomb
-from tests.unit.core import load_case
+from tests.core.problems import load_case
 
 TOLERANCE = 1e-6
 

@@ -15,7 +15,7 @@ from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, outlined
-from tests.unit.core import (
+from tests.core.problems import (
     THREE_BLOCKS,
     Array,
     conditions,

@@ -16,7 +16,7 @@ from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene import SolveOptions
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import coulomb, wall_recipe
-from tests.unit.core import BOND, load_case
+from tests.core.problems import BOND, load_case
 
 
 def finds_nothing(task: Task) -> None:
