@@ -112,10 +112,10 @@ class HighFrictionOptions:
 
     Attributes:
         lower: Coefficient from which on paths are lost at points that slide under little pressure.
-        early: Coefficient above which this is tried before the whole path of block modes: on four
-            walls and a bond with friction 3 to 1000 it found all but one state with 79 to 408
-            factorisations, a third of them on the structure; that path took up to 788.
-        brief: Cost of that path at most before this is tried; where it suffices it is cheaper.
+        early: Coefficient above which this is tried before the whole path of block modes, which is
+            lost or takes hundreds of steps with 3 and more, and a few tens with 1.5.
+        brief: Cost of that path at most before this is tried: on simple structures it suffices, in
+            units of one factorisation of the structure.
         change: Of the friction bound on block modes, relative, at which it has followed.
         on_modes: Iterations of the bound on block modes at most.
         between: Those on the structure between two tries with friction in the equations.
