@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -35,13 +35,18 @@ from fenics_contact.collapse.strategy import (
     to_end,
 )
 from fenics_contact.collapse.work_control import find_collapse
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.history import CollapseState, Lowest
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.arclength import Continuation, PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.growing_friction import GROWTH, FrictionGrowth, with_growing_friction
-from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, ContactProblem, State
@@ -54,8 +59,9 @@ class LowestOptions:
     """Numbers of the searches. Costs are limits, in units of that of the collapse of the path.
 
     Attributes:
-        search: Cost of the search of a second opinion, until a known state is recognised, and of
-            following it where none is.
+        search: Cost of the search of a second opinion, until a known state is recognised or another
+            one found next to its end.
+        follow: Cost of following the path from there where none is found.
         searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
@@ -69,13 +75,17 @@ class LowestOptions:
         closely: where several states are asked for (those of W3, 0.356 and 0.384, have 0.9995).
         iterations: Of the fixed point at most, and
         tolerance: its tolerance on bound and load factor, relative: states below are finished.
+        exact: How exact a state next to the end of a search is, and
+        directly: when the interior point method gives it up; its steps cost less than those of a
+            path.
     """
 
     search: float = 0.5
+    follow: float = 0.5
     searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
-    tries: int = 2
+    tries: int = 1
     growths: tuple[tuple[float, float], ...] = ((1.0, 0.2), (0.3, 0.2), (1.0, 0.1), (1.0, 0.0))
     below: float = 2e-3
     same: float = 1e-4
@@ -84,6 +94,10 @@ class LowestOptions:
     closely: float = 0.9999
     iterations: int = 30
     tolerance: float = 1e-3
+    exact: Tolerances = field(default_factory=lambda: Tolerances(1e-5, 1e-4))
+    directly: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-4)
+    )
 
 
 LOWEST = LowestOptions()
@@ -117,7 +131,7 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
     for name, look in SECOND.items():
         try:
             with effort.at_most(LOWEST.searches * cost):
-                state = look(task, end, limit, LOWEST.search * cost)
+                state = look(task, end, limit, (LOWEST.search * cost, LOWEST.follow * cost))
         except SolverError as error:
             _log.info("second opinion: %s", error)
             continue
@@ -133,22 +147,22 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
     return _confirmed(case, end, lower, len(ended), tolerance, cost)
 
 
-def _grown(task: Task, end: Collapse, limit: float, cost: float) -> State | None:
+def _grown(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
     """What the first search with growing friction finds that comes to an end, as `_other`.
 
-    It may take `cost`, and following it again.
+    `budget` is the cost of the search and of following where it leads, at most.
     """
     for begin, power in LOWEST.growths[: LOWEST.tries]:
         search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
         try:
-            return _other(task, search, end.mode, (cost, cost), limit)
+            return _other(task, search, end.mode, budget, limit)
         except SolverError as error:
             _log.info("second opinion: %s", error)
             failed = error
     raise failed
 
 
-def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None:
+def _rigid(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
     """A state next to that of rigid blocks, as `_other`; None if theirs is not low."""
     case = task.case
     whole = task.case.discretization
@@ -158,7 +172,7 @@ def _rigid(task: Task, end: Collapse, limit: float, cost: float) -> State | None
         return None
     bound = case.problem.law.given(rigid.pressure[whole.operators.points])
     search = partial(by_fixed_point, bound=bound, iterations=1)  # more may lead away from it
-    return _other(task, search, end.mode, (cost, cost), limit)
+    return _other(task, search, end.mode, budget, limit)
 
 
 #: Searches of a second opinion, by name, the first of which has to come to an end.
@@ -360,16 +374,30 @@ def _other(
 
         with effort.at_most(budget[0]):
             state, mu = search(modes, kkt, task, recognised)
-        if recognised(state.displacement):
-            return None
-        with effort.at_most(budget[1]):
-            path = falling(kkt, passed=partial(_end_at_known, recognised, below))
-            point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
-            if point is None:
+            if recognised(state.displacement):
                 return None
-            # The products that are left may have lowered the load factor.
-            found = to_end(task, point.state, point.mu, kkt)
-        return modes.prolonged(found.state)
+            found = _directly(kkt, state, mu)
+        if found is None:
+            with effort.at_most(budget[1]):
+                path = falling(kkt, passed=partial(_end_at_known, recognised, below))
+                point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
+                if point is None:
+                    return None
+                # The products that are left may have lowered the load factor.
+                found = to_end(task, point.state, point.mu, kkt)
+        low = found.state.load_factor < below and not recognised(found.state.displacement)
+        return modes.prolonged(found.state) if low else None
+
+
+def _directly(kkt: PerturbedKKT, state: State, mu: float) -> Solution | None:
+    """The state next to one near the central path; None if the interior point method stalls."""
+    try:
+        return solve_interior_point(kkt, state, mu, LOWEST.exact, LOWEST.directly)
+    except EffortError:
+        raise
+    except SolverError as error:
+        _log.info("  next to the end of a search: %s", error)
+        return None
 
 
 def _low_point(path: Continuation, start: PathPoint, end: float, below: float) -> PathPoint | None:

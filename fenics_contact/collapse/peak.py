@@ -12,8 +12,8 @@ and a peak is where the slope changes its sign, or where the path turns back.
    (1954) 71): where the collapse reaches it there is no peak.
 2. Else the path is followed on block modes with small products, settled at rising works, and where
    the tangent at one of these crosses the collapse before the next: a peak may be narrow. Where
-   the path that led to the collapse is known, with larger products, one Newton step to products
-   zero from its states tells how high it is; if none is above, it is not followed once more.
+   the path that led to the collapse is known, with larger products, these are taken to zero at
+   some of its states first; if none is above then, the path is not followed once more.
 3. A point above the collapse is finished with products zero. If it stays there, the path of the
    structure is followed from there until it has fallen or turned back. From the highest point the
    products go to zero, and slopes on both sides lead to the summit.
@@ -118,7 +118,6 @@ class PeakOptions:
         another: A path that ends so far from the collapse, relative, ends on another one.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
-        left: Part of the height on the plateau that a step to products zero may leave.
         few: Blocks from which on the first limit is smaller, in proportion: steps on block modes
             then take longer, and the path has more of them.
     """
@@ -138,9 +137,12 @@ class PeakOptions:
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
     )
-    left: float = 0.25
     few: int = 100
 
+
+#: How exact states of block modes are that tell whether the path is above the collapse.
+NEARLY = Tolerances(1e-5, 1e-3)
+BRIEF = InteriorPointOptions(max_steps=12, window=4, acceptable=1e-4)
 
 #: How exact states are on the climb, and when the interior point method gives one up.
 ROUGH = Tolerances(1e-9, 1e-6)
@@ -298,37 +300,46 @@ class _OnPath(ABC):
 
 
 def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
-    """Whether a path of block modes, known with larger products, stays below the collapse."""
+    """Whether a path of block modes, known with larger products, stays below the collapse.
+
+    Past the onset the collapse goes on as it is: from its plateau on, nothing is above.
+    """
     if not above(way.last) >= -OPTIONS.another:
         return False  # it led elsewhere
+    modes = case.discretization.block_modes.changed(case.problem)
     try:
-        with case.discretization.effort.at_most(limits.seen):
-            return bool(np.max(_heights(case, above, way)) <= ABOVE)
+        with (
+            case.discretization.effort.at_most(limits.seen),
+            modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness,
+        ):
+            for state in way.states[1:]:  # the first is where the path begins
+                scales = case.scales_at(state.work, above.load_factor)
+                kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
+                mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
+                height = above(_load_factor(kkt, state, mu))
+                if height > ABOVE and state.work < above.work:
+                    return False
+                if height > ABOVE:
+                    settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
+                    height = above(settled.state.load_factor)
+                if state.work >= above.work and abs(height) <= OPTIONS.another:
+                    return True
+                if height > ABOVE:
+                    return False
+            return True
     except SolverError as error:
         _log.info("  peak: %s", error)
         return False
 
 
-def _heights(case: LoadCase, above: Above, way: Way) -> list[float]:
-    """How much higher than the collapse the states of a way are with products zero, to first order.
+def _load_factor(kkt: PerturbedKKT, state: State, mu: float) -> float:
+    """Load factor of a state on a path with products zero, to first order: one Newton step.
 
-    Relative; with products they are lower where joints open, and higher on the plateau. There the
-    collapse is a state for itself, and a small part of the height may be of second order.
+    With products it is lower where joints open, and higher on the plateau.
     """
-    modes = case.discretization.block_modes.changed(case.problem)
-    heights = []
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for state in way.states:
-            scales = case.scales_at(state.work, above.load_factor)
-            mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
-            kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
-            now = kkt.on_central_path(state, mu)
-            step = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])[0]
-            height = above(state.load_factor + step.load_factor)
-            on_plateau = state.work >= above.work
-            left = OPTIONS.left * above(state.load_factor) if on_plateau else 0.0
-            heights.append(0.0 if ABOVE < height <= left else height)
-    return heights
+    now = kkt.on_central_path(state, mu)
+    (step,) = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])
+    return state.load_factor + step.load_factor
 
 
 def _seed(case: LoadCase, above: Above) -> State | None:

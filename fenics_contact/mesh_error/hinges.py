@@ -161,7 +161,8 @@ def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
         new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
-        if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
+        same = abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size
+        if same and halvings >= OPTIONS.enough[0]:
             return replace(way, ended=True)
         way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
         way = replace(way, ended=independent(case, new))

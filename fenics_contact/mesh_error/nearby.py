@@ -55,7 +55,7 @@ class NearbyOptions:
 
     near: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
+            (0.2,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=4)
         )
     )
     work: WorkOptions = field(
