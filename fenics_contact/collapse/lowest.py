@@ -65,9 +65,8 @@ class LowestOptions:
         searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
-        tries: Searches of a second opinion, of which one has to come to an end.
-        growths: Products at the start and power with which friction grows: what is tried for a
-            second opinion, in order, and where several states are asked for.
+        growths: Products at the start and power with which friction grows: the first for a second
+            opinion, all where several states are asked for.
         below: A load factor on block modes is lower by this part of its size at least.
         same: Load factors of one state differ by less, relative.
         small: Load factors are judged relative to themselves, or this part of the typical one.
@@ -85,7 +84,6 @@ class LowestOptions:
     searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
-    tries: int = 1
     growths: tuple[tuple[float, float], ...] = ((1.0, 0.2), (0.3, 0.2), (1.0, 0.1), (1.0, 0.0))
     below: float = 2e-3
     same: float = 1e-4
@@ -148,18 +146,13 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
 
 
 def _grown(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
-    """What the first search with growing friction finds that comes to an end, as `_other`.
+    """What growing friction leads to, as `_other`.
 
     `budget` is the cost of the search and of following where it leads, at most.
     """
-    for begin, power in LOWEST.growths[: LOWEST.tries]:
-        search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
-        try:
-            return _other(task, search, end.mode, budget, limit)
-        except SolverError as error:
-            _log.info("second opinion: %s", error)
-            failed = error
-    raise failed
+    begin, power = LOWEST.growths[0]
+    search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
+    return _other(task, search, end.mode, budget, limit)
 
 
 def _rigid(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
