@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmarks import fuzz
-from fenics_contact.geometry.mesh import gmsh_session
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from tests.drawing import rectangle
 from tests.system.program import changed, files, result, run, run_here, toml
 

@@ -15,8 +15,8 @@ from fenics_contact.geometry.drawing import LIMITS, Drawing
 from fenics_contact.geometry.dxf.blocks import DxfContents, Mark, read_dxf
 from fenics_contact.geometry.dxf.reader import UNITS
 from fenics_contact.geometry.dxf.roles import LayerRoles
-from fenics_contact.geometry.mesh import gmsh_session
-from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
+from fenics_contact.geometry.meshing import default_size, sides_of_outlines
 from fenics_contact.geometry.outlines import overlaps
 from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
 
@@ -95,9 +95,10 @@ def _check_size(drawing: Drawing, size: float) -> None:
             " --size in m"
         )
     # Two triangles or more for each square, and the squares of four elements by default.
-    cells = 32.0 * len(drawing.blocks) * (default_size(list(drawing.blocks)) / size) ** 2
-    around = sum(np.linalg.norm(np.roll(b, -1, axis=0) - b, axis=1).sum() for b in drawing.blocks)
-    cells = max(cells, around / size)
+    blocks = list(drawing.blocks)
+    cells = 32.0 * len(blocks) * (default_size(blocks) / size) ** 2
+    sides = np.diff(sides_of_outlines(blocks), axis=1)[:, 0]
+    cells = max(cells, float(np.linalg.norm(sides, axis=1).sum()) / size)
     if cells > LIMITS.cells:
         raise InputError(f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size")
 
