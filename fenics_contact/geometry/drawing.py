@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import check_types, checked
+from fenics_contact.errors.checks import check_types, checked
 from fenics_contact.geometry.meshing import (
     Segments,
     default_size,

@@ -10,14 +10,15 @@ import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import check_like
 from fenics_contact.errors import InputError
+from fenics_contact.errors.checks import check_like
 from fenics_contact.geometry.gmsh_reader import GmshContents, Tags, contents, read
 from fenics_contact.geometry.msh_text import text_contents
 from fenics_contact.geometry.planar_cells import (
@@ -28,7 +29,7 @@ from fenics_contact.geometry.planar_cells import (
     connected,
     sides_of,
 )
-from fenics_contact.requirements import check_gmsh
+from fenics_contact.requirements import GMSH_WAYS
 
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
@@ -83,10 +84,16 @@ class GmshMesh(TaggedMesh):
     cell_surfaces: Labels
 
 
+def _check_gmsh() -> None:
+    """Refuse to go on without gmsh."""
+    if find_spec("gmsh") is None:
+        raise InputError(f"this needs gmsh, which is not installed: {GMSH_WAYS}")
+
+
 @contextmanager
 def gmsh_session(**options: float) -> Iterator[Any]:
     """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
-    check_gmsh()
+    _check_gmsh()
     import gmsh
 
     handler = signal.getsignal(signal.SIGINT)
@@ -124,7 +131,7 @@ def read_file(path: Path) -> GmshMesh:
     try:
         found = text_contents(path)
         if found is None:
-            check_gmsh()
+            _check_gmsh()
             found = read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None

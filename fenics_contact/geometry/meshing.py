@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
 from fenics_contact.geometry.planar_cells import Array, Flags, Indices, sides_of
 from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hin
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
+from fenics_contact.errors.exceptions import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
