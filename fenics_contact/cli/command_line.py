@@ -183,6 +183,9 @@ def _parser() -> argparse.ArgumentParser:
     mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
     mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
+    mesh.add_argument(
+        "--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml"
+    )
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )
