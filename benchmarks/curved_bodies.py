@@ -20,7 +20,7 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.geometry.mesh import gmsh_session
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from dolfinx import graph as dolfinx_graph
 from mpi4py import MPI
 from petsc4py import PETSc
 
-#: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
-CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+#: Nodes of the straight-sided planar cells, by dolfinx's name.
+NODES = {"triangle": 3, "quadrilateral": 4}
 
 
 def versions() -> dict[str, str]:
@@ -190,7 +190,7 @@ def geometry_dofs(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
     """Local geometry nodes of every local cell, shape (cells, nodes of a cell)."""
     tables = getattr(domain.geometry, "dofmaps", None)  # of dolfinx 0.11: one per kind of cell
     table = tables[0] if isinstance(tables, list) else domain.geometry.dofmap
-    return _rows(table, dict(CELL_TYPES.values())[domain.topology.cell_type.name])
+    return _rows(table, NODES[domain.topology.cell_type.name])
 
 
 def same_topology(tags: Any, domain: mesh.Mesh) -> bool:

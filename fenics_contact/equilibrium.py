@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.checks import checked
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import service_state, without_equilibrium
@@ -20,6 +19,7 @@ from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, SolverError, Stopped
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.pictured import Pictured

@@ -16,7 +16,6 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.checks import checked
 from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
 from fenics_contact.collapse.further import with_lowest, with_peak, with_peak_at_any_cost
@@ -36,6 +35,7 @@ from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, SolverError, Stopped
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.mesh_error.accuracy import (
     finer_scene,

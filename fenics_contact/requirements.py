@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from fenics_contact.errors import InputError
-
 #: Modules without which nothing is solved; gmsh is needed for most meshes only.
 NEEDED = ("dolfinx", "petsc4py", "mpi4py")
 
@@ -42,13 +40,3 @@ def check_requirements() -> None:
     message = missing_requirements()
     if message:
         raise ImportError(f"fenics_contact: {message}")
-
-
-def check_gmsh() -> None:
-    """Refuse to go on without gmsh.
-
-    Raises:
-        InputError: With the ways to it.
-    """
-    if find_spec("gmsh") is None:
-        raise InputError(f"this needs gmsh, which is not installed: {GMSH_WAYS}")

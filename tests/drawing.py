@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.geometry.mesh import GmshMesh
+from fenics_contact.geometry.gmsh_mesh import GmshMesh
 from fenics_contact.meshing import model_from_arrays, polygons
 
 Array = npt.NDArray[np.float64]

@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,8 @@ from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    Command = Callable[[argparse.Namespace, MPI.Comm], int]
 
 #: Characters of a message.
 LONGEST_LINE = 1000
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
-        return _commands()[options.command](options, comm)
+        return _command(options.command)(options, comm)
     except InputError as error:
         _complain(str(error), comm)
         return BAD_INPUT
@@ -70,15 +72,19 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
         return _stopped_alone(comm, FAILED)
 
 
-def _commands() -> Mapping[str, Callable[[argparse.Namespace, MPI.Comm], int]]:
-    """Commands by name, imported only now: to parse a command line takes a tenth of the time."""
+def _command(name: str) -> Command:
+    """What a command does, imported only now: to parse a command line takes a tenth of the time."""
     gc.disable()
-    from fenics_contact.cli.commands import COMMANDS
+    if name == "mesh":
+        from fenics_contact.cli.drawings import mesh as found
+    else:
+        from fenics_contact.cli.commands import COMMANDS
 
+        found = COMMANDS[name]
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc, just imported, ends the program at it
-    return COMMANDS
+    return found
 
 
 def _stopped_alone(comm: MPI.Comm, code: int) -> int:
@@ -177,6 +183,9 @@ def _parser() -> argparse.ArgumentParser:
     mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
     mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
+    mesh.add_argument(
+        "--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml"
+    )
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )

@@ -1,4 +1,4 @@
-"""What the commands do: solve, check, sweep, report and mesh; each returns its exit code."""
+"""What the commands do: solve, check, sweep and report; each returns its exit code."""
 
 from __future__ import annotations
 
@@ -180,27 +180,4 @@ def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
-def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    """Mesh a drawing on rank 0 and say what was made."""
-    from fenics_contact.geometry.dxf.command import MeshOrder, mesh_drawing
-    from fenics_contact.geometry.dxf.roles import LayerRoles
-
-    given = {role: getattr(options, role) for role in ("blocks", "lines", "voids", "ignore")}
-    roles = LayerRoles(**{role: _layers(texts) for role, texts in given.items()})
-    order = MeshOrder(
-        options.drawing, options.output, options.size, options.unit, roles, options.picture
-    )
-    with raised_together(comm):
-        if comm.rank == 0:
-            made = mesh_drawing(order)
-            if not options.quiet:
-                print(made)
-    return 0
-
-
-def _layers(texts: list[str]) -> tuple[str, ...]:
-    """Names of layers, given with commas between them or one by one."""
-    return tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
-
-
-COMMANDS = {"solve": solve, "check": check, "sweep": sweep, "report": report, "mesh": mesh}
+COMMANDS = {"solve": solve, "check": check, "sweep": sweep, "report": report}

@@ -11,6 +11,7 @@ from dolfinx.mesh import Mesh
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
+from fenics_contact.geometry.gmsh_mesh import CELL_TYPES
 from fenics_contact.geometry.gmsh_reader import GmshContents
 
 Indices = npt.NDArray[np.int64]
@@ -18,7 +19,7 @@ Indices = npt.NDArray[np.int64]
 TagNames = Mapping[Any, str]
 
 #: Element type of gmsh by the cell's name, and that of a straight line.
-_KINDS = {name: kind for kind, (name, _) in compat.CELL_TYPES.items()}
+_KINDS = {name: kind for kind, (name, _) in CELL_TYPES.items()}
 _LINE = 1
 #: Order of a cell's nodes round it: dolfinx numbers those of quadrilaterals row by row.
 _ROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}

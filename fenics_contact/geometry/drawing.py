@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import check_types, checked
+from fenics_contact.errors.checks import check_types, checked
 from fenics_contact.geometry.meshing import (
     Segments,
     default_size,
     divided_outlines,
     polygons,
+    sides_of_outlines,
     sides_on,
 )
 from fenics_contact.geometry.outlines import inside_outlines
@@ -70,7 +71,7 @@ class Drawing:
     def lengths(self) -> dict[str, float]:
         """Length of the sides in every group, m, both sides where blocks touch."""
         blocks, near = divided_outlines(list(self.blocks), self.groups)
-        sides = np.concatenate([np.linalg.norm(np.roll(b, -1, axis=0) - b, axis=1) for b in blocks])
+        sides = np.linalg.norm(np.diff(sides_of_outlines(blocks), axis=1)[:, 0], axis=1)
         found = sides_on(blocks, self.groups, near)
         return {name: float(sides[on].sum()) for name, on in found.items()}
 
@@ -81,7 +82,7 @@ class Drawing:
         corner faces, 0 where the nearest is another corner; see `DrawingLimits.gap`.
         """
         blocks, near = divided_outlines(list(self.blocks), {})
-        ends = np.concatenate([np.stack([b, np.roll(b, -1, axis=0)], axis=1) for b in blocks])
+        ends = sides_of_outlines(blocks)
         owner = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
         reach = 4.0 * LIMITS.gap * default_size(blocks)
         rows, middle = _close_corners(ends, owner, near, reach)

@@ -1,11 +1,8 @@
-"""Meshes of blocks: read from gmsh on one rank, split into bodies, distributed body by body."""
+"""Meshes of blocks, distributed body by body; `gmsh_mesh` reads them on one rank."""
 
 from __future__ import annotations
 
-import signal
-import stat
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -15,21 +12,22 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.checks import check_like, checked
-from fenics_contact.errors import InputError, raised_together
+from fenics_contact.errors import raised_together
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.dolfinx_reader import TagNames
 from fenics_contact.geometry.dolfinx_reader import contents as dolfinx_contents
-from fenics_contact.geometry.gmsh_reader import GmshContents, Tags, contents, read
-from fenics_contact.geometry.msh_text import text_contents
-from fenics_contact.geometry.planar_cells import (
-    anticlockwise,
-    check_apart,
-    check_coordinates,
-    connected,
-    sides_of,
+from fenics_contact.geometry.gmsh_mesh import (
+    GmshMesh,
+    TaggedMesh,
+    bodies_of_cells,
+    extract,
+    joined_surfaces,
+    mesh_of,
+    read_file,
+    with_blocks,
 )
+from fenics_contact.geometry.planar_cells import check_apart
 from fenics_contact.geometry.stored_mesh import StoredMesh
-from fenics_contact.requirements import check_gmsh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -37,54 +35,8 @@ Labels = npt.NDArray[np.int32]
 Flags = npt.NDArray[np.bool_]
 Names = frozenset[str]
 
-#: What a block is: connected cells, or connected cells of one gmsh surface.
-BLOCKS = ("connected", "surfaces")
 #: Largest load of a rank over the mean load at which bodies are still kept whole.
 BODY_IMBALANCE = 1.3
-
-
-@dataclass(frozen=True)
-class TaggedMesh:
-    """Physical groups of a mesh; the same on all ranks that have it.
-
-    Attributes:
-        source: Where the mesh came from, for messages.
-        facets: Input nodes of the tagged facets, smaller first, each once, shape (facets, 2).
-        facet_groups: Physical groups of those facets, as an index into `facet_sets`.
-        cell_sets: Sets of group names that occur on cells.
-        facet_sets: Sets of group names that occur on facets.
-        cell_names: Names of all two-dimensional groups.
-        facet_names: Names of all one-dimensional groups.
-        surfaces: Number of gmsh's surfaces that have cells.
-    """
-
-    source: str
-    facets: Indices
-    facet_groups: Labels
-    cell_sets: tuple[Names, ...]
-    facet_sets: tuple[Names, ...]
-    cell_names: tuple[str, ...]
-    facet_names: tuple[str, ...]
-    surfaces: int
-
-
-@dataclass(frozen=True)
-class GmshMesh(TaggedMesh):
-    """Planar cells and tagged facets of a gmsh model, on one rank.
-
-    Attributes:
-        cell_name: "triangle" or "quadrilateral".
-        points: Coordinates of the nodes that cells use, shape (points, 2).
-        cells: Node indices in gmsh order, shape (cells, nodes of a cell).
-        cell_groups: Physical groups of every cell, as an index into `cell_sets`.
-        cell_surfaces: gmsh's surface of every cell, from 0 on.
-    """
-
-    cell_name: str
-    points: Array
-    cells: Indices
-    cell_groups: Labels
-    cell_surfaces: Labels
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,7 +87,7 @@ class BlockMesh(TaggedMesh):
         Raises:
             InputError: On all ranks, if the file is missing, not gmsh's, or not a mesh of blocks.
         """
-        return cls._distribute(lambda: _with_blocks(_read(Path(path)), blocks), comm)
+        return cls._distribute(lambda: with_blocks(read_file(Path(path)), blocks), comm)
 
     @classmethod
     @checked
@@ -144,7 +96,7 @@ class BlockMesh(TaggedMesh):
     ) -> BlockMesh:
         """Distribute the current gmsh model of rank 0, as builders return it; see `from_file`."""
         source = "the gmsh model"
-        return cls._distribute(lambda: _with_blocks(extract(model, source), blocks), comm)
+        return cls._distribute(lambda: with_blocks(extract(model, source), blocks), comm)
 
     @classmethod
     @checked
@@ -177,7 +129,7 @@ class BlockMesh(TaggedMesh):
         """
         source = "the dolfinx mesh"
         found = dolfinx_contents(mesh, cell_tags, facet_tags, names, source)
-        return cls._distribute(lambda: _with_blocks(_mesh_of(found, source), blocks), mesh.comm)
+        return cls._distribute(lambda: with_blocks(mesh_of(found, source), blocks), mesh.comm)
 
     @classmethod
     def _distribute(cls, read: Callable[[], GmshMesh], comm: MPI.Comm | None) -> BlockMesh:
@@ -194,7 +146,7 @@ class BlockMesh(TaggedMesh):
                 body = bodies_of_cells(mesh)
                 check_apart(mesh.points, mesh.cells, body, mesh.source)
                 rank = ranks_of_bodies(mesh, body, comm.size)
-                joined = _joined_surfaces(mesh, body)
+                joined = joined_surfaces(mesh, body)
                 arrays = ("points", "cells", "cell_groups", "cell_surfaces")
                 rest = replace(mesh, **{name: getattr(mesh, name)[:0] for name in arrays})
         rest, whole, joined = comm.bcast((rest, rank is not None, joined))
@@ -209,208 +161,6 @@ class BlockMesh(TaggedMesh):
         tags = {item.name: getattr(mesh, item.name) for item in fields(TaggedMesh)}
         of_bodies = {"body": body, "body_count": count, "joined": joined}
         return cls(**tags, **of_bodies, stored=stored, cell_groups=groups)
-
-
-@contextmanager
-def gmsh_session(**options: float) -> Iterator[Any]:
-    """gmsh, started if need be, silent, without its hold on Ctrl-C, with options of meshing."""
-    check_gmsh()
-    import gmsh
-
-    handler = signal.getsignal(signal.SIGINT)
-    gmsh.initialize(readConfigFiles=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in options}
-    try:
-        for name, value in options.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-        yield gmsh
-    finally:
-        for name, value in before.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
-        signal.signal(signal.SIGINT, handler)
-
-
-def _read(path: Path) -> GmshMesh:
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):  # to open a pipe would wait for ever
-            raise InputError(f"'{path}' is a folder or device; give the path of a gmsh .msh file")
-        with path.open("rb") as file:
-            start = file.read(16)
-    except (FileNotFoundError, NotADirectoryError, ValueError):  # a name with a NUL
-        problem = "does not exist; give the path of a gmsh .msh file"
-        raise InputError(f"mesh file '{path}' {problem}") from None
-    except OSError as error:
-        raise InputError(f"mesh file '{path}' cannot be read: {error.strerror}") from None
-    if not start.startswith((b"$MeshFormat", b"$Comments")):
-        raise InputError(f"'{path}' is not a gmsh mesh file; save the mesh from gmsh as .msh")
-    try:
-        found = text_contents(path)
-        if found is None:
-            check_gmsh()
-            found = read(path)
-    except ValueError as error:
-        raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
-    return _mesh_of(found, f"'{path}'")
-
-
-def extract(model: Any, source: str) -> GmshMesh:
-    """Cells, tagged facets and group names of the current `gmsh.model`, `source` in messages.
-
-    Raises:
-        InputError: If it is not a planar mesh of triangles or quadrilaterals with area in groups.
-    """
-    check_like("model", model, "getPhysicalGroups", "a gmsh model, as builders return it")
-    return _mesh_of(contents(model), source)
-
-
-def _mesh_of(found: GmshContents, source: str) -> GmshMesh:
-    names = found.groups
-    for dim, tag in (group for group, name in names.items() if name is None):
-        problem = f"the name of physical group {tag} of dimension {dim} is not UTF-8; rename it"
-        raise InputError(f"{source}: {problem}")
-    by_dim = ([str(name) for (d, _), name in names.items() if d == dim] for dim in (2, 1))
-    cell_names, facet_names = (tuple(dict.fromkeys(some)) for some in by_dim)
-    if not cell_names:
-        problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
-        raise InputError(f"{source} {problem}")
-    cell_name, nodes, groups_of_cells, surface = _cells(found, source)
-    used, flat = np.unique(nodes, return_inverse=True)
-    facets, facet_groups, facet_sets = _facets(found, used)
-    cell_groups, cell_sets = _numbered(groups_of_cells)
-    points = _coordinates(found, used, source)
-    cells = anticlockwise(points, flat.reshape(nodes.shape), source)
-    tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
-    surfaces = len(np.unique(surface))
-    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, cell_groups, surface)
-
-
-def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
-    """Every set as an index into the different ones, and these."""
-    index: dict[Names, int] = {}
-    labels = [index.setdefault(names, len(index)) for names in groups]
-    return np.array(labels, dtype=np.int32), tuple(index)
-
-
-def _coordinates(found: GmshContents, nodes: Tags, source: str) -> Array:
-    """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
-    if not np.all(np.isin(nodes, found.tags)):
-        raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
-    order = np.argsort(found.tags)
-    points = found.coordinates[order[np.searchsorted(found.tags, nodes, sorter=order)]]
-    check_coordinates(points, source)
-    return points[:, :2].copy()
-
-
-def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]]:
-    """Groups, gmsh type and nodes (in a row) of the elements in physical groups, by entity."""
-    for dimension, tags, kind, flat in found.elements:
-        if dimension == dim:
-            yield frozenset(str(found.groups[dim, tag]) for tag in tags), kind, flat
-
-
-def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names], Labels]:
-    """Cell name, nodes of the cells, their groups and surfaces."""
-    by_entity = list(_elements(found, 2))
-    kinds = {kind for _, kind, _ in by_entity}
-    if not kinds:
-        raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
-    if len(kinds) > 1 or not kinds <= set(compat.CELL_TYPES):
-        listed = ", ".join(found.kinds[kind] for kind in sorted(kinds))
-        raise InputError(
-            f"{source} has cells of kind {listed}; mesh it with straight triangles only, or with"
-            " straight quadrilaterals only"
-        )
-    name, width = compat.CELL_TYPES[kinds.pop()]
-    counts = [len(flat) // width for *_, flat in by_entity]
-    groups = [by_entity[k][0] for k, count in enumerate(counts) for _ in range(count)]
-    surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
-    nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
-    return name, nodes, groups, surface
-
-
-def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:
-    """Tagged facets as indices among the nodes used, with their groups and the sets of groups."""
-    groups: dict[tuple[int, int], Names] = {}
-    for more, kind, flat in _elements(found, 1):
-        if kind != 1:  # gmsh's number of a straight line
-            continue
-        for first, second in np.sort(flat.reshape(-1, 2), axis=1).tolist():
-            groups[first, second] = groups.get((first, second), frozenset()) | more
-    nodes = np.array(list(groups), dtype=used.dtype).reshape(-1, 2)
-    index = np.minimum(np.searchsorted(used, nodes), len(used) - 1)
-    known = np.all(used[index] == nodes, axis=1)
-    labels, sets = _numbered(groups.values())
-    return np.sort(index[known], axis=1), labels[known], sets
-
-
-def _with_blocks(mesh: GmshMesh, blocks: str) -> GmshMesh:
-    if blocks not in BLOCKS:
-        raise InputError(f"blocks = '{blocks}' must be one of {', '.join(BLOCKS)}")
-    return with_split_surfaces(mesh) if blocks == "surfaces" else mesh
-
-
-def with_split_surfaces(mesh: GmshMesh) -> GmshMesh:
-    """The mesh with a copy of every node for each surface that uses it.
-
-    A tagged facet between two surfaces becomes two facets, one of each, in the same groups.
-    """
-    count = len(mesh.points)
-    width = mesh.cells.shape[1]
-    surface = mesh.cell_surfaces.astype(np.int64)
-    copies, cells = np.unique(surface[:, None] * count + mesh.cells, return_inverse=True)
-    any_copy = np.zeros(count, dtype=np.int64)
-    any_copy[copies % count] = np.arange(len(copies))
-    ends = np.sort(sides_of(mesh.cells), axis=1)
-    sides = np.column_stack([ends, np.repeat(surface, width)])
-    sides = np.unique(sides, axis=0)  # once for each surface that has it
-    key, tagged = (table[:, :2] @ [count, 1] for table in (sides, mesh.facets))
-    order = np.argsort(tagged)
-    found = np.isin(key, tagged)
-    facet = order[np.searchsorted(tagged[order], key[found])]
-    lost = ~np.isin(tagged, key)  # no side of a cell; kept for the message that says so
-    both = np.searchsorted(copies, sides[found, 2:] * count + sides[found, :2])
-    return replace(
-        mesh,
-        points=mesh.points[copies % count],
-        cells=cells.reshape(mesh.cells.shape),
-        facets=np.concatenate([both, np.sort(any_copy[mesh.facets[lost]], axis=1)]),
-        facet_groups=np.concatenate([mesh.facet_groups[facet], mesh.facet_groups[lost]]),
-    )
-
-
-def bodies_of_cells(mesh: GmshMesh) -> Labels:
-    """Body of every cell: sets of cells connected through facets, numbered by first cell.
-
-    Raises:
-        InputError: If a body hangs together at a single node only, which would be a hinge.
-    """
-    key = np.sort(sides_of(mesh.cells), axis=1) @ [len(mesh.points), 1]
-    _, side = np.unique(key, return_inverse=True)
-    by_node = _connected(mesh.cells)
-    by_side = _connected(side.reshape(mesh.cells.shape))
-    if by_node.max() != by_side.max():
-        raise InputError(
-            f"{mesh.source}: blocks share single nodes; every block needs nodes of its own"
-            ' (double them, or set mesh.blocks = "surfaces")'
-        )
-    _, first, label = np.unique(by_side, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first))[label].astype(np.int32)
-
-
-def _joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
-    """Number of surfaces that are in one body with others of the same groups."""
-    rows = np.column_stack([body, mesh.cell_groups, mesh.cell_surfaces])
-    parts = np.unique(rows, axis=0)[:, :2]
-    _, count = np.unique(parts, axis=0, return_counts=True)
-    return int(count[count > 1].sum())
-
-
-def _connected(entities: Indices) -> Labels:
-    """Number of the set of cells, connected through shared entities, that every cell is in."""
-    count, width = entities.shape
-    pairs = np.column_stack([np.repeat(np.arange(count), width), count + entities.ravel()])
-    return np.unique(connected(pairs, int(pairs.max()) + 1)[:count], return_inverse=True)[1]
 
 
 def ranks_of_bodies(mesh: GmshMesh, body: Labels, ranks: int) -> Labels | None:

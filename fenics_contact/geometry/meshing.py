@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Array, Flags, Indices, extract, gmsh_session
-from fenics_contact.geometry.planar_cells import sides_of
+from fenics_contact.errors.checks import checked
+from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
+from fenics_contact.geometry.planar_cells import Array, Flags, Indices, sides_of
 from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped
 
 Segments = Mapping[str, Sequence[npt.ArrayLike]]
@@ -408,7 +408,7 @@ def _area(corners: Array) -> float:
     return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
 
 
-def _ends(blocks: Polygons) -> Array:
+def sides_of_outlines(blocks: Polygons) -> Array:
     """Starts and ends of the sides of blocks, one after the other, shape (sides, 2, 2)."""
     corners = np.concatenate(blocks)
     return np.stack([corners, corners[_following(blocks)]], axis=1)
@@ -458,7 +458,7 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
                 f" {near / COINCIDENT:g} m"
             )
         blocks.append(block if _area(block) > 0.0 else block[::-1])
-    starts, side = divided_segments(_ends(blocks), np.unique(corners, axis=0), near)
+    starts, side = divided_segments(sides_of_outlines(blocks), np.unique(corners, axis=0), near)
     first_side = np.cumsum([len(block) for block in blocks])[:-1]
     return np.split(starts, np.searchsorted(side, first_side)), near
 

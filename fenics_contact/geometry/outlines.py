@@ -59,9 +59,9 @@ def overlaps(outlines: Sequence[Array], depth: float) -> tuple[Indices, Array]:
 def _box_pairs(low: Array, high: Array, depth: float) -> Indices:
     """Pairs of boxes that overlap by more than a depth in x and y, shape (pairs, 2)."""
     order = np.argsort(low[:, 0], kind="stable")
+    ends = np.searchsorted(low[order, 0], high[order, 0] - depth)
     found = []
-    for place, box in enumerate(order.tolist()):
-        end = np.searchsorted(low[order, 0], high[box, 0] - depth)
+    for place, (box, end) in enumerate(zip(order.tolist(), ends.tolist(), strict=True)):
         others = order[place + 1 : end]
         common = np.minimum(high[others, 1], high[box, 1]) - np.maximum(low[others, 1], low[box, 1])
         wide = np.minimum(high[others, 0], high[box, 0]) - low[others, 0]

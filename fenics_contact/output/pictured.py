@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
-from fenics_contact.checks import checked
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError
+from fenics_contact.errors.checks import checked
 from fenics_contact.output.animation import animate, check_animation
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from fenics_contact.checks import check_like
+from fenics_contact.errors.checks import check_like
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import (
     BLACK,

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from fenics_contact import console
-from fenics_contact.checks import checked
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import writing
 from fenics_contact.scene.scene import Scene

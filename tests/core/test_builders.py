@@ -11,7 +11,7 @@ from fenics_contact import InputError
 from fenics_contact.builders import BridgeParts, bridge, facade, retaining_wall
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.geometry.mesh import bodies_of_cells, extract
+from fenics_contact.geometry.gmsh_mesh import bodies_of_cells, extract
 from fenics_contact.geometry.planar_cells import check_apart
 from tests.helpers import cell_areas, coulomb, group_lengths, on_ground
 

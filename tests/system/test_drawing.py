@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import sys
+import tomllib
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks import fuzz
-from fenics_contact.geometry.mesh import gmsh_session
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from tests.drawing import rectangle
 from tests.system.program import changed, files, result, run, run_here, toml
 
@@ -248,6 +249,87 @@ def test_damaged_files_are_told_in_one_line(folder, capsys):
         assert found.code in (0, 2)
         assert found.err.count("\n") == (found.code == 2), found.err
         assert (folder / "a.msh").exists() == (found.code == 0)
+
+
+# ---- a scene to begin with
+
+
+def test_from_a_drawing_to_a_solved_scene_in_two_commands(folder, capsys):
+    """Flat stones, which slide on the ground at its friction."""
+    lines = [((0, 500), (2000, 500), "Lager ä"), ((0, 1000), (2000, 1000), "top")]
+    write_dxf(folder / "table.dxf", TABLE_MM, [*lines, ((0, 0), (2000, 0), "Ground floor")])
+    (folder / "scenes").mkdir()
+    found = run_here(["mesh", "table.dxf", "--scene", "scenes/wall.toml"], capsys)
+    assert (found.code, found.err) == (0, "")
+    said = found.out.splitlines()[-3:]
+    assert said[0] == "the ground is 'Ground floor': guessed, the lowest level"
+    assert said[1].startswith(
+        "scene written to scenes/wall.toml: materials, frictions and the live"
+    )
+    assert said[2].startswith("next: fenics-contact check scenes/wall.toml, then: ")
+    text = (folder / "scenes" / "wall.toml").read_text(encoding="utf-8")
+    tables = tomllib.loads(text)
+    assert tables["mesh"]["file"] == "../table.msh"
+    assert list(tables["materials"]) == ["stone"]
+    assert list(tables["joints"]) == ["default", "Lager ä"]
+    assert list(tables["foundations"]) == ["Ground floor"]
+    assert "# traction.top = " in text and "2 m of sides" in text
+    found = run_here(["solve", "scenes/wall.toml", "-o", "out"], capsys)
+    assert found.code == 0, found.err
+    assert result(folder / "out")["load_factor"] == pytest.approx(0.6, rel=1e-6)
+
+
+def test_scene_closes_the_mortar_joints_of_its_drawing(folder, capsys):
+    write_dxf(folder / "block.dxf", wall_mm(10.0))
+    line = ["mesh", "block.dxf", "--size", "0.5", "--scene", "wall.toml"]
+    found = run_here(line, capsys)
+    assert (found.code, found.err) == (0, "")
+    assert "the ground is 'base': guessed, the lowest level" in found.out
+    assert tomllib.loads((folder / "wall.toml").read_text())["joints"]["default"]["gap"] == 0.011
+    assert run_here(["check", "wall.toml"], capsys).code == 0
+
+
+def test_scene_without_a_drawn_ground_stands_on_the_lowest_level(folder, capsys):
+    write_dxf(folder / "table.dxf", TABLE_MM, [((0, 500), (2000, 500), "bed")])
+    found = run_here(["mesh", "table.dxf", "--scene", "wall.toml"], capsys)
+    assert (found.code, found.err) == (0, "")
+    assert "sides by layer: bed 4 m, base 2 m" in found.out
+    assert run_here(["check", "wall.toml"], capsys).code == 0
+
+
+def test_layers_that_share_sides_are_the_ground_once(folder, capsys):
+    """Lines between blocks, whose layers of the ground and of all else have the same sides."""
+    lines = [((0, y), (2000, y), "joints") for y in (0, 500, 1000)]
+    lines += [((x, 0), (x, 1000), "joints") for x in (0, 1000, 2000)]
+    write_dxf(folder / "block.dxf", [], [*lines, ((0, 0), (2000, 0), "ground")])
+    found = run_here(["mesh", "block.dxf", "--scene", "wall.toml"], capsys)
+    assert (found.code, found.err) == (0, "")
+    scene = tomllib.loads((folder / "wall.toml").read_text())
+    assert (list(scene["joints"]), len(scene["foundations"])) == (["default"], 1)
+    assert run_here(["check", "wall.toml"], capsys).code == 0
+
+
+@pytest.mark.parametrize(
+    ("scene", "names"),
+    [
+        ("wall.toml", ("wall.toml", "is there already")),
+        ("wall.txt", ("wall.txt", ".toml")),
+        ("nowhere/wall.toml", ("nowhere/wall.toml", "folder does not exist")),
+    ],
+)
+def test_scene_that_cannot_be_written(scene, names, folder, capsys):
+    write_dxf(folder / "block.dxf", [(SQUARE, "stone")])
+    (folder / "wall.toml").write_text("mine")
+    refused(["mesh", "block.dxf", "--scene", scene], names, folder, capsys)
+    assert (folder / "wall.toml").read_text() == "mine"
+
+
+def test_scene_of_a_drawing_without_ground_is_refused(folder, capsys):
+    """A block that stands on a corner, with a line on its upper left side."""
+    diamond = [(0, 0), (500, 500), (0, 1000), (-500, 500)]
+    write_dxf(folder / "block.dxf", [(diamond, "stone")], [((0, 1000), (-500, 500), "wind")])
+    names = ("no layer is the ground", "'ground'")
+    refused(["mesh", "block.dxf", "--scene", "wall.toml"], names, folder, capsys)
 
 
 # ---- the same facade, drawn in both ways

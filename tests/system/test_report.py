@@ -9,11 +9,15 @@ from typing import Any
 
 import pytest
 
-from fenics_contact.output.report.answer import answer
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
+from fenics_contact.meshing import polygons
+from fenics_contact.output.report.answer import PICTURE, answer
 from fenics_contact.output.report.content import Content, Labels
 from fenics_contact.output.report.mechanism import SCRIPT
 from fenics_contact.output.report.page import report_page
-from tests.system.program import LEFT_OUT, result, run, run_here, write_scene
+from tests.bank import sides
+from tests.drawing import rectangle
+from tests.system.program import LEFT_OUT, changed, result, run, run_here, toml, write_scene
 
 SMALL = {"output.paraview": False, "output.report": True}
 STEEP = {"foundations.base.friction": 0.3, "joints": {}}
@@ -37,13 +41,13 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
 }
 #: The mark-up of the page.
 TAGS = set("html head meta title style body h1 h2 h3 p ul li table tr th td figure img".split())
-TAGS |= set("figcaption section svg g path text label input script".split())
+TAGS |= set("figcaption section div svg g path text label input script".split())
 #: Its attributes.
 ATTRIBUTES = set("src alt class scope lang charset viewbox role aria-label xmlns hidden".split())
 ATTRIBUTES |= set(
     "d x y font-size font-family text-anchor fill stroke stroke-width transform".split()
 )
-ATTRIBUTES |= set("data-motion type min max step value".split())
+ATTRIBUTES |= set("data-motion type min max step value style".split())
 
 
 class Page(HTMLParser):
@@ -360,3 +364,21 @@ def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):
     (folder / "scene" / "motion.json").write_text("{")
     assert run_here(["report", "scene"], capsys).code == 0
     assert page_of(folder / "scene").numbers == []
+
+
+@pytest.mark.parametrize(("stones", "place"), [(1, "above"), (4, "beside")])
+def test_assumptions_are_beside_the_picture_of_a_tower(stones, place, folder, capsys):
+    """In print both have one page: a picture above long assumptions is lower."""
+    stack = [rectangle(0, level, 1, level + 1) for level in range(stones)]
+    polygons(stack, 0.5, groups=sides(base=(0, 0, 1, 0)))
+    with gmsh_session() as gmsh:
+        gmsh.write("block.msh")
+    changes = {**SMALL, "joints.default": {"friction": 0.6}, "foundations.base.friction": 0.6}
+    (folder / "scene.toml").write_text(toml(changed(changes)))
+    assert run_here(["solve", "scene.toml", "--fast", "-o", "out"], capsys).code == 0
+    page = (folder / "out" / "report.html").read_text()
+    Page(page)
+    assert f'<div class="{place}" style="--picture: ' in page
+    heights = [PICTURE.above([("joints", "friction " * 12)] * rows) for rows in range(2, 20)]
+    assert heights == sorted(heights, reverse=True)
+    assert (heights[0], heights[-1]) == (PICTURE.most, PICTURE.least)

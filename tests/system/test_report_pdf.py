@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import pytest
@@ -30,6 +31,24 @@ def test_pdf_with_project_and_author(solved, capsys):
     document = weasyprint.HTML(string=page).render()
     assert 4 <= len(document.pages) <= 10
     assert document.metadata.title in page
+
+
+@pytest.mark.parametrize("tall", [False, True])
+def test_first_page_has_answer_picture_and_assumptions(tall, solved, capsys):
+    """Also with the most assumptions that it lists, of several lines each."""
+    weasyprint = pytest.importorskip("weasyprint", reason="no WeasyPrint: make browser")
+    record = json.loads((solved / "result.json").read_text())
+    scene = record["scene"]
+    scene["size"] |= {"width": 1.0, "height": 5.0 if tall else 1.0}
+    law = next(iter(scene["foundations"].values())) | {"cohesion": 5e4, "tensile_strength": 2e4}
+    for kind, one in (("joints", law), ("materials", scene["materials"]["default"])):
+        scene[kind] = {f"{kind} of the west front {number}": one for number in range(4)}
+    (solved / "result.json").write_text(json.dumps(record))
+    assert run_here(["report", "scene"], capsys).code == 0
+    document = weasyprint.HTML(string=(solved / "report.html").read_text()).render()
+    first, second = (document.copy([document.pages[k]]) for k in (0, 1))
+    assert "Assumptions" in str(first.make_bookmark_tree())
+    assert "Loads and groups" in str(second.make_bookmark_tree())  # what follows the table
 
 
 def test_without_weasyprint_one_line_and_no_file(solved, capsys, monkeypatch):

@@ -10,15 +10,14 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, InputError, compat
-from fenics_contact.geometry.gmsh_reader import ReadLimits, read
-from fenics_contact.geometry.mesh import (
-    BODY_IMBALANCE,
+from fenics_contact.geometry.gmsh_mesh import (
     bodies_of_cells,
     extract,
     gmsh_session,
-    ranks_of_bodies,
     with_split_surfaces,
 )
+from fenics_contact.geometry.gmsh_reader import ReadLimits, read
+from fenics_contact.geometry.mesh import BODY_IMBALANCE, ranks_of_bodies
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import Drawing, grid_blocks, mesh_of, rectangle
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.checks import checked
 from fenics_contact.errors import InputError
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf import doubts
 from fenics_contact.geometry.dxf.chords import chains_of_chords

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,10 +13,11 @@ import numpy as np
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.drawing import LIMITS, Drawing
 from fenics_contact.geometry.dxf.blocks import DxfContents, Mark, read_dxf
+from fenics_contact.geometry.dxf.ground import GroupRoles, with_ground
 from fenics_contact.geometry.dxf.reader import UNITS
 from fenics_contact.geometry.dxf.roles import LayerRoles
-from fenics_contact.geometry.mesh import gmsh_session
-from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.gmsh_mesh import gmsh_session
+from fenics_contact.geometry.meshing import default_size, sides_of_outlines
 from fenics_contact.geometry.outlines import overlaps
 from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
 
@@ -32,6 +33,8 @@ class MeshOrder:
         unit: See `read_dxf`.
         roles: See `read_dxf`.
         picture: File for a picture of what was read, or none.
+        scene: File that a scene for the mesh will be written to, or none: the drawing gets a ground
+            then.
     """
 
     drawing: Path
@@ -40,21 +43,59 @@ class MeshOrder:
     unit: str | None = None
     roles: LayerRoles = field(default_factory=LayerRoles)
     picture: Path | None = None
+    scene: Path | None = None
+
+    @property
+    def mesh(self) -> Path:
+        """The .msh file."""
+        return self.drawing.with_suffix(".msh") if self.output is None else self.output
+
+    def check(self) -> None:
+        """Refuse names of files that cannot be written, or not without loss, and sizes."""
+        if self.mesh.suffix != ".msh":
+            raise InputError(f"'{self.mesh}' must end with .msh, for gmsh")
+        if self.size is not None and not 0.0 < self.size < np.inf:
+            raise InputError(f"size = {self.size:g} must be a positive length, m")
+        if self.scene is None:
+            return
+        if self.scene.suffix != ".toml":
+            raise InputError(f"'{self.scene}' must end with .toml, as scenes do")
+        if not self.scene.parent.is_dir():
+            raise InputError(f"cannot write to '{self.scene}': its folder does not exist")
+        if os.path.lexists(self.scene):
+            raise InputError(f"'{self.scene}' is there already; give --scene another name")
 
 
-def mesh_drawing(order: MeshOrder) -> str:
-    """Mesh a DXF drawing and write it for gmsh; returns what was made, for people.
+@dataclass(frozen=True)
+class MeshedDrawing:
+    """A drawing whose mesh was written.
+
+    Attributes:
+        read: The drawing.
+        roles: Of its groups, if a scene was asked for.
+        lines: What was made, for people.
+        closing_gap: `joints.default.gap` that closes gaps between blocks, m, as text; empty if
+            there are none.
+    """
+
+    read: DxfContents
+    roles: GroupRoles | None
+    lines: Sequence[str]
+    closing_gap: str
+
+
+def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
+    """Mesh a DXF drawing and write it for gmsh.
 
     Raises:
         InputError: If the drawing is wrong or blocks overlap, or the mesh cannot be written; no
             mesh is written then.
     """
-    output = order.drawing.with_suffix(".msh") if order.output is None else order.output
-    if output.suffix != ".msh":
-        raise InputError(f"'{output}' must end with .msh, for gmsh")
-    if order.size is not None and not 0.0 < order.size < np.inf:
-        raise InputError(f"size = {order.size:g} must be a positive length, m")
+    order.check()
     read = read_dxf(order.drawing, order.unit, order.roles)
+    roles = None
+    if order.scene is not None:
+        read, roles = with_ground(read)
     drawing = read.drawing
     size = order.size or default_size(list(drawing.blocks))
     pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
@@ -64,21 +105,27 @@ def mesh_drawing(order: MeshOrder) -> str:
     if len(pairs):
         raise InputError(_overlap_message(read, pairs, places, f"'{order.drawing}'"))
     _check_size(drawing, size)
-    triangles = _meshed(drawing, size, output)
+    triangles = _meshed(drawing, size, order.mesh)
+    lines = _said(order, read, f"{triangles} triangles, elements of at most {size:.3g} m")
+    lines += _gap_warning(read, gaps)
+    if order.picture is not None:
+        lines.append(f"picture of what was read: {order.picture}")
+    lines.append(f"written to {order.mesh}")
+    return MeshedDrawing(read, roles, lines, _closing_gap(gaps))
+
+
+def _said(order: MeshOrder, read: DxfContents, mesh: str) -> list[str]:
+    """What was read and made, in lines."""
+    drawing = read.drawing
     width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
     lengths = {name: f"{length:g} m" for name, length in read.lengths.items()}
-    lines = [
+    return [
         f"{order.drawing}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
         f"blocks by layer: {_listed(Counter(drawing.names))}",
         f"sides by layer: {_listed(lengths)}",
-        f"mesh: {triangles} triangles, elements of at most {size:.3g} m along the sides",
+        f"mesh: {mesh} along the sides",
         *read.notes,
-        *_gap_warning(read, gaps),
-        *([f"picture of what was read: {order.picture}"] if order.picture else ()),
-        f"written to {output}",
-        f'next: write a scene with mesh.file = "{output.name}", then: fenics-contact check SCENE',
     ]
-    return "\n".join(lines)
 
 
 def _smallest(drawing: Drawing) -> float:
@@ -95,9 +142,10 @@ def _check_size(drawing: Drawing, size: float) -> None:
             " --size in m"
         )
     # Two triangles or more for each square, and the squares of four elements by default.
-    cells = 32.0 * len(drawing.blocks) * (default_size(list(drawing.blocks)) / size) ** 2
-    around = sum(np.linalg.norm(np.roll(b, -1, axis=0) - b, axis=1).sum() for b in drawing.blocks)
-    cells = max(cells, around / size)
+    blocks = list(drawing.blocks)
+    cells = 32.0 * len(blocks) * (default_size(blocks) / size) ** 2
+    sides = np.diff(sides_of_outlines(blocks), axis=1)[:, 0]
+    cells = max(cells, float(np.linalg.norm(sides, axis=1).sum()) / size)
     if cells > LIMITS.cells:
         raise InputError(f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size")
 
@@ -124,10 +172,9 @@ def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
     """How many corners lie beside another block, how far, and how to close the gaps."""
     if not len(gaps):
         return
-    facing = gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps
+    facing = _facing(gaps)
     least, most = facing[:, 2].min(), facing[:, 2].max()
-    step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
-    gap = f"{np.ceil(1.05 * most / step) * step:.2g}"
+    gap = _closing_gap(gaps)
     in_unit = " to ".join(dict.fromkeys(f"{d / UNITS[read.unit]:.3g}" for d in (least, most)))
     mortar = len(gaps) > len(read.drawing.blocks)
     yield (
@@ -140,6 +187,20 @@ def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
         f" fenics-contact solve SCENE --set joints.default.gap={gap}; or draw the blocks side by"
         " side"
     )
+
+
+def _facing(gaps: Array) -> Array:
+    """Gaps between a corner and the side that it faces, if there are any."""
+    return gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps
+
+
+def _closing_gap(gaps: Array) -> str:
+    """Distance, m, that is a little larger than the largest gap; empty without gaps."""
+    if not len(gaps):
+        return ""
+    most = _facing(gaps)[:, 2].max()
+    step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
+    return f"{np.ceil(1.05 * most / step) * step:.2g}"
 
 
 def _listed(values: Mapping[str, object]) -> str:

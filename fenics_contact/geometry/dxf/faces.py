@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -49,13 +50,15 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     from shapely.ops import polygonize, unary_union
 
     whole = unary_union(MultiLineString(_cut(chains, near).tolist()))
-    lines = [np.asarray(line.coords) for line in getattr(whole, "geoms", [whole])]
+    parts = list(getattr(whole, "geoms", [whole]))
+    lines = [np.asarray(part.coords) for part in parts]
     edges = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
-    faces = [face for face in polygonize(whole) if face.area > SLIVER * near * face.length]
-    outlines = [np.asarray(face.exterior.coords)[:-1] for face in faces]
-    holes = np.array([len(face.interiors) > 0 for face in faces], dtype=bool)
-    rings = [np.asarray(r.coords) for f in faces for r in (f.exterior, *f.interiors)]
-    return Faces(outlines, holes, edges, _outer(edges, rings), _free(edges))
+    faces = [face for face in polygonize(parts) if face.area > SLIVER * near * face.length]
+    outlines = [np.asarray(face.exterior.coords) for face in faces]
+    holes = [[np.asarray(ring.coords) for ring in face.interiors] for face in faces]
+    outer = _outer(edges, [*outlines, *chain.from_iterable(holes)])
+    has_hole = np.array([len(rings) > 0 for rings in holes], dtype=bool)
+    return Faces([ring[:-1] for ring in outlines], has_hole, edges, outer, _free(edges))
 
 
 def _cut(chains: Sequence[Array], near: float) -> Array:

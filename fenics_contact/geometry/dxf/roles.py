@@ -16,8 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from fenics_contact.checks import check_types
 from fenics_contact.errors import InputError
+from fenics_contact.errors.checks import check_types
 from fenics_contact.geometry.dxf.reader import Curve, Curves
 from fenics_contact.geometry.outlines import inside_outlines
 from fenics_contact.geometry.planar_cells import Array

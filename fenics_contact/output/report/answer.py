@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
@@ -14,6 +15,37 @@ from fenics_contact.scene.units import Units
 GRAVITY = 9.81
 #: A component of an acceleration below this part of the other one is none.
 LEVEL = 1e-9
+#: Height of a structure over its width from which the assumptions are beside its picture.
+TALL = 1.6
+
+
+@dataclass(frozen=True)
+class PrintedPicture:
+    """Height of the picture in print, such that page 1 (A4) has the assumptions too, cm.
+
+    Attributes:
+        beside: With the assumptions beside it.
+        most: Largest above the assumptions.
+        least: Smallest above them: the picture is to be seen.
+        page: What picture and assumptions have together.
+        line: Height of a line of the assumptions; all but the first of a row have a little less.
+        letters: That a line has room for.
+    """
+
+    beside: float = 17.0
+    most: float = 12.5
+    least: float = 6.0
+    page: float = 17.0
+    line: float = 0.54
+    letters: int = 75
+
+    def above(self, rows: Sequence[tuple[str, str]]) -> float:
+        """Height of a picture above the assumptions, cm."""
+        lines = sum(math.ceil(len(value) / self.letters) for _, value in rows)
+        return min(max(self.page - self.line * lines, self.least), self.most)
+
+
+PICTURE = PrintedPicture()
 #: Groups of one kind that page 1 has room for; the tables of the structure have all.
 SHOWN = 4
 
@@ -27,11 +59,15 @@ def first_page(content: Content) -> Iterator[str]:
     yield paragraph(answer(record), kind=f"status {status}")
     name = "verified" if status == "limit" else status.replace("_", " ")
     yield paragraph(f"{name.capitalize()}: {STATUS[status]}")
+    rows = list(_assumptions(record, content.units))
+    size = record["scene"]["size"]
+    beside = size["height"] > TALL * size["width"]
+    height = PICTURE.beside if beside else PICTURE.above(rows)
+    yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
     direction = next(iter(record["ends"]), "positive")
     if address := content.picture_of("collapse", direction):
         yield picture(address, _caption(record, direction))
-    yield heading("Assumptions", 2)
-    yield table(_assumptions(record, content.units))
+    yield f"<div>{heading('Assumptions', 2)}{table(rows)}</div></div>"
 
 
 def _labels(content: Content) -> str:

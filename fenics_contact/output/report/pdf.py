@@ -30,11 +30,19 @@ def pdf_writer() -> Any:
 
 def pdf_of(writer: Any, page: str) -> bytes:
     """A page of HTML as PDF; nothing but what the page holds itself is read."""
+    pdf: bytes = writer.HTML(string=page, url_fetcher=_data_fetcher(writer)).write_pdf()
+    return pdf
+
+
+def _data_fetcher(writer: Any) -> Any:
+    """What WeasyPrint reads addresses with: those that are data themselves, and no other."""
+    fetcher = getattr(writer.urls, "URLFetcher", None)
+    if fetcher is not None:  # from WeasyPrint 68 on
+        return fetcher(allowed_protocols=["data"])
 
     def fetch(address: str) -> Any:
         if not address.startswith("data:"):
             raise ValueError("a report reads no other file")
         return writer.default_url_fetcher(address)
 
-    pdf: bytes = writer.HTML(string=page, url_fetcher=fetch).write_pdf()
-    return pdf
+    return fetch

@@ -155,7 +155,11 @@ tr { page-break-inside: avoid; }
 .limit { border-color: #27632a; }
 figure { margin: 1em 0; page-break-inside: avoid; }
 img { display: block; max-width: 100%; max-height: 22cm; margin: 0 auto; }
-section:first-of-type img { width: 100%; max-height: none; }
+.above img { width: 100%; max-height: none; }
+.beside figure { float: left; width: 42%; margin: 0.4em 0 0; }
+.beside > div { margin-left: 45%; }
+.beside h2 { margin-top: 0.4em; }
+.beside::after { content: ""; display: block; clear: both; }
 svg { display: block; width: 100%; max-height: 16cm; }
 figcaption { font-size: 85%; text-align: center; }
 .slider { text-align: center; margin: 0.3em 0; }
@@ -174,6 +178,6 @@ p, td, li { overflow-wrap: break-word; }
   .slider { display: none; }
   img { max-height: 9.5cm; }
   svg { height: 9.5cm; }
-  section:first-of-type img { width: auto; max-height: 12.5cm; }
+  .above img, .beside img { width: auto; max-height: var(--picture); }
 }
 """
