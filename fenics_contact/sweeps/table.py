@@ -135,7 +135,7 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
     tables = json.dumps(solved, sort_keys=True, default=str).encode()
     record = {"version": __version__, "scene": hashlib.sha256(tables).hexdigest()}
     if family.file is not None:
-        folder = family.file[0].parent
+        folder = family.file.parent
         files = [hashlib.sha256((folder / name).read_bytes()) for name in sorted(meshes)]
         record["mesh"] = " ".join(one.hexdigest() for one in files)
     vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
