@@ -13,12 +13,12 @@ between two radii of ratio 2 is 1/2 ln 2 F^T G^-1 F: a halving has the complianc
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 import numpy as np
 import ufl
 
+from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.scene.scene import Material, StressLaw
@@ -46,7 +46,7 @@ def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
         InputError: If the law fails, or gives no tensors.
     """
     try:
-        more = () if place is None or not _takes_place(law) else (place,)
+        more = () if place is None or compat.arguments_of(law) < 3 else (place,)
         tensors = [law(_tensor(strain), material, *more) for strain in STRAINS]
         for sigma in tensors:
             if ufl.shape(sigma) != (2, 2):
@@ -55,13 +55,6 @@ def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
         return ufl.as_vector(entries)
     except Exception as error:  # of a function of the user
         raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
-
-
-def _takes_place(law: StressLaw) -> bool:
-    """Whether a law has a third parameter to be given."""
-    kinds = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
-    given = [p for p in inspect.signature(law).parameters.values() if p.kind in kinds]
-    return len([p for p in given if p.default is inspect.Parameter.empty]) > 2
 
 
 def _tensor(strain: Array) -> Any:
