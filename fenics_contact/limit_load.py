@@ -274,7 +274,8 @@ def limit_load(
 
     Args:
         scene: What to solve.
-        monitor: Told how the run goes.
+        monitor: Told how the run goes: has the methods of `fenics_contact.limit_load.Monitor`, from
+            which it can be derived.
         progress: Print how it goes, on rank 0, where there is no monitor.
         stop: Asked now and then, on every rank, who wants the run to end, in words; empty while
             nobody does. What is known by then is the result.

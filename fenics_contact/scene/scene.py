@@ -437,11 +437,11 @@ class SolveOptions:
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, at a third of its cost; None: yes,
             but not in sweeps.
-        error: Estimate how much of the load factor is due to the mesh: True, False, or None: as
-            far as that costs less than the load factor.
+        error: Estimate how much of the load factor is due to the mesh: True, with up to 3 times
+            the work of the limit load, False, or None: with at most 0.6 times that work.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
-        peak: Look for the peak of the loading path before the collapse; None: as far as that takes
-            less than the limit load did.
+        peak: Look for the peak of the loading path before the collapse; None: with at most half the
+            work of the limit load where there is no peak, and five times that where there is one.
         time: After so many seconds what is known is the result; None: any time.
         fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
             says more about them.
