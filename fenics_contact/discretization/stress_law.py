@@ -30,7 +30,10 @@ ROUNDING = 1e-9
 #: Strains e_xx, e_yy, 2 e_xy at which a law is asked.
 STRAINS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -2.0, 3.0]])
 #: Of messages: what a function must give.
-FAILS = "fails: it must give a symmetric 2 x 2 UFL tensor of strain and material"
+FAILS = (
+    "fails: it must give a symmetric 2 x 2 UFL tensor of (strain, material), or of (strain,"
+    " material, x) where it depends on the place x"
+)
 
 
 def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
