@@ -1,7 +1,7 @@
 """Walls, arches and rings with a published value: the table of docs/published.md.
 
-    python3 benchmarks/published.py                    # all rows: some minutes
-    python3 benchmarks/published.py --only "W1*"       # those whose name fits
+    python3 benchmarks/published.py                    # all rows: half a minute
+    python3 benchmarks/published.py --only "W1*"       # those whose name fits; --list names them
 
 The published values are of rigid blocks. Blocks are elastic here, which moves a load factor with
 Coulomb friction a little: collapse forces depend on stiffness where friction is not associative.
@@ -57,7 +57,7 @@ def load_factor(scene: Scene) -> float:
     """Load factor of a scene, which must have a limit."""
     result = limit_load(scene)
     if result.status != "limit":
-        raise RuntimeError(f"{result.status}: {result.reason}")
+        raise RuntimeError(f"{result.status}: {result.reason()}")
     return result.load_factor
 
 
@@ -134,13 +134,20 @@ def table() -> list[Published]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="*", help="rows by name, with * and ?")
+    as_written = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=as_written)
+    parser.add_argument("--only", default="*", help="rows by name, with * and ?; case is no matter")
+    parser.add_argument("--list", action="store_true", help="print the names alone")
     options = parser.parse_args()
+    chosen = [one for one in table() if fnmatchcase(one.name.lower(), options.only.lower())]
+    if not chosen:
+        parser.error(f"no row has a name like '{options.only}'; --list names all")
+    if options.list:
+        print("\n".join(one.name for one in chosen))
+        return
     print(HEAD)
-    for published in table():
-        if fnmatchcase(published.name, options.only):
-            print(published.row(), flush=True)
+    for published in chosen:
+        print(published.row(), flush=True)
 
 
 if __name__ == "__main__":

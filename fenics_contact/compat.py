@@ -7,7 +7,7 @@ import inspect
 import logging
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib import metadata
@@ -170,6 +170,13 @@ def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> A
     ranks = np.append(np.full(count, comm.rank), ghosts % size)[order].astype(np.int32)
     offsets = np.append(0, np.cumsum(1 + np.bincount(ghosts // size, minlength=count)))
     return cpp.graph.AdjacencyList_int32(ranks, offsets.astype(np.int32))
+
+
+def arguments_of(function: Callable[..., Any]) -> int:
+    """Number of positional arguments that a function must be given."""
+    kinds = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    asked = inspect.signature(function).parameters.values()
+    return len([one for one in asked if one.kind in kinds and one.default is one.empty])
 
 
 def function_space(domain: mesh.Mesh, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:

@@ -22,6 +22,7 @@ from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
+from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.service_state_files import write_service_state
 from fenics_contact.output.view import Caption, View, view_of
@@ -33,7 +34,7 @@ from fenics_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Equilibrium(ServiceState, Pictured):
+class Equilibrium(ServiceState, ForForms, Pictured):
     """Result of `equilibrium`, with its fields, pictures and files.
 
     Attributes:
@@ -72,6 +73,9 @@ class Equilibrium(ServiceState, Pictured):
             return None
         values = self.state.displacement
         return displacement_function(self.layout, values, "displacement")
+
+    def _elastic(self) -> Array | None:
+        return None if self.state is None else self.state.elastic
 
     @property
     def falling(self) -> Indices:

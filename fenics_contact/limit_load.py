@@ -50,6 +50,7 @@ from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
 from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
+from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import UNVERIFIED, View, view_of
@@ -75,7 +76,7 @@ CURVE_SOLVE = 10.0
 Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
 
-class LimitLoad(Result, Pictured):
+class LimitLoad(Result, ForForms, Pictured):
     """Result of `limit_load`, with its fields and files."""
 
     @property
@@ -92,6 +93,11 @@ class LimitLoad(Result, Pictured):
             return None
         values = self.layout.with_imposed(self.collapse.state).displacement
         return displacement_function(self.layout, values, "displacement")
+
+    def _elastic(self) -> Array | None:
+        if self.collapse is None or self.collapse.state is None:
+            return None
+        return self.layout.with_imposed(self.collapse.state).elastic
 
     def summary(self) -> str:
         """Load factors, brackets and verification as text. Collective: it solves for brackets."""
@@ -268,7 +274,8 @@ def limit_load(
 
     Args:
         scene: What to solve.
-        monitor: Told how the run goes.
+        monitor: Told how the run goes: has the methods of `fenics_contact.limit_load.Monitor`, from
+            which it can be derived.
         progress: Print how it goes, on rank 0, where there is no monitor.
         stop: Asked now and then, on every rank, who wants the run to end, in words; empty while
             nobody does. What is known by then is the result.

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
+import ufl
 from dolfinx import fem
+from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.domain import extract_domains
 
 from fenics_contact import compat
 from fenics_contact.discretization.forms import Law
-from fenics_contact.discretization.stress_law import law_matrix
-from fenics_contact.errors import raised_together
+from fenics_contact.discretization.stress_law import asked, checked_matrices, numbers
+from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, BlockMesh
 from fenics_contact.scene.scene import Material, Scene, StressLaw
 
@@ -38,15 +42,69 @@ def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
 
 
 def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
-    """D of the materials by a law of the user."""
+    """D of the cells by a law of the user. Collective.
+
+    Raises:
+        InputError: On all ranks, if the law is not that of linear elastic materials.
+    """
     mesh = scene.mesh
-    names = [scene.material_name(groups) for groups in mesh.cell_sets]
+    place = ufl.SpatialCoordinate(mesh.domain)
+    names = np.array([scene.material_name(groups) for groups in mesh.cell_sets])
     with raised_together(scene.comm):
-        rows = [law_matrix(law, scene.materials[name], name).ravel() for name in names]
+        stresses = {str(n): asked(law, scene.materials[n], n, place) for n in np.unique(names)}
+        varies = {name: _varies(given, mesh, name) for name, given in stresses.items()}
     space = compat.function_space(mesh.domain, "DG", 0, (9,))
+    rows = np.zeros((len(mesh.cell_groups), 9))
+    for name, given in stresses.items():
+        cells = names[mesh.cell_groups] == name
+        # The cells' centres tell where a law is refused.
+        found = _in_cells(mesh, [*given, *place])[cells] if varies[name] else None
+        with raised_together(scene.comm):
+            if found is None:
+                matrices = checked_matrices(numbers(given, name)[None], name)
+            else:
+                matrices = checked_matrices(found[:, :-2], name, found[:, -2:])
+            rows[cells] = matrices.reshape(-1, 9)
     field = fem.Function(space, name="law")
-    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = np.array(rows)[mesh.cell_groups]
+    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = rows
     return field
+
+
+def _varies(stresses: Any, mesh: BlockMesh, name: str) -> bool:
+    """Whether what a law gives depends on the place.
+
+    Raises:
+        InputError: If it does so on another mesh.
+    """
+    domains: set[Any] = set()
+    for terminal in traverse_unique_terminals(stresses):
+        domains.update(extract_domains(terminal))
+    if domains - {ufl.SpatialCoordinate(mesh.domain).ufl_domain()}:
+        raise InputError(
+            f"stress: the law of material '{name}' uses another mesh than that of its blocks,"
+            " scene.mesh.domain; take the place from a third parameter, (strain, material, x)"
+        )
+    return bool(domains)
+
+
+def _in_cells(mesh: BlockMesh, values: Sequence[Any]) -> Array:
+    """UFL values at the centres of this rank's cells, shape (cells, values). Collective.
+
+    Raises:
+        InputError: If they cannot be compiled.
+    """
+    space = compat.function_space(mesh.domain, "DG", 0, (len(values),))
+    field = fem.Function(space)
+    # dolfinx compiles on rank 0, while the others wait.
+    cache = compat.form_cache() if mesh.comm.rank == 0 else nullcontext()
+    try:
+        with compat.quiet_compiler(), cache:
+            points = compat.interpolation_points(space)
+            field.interpolate(fem.Expression(ufl.as_vector(values), points))
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"stress: the law cannot be compiled: {error}") from error
+    rows = field.x.array.reshape(-1, len(values))
+    return np.asarray(rows[compat.cell_dofs(space)[:, 0]])
 
 
 def law_matrices(law: Law) -> Array:

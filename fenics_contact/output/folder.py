@@ -52,8 +52,8 @@ def filled_at_once(folder: Path, last: str, comm: MPI.Comm) -> Iterator[Path]:
                 _move(place, folder, last)
                 made = []
     except OutputError as error:
-        problem = f"cannot write to '{folder}': {error}; choose another folder with -o"
-        raise OutputError(problem) from None
+        other = "choose another folder (-o on the command line)"
+        raise OutputError(f"cannot write to '{folder}': {error}; {other}") from None
     finally:
         if comm.rank == 0:
             if hidden is not None:

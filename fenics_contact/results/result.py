@@ -43,7 +43,7 @@ from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Collapse:
     """One end of the range of load factors.
 
@@ -99,6 +99,9 @@ class Collapse:
     crushed: tuple[CrushedPlace, ...] = ()
     crushed_ends: CrushedEnds | None = None
     torn: Torn | None = None
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"
 
     @property
     def size(self) -> float:
@@ -377,6 +380,47 @@ class Result:
         It is solved for when it is first asked for, which may take as long as the limit load.
         """
         return None if self.collapse is None else self.collapse.bounds
+
+    @property
+    def residuals(self) -> Mapping[str, float]:
+        """By how much each condition is missed, relative; empty where nothing was verified.
+
+        That of the bracket is among them once it was solved for: `with_brackets`.
+        """
+        certificate = self._certificate
+        return {} if certificate is None else dict(certificate.residuals)
+
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """What each residual may be in a limit load; empty as `residuals`."""
+        certificate = self._certificate
+        return {} if certificate is None else dict(certificate.tolerances)
+
+    @property
+    def _certificate(self) -> Certificate | None:
+        # Nothing is proved by the last state of a load that is not limited.
+        end = self.collapse
+        return None if end is None or end.status == "unbounded" else end.certificate
+
+    @property
+    def peak(self) -> Peak | None:
+        """The most that the loading path carries before the collapse; None where not asked for."""
+        return None if self.collapse is None else self.collapse.peak
+
+    @property
+    def lowest(self) -> Lowest | None:
+        """Whether a second search found a lower collapse state; None where not asked for."""
+        return None if self.collapse is None else self.collapse.lowest
+
+    @property
+    def states(self) -> tuple[CollapseState, ...]:
+        """Collapse states that were found and verified, where searches compared several."""
+        return () if self.collapse is None else self.collapse.states
+
+    @property
+    def discretization(self) -> MeshError | None:
+        """What the load factor owes to the mesh, an estimate; None where it was not made."""
+        return None if self.collapse is None else self.collapse.mesh_error
 
     def with_brackets(self) -> Self:
         """The result with all brackets solved for, and what they say; no status changes.

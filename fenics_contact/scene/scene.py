@@ -45,7 +45,8 @@ BY_JOINT_FORCES = ("splitting", "active-set")
 #: A UFL form, linear in the test function v, over the measures dx and ds of the blocks.
 LoadForm = Callable[..., Any]
 
-#: Stress, a symmetric 2 x 2 tensor of UFL, Pa, of a strain and a `Material`; linear in the strain.
+#: Stress, a symmetric 2 x 2 tensor of UFL, Pa, of a strain, a `Material` and, if there is a third
+#: parameter, the place in UFL; linear in the strain.
 StressLaw = Callable[..., Any]
 
 #: Characters that a title can have.
@@ -69,6 +70,17 @@ HIGHEST = 1e9
 def function_name(function: Callable[..., Any] | None) -> str:
     """Name of a function of the user, for people; empty for None."""
     return getattr(function, "__qualname__", type(function).__name__) if function else ""
+
+
+def _require_pickled(name: str, function: Callable[..., Any] | None) -> None:
+    """Refuse to pickle a function that cannot be, with a message."""
+    try:
+        pickle.dumps(function)
+    except Exception as error:  # pickle has no error of its own for everything
+        raise InputError(
+            f"{name}: the function '{function_name(function)}' cannot be pickled ({error}); define"
+            " it at the top of a module, and make what it needs inside it"
+        ) from None
 
 
 def _require_choice(name: str, value: str, kind: str = "") -> None:
@@ -389,13 +401,7 @@ class Load:
         _require_profile(self.profile)
 
     def __getstate__(self) -> dict[str, Any]:
-        try:
-            pickle.dumps(self.form)
-        except Exception as error:  # pickle has no error of its own for everything
-            raise InputError(
-                f"form: the function '{self.form_name}' cannot be pickled ({error}); define it at"
-                " the top of a module, and make what it needs inside it"
-            ) from None
+        _require_pickled("form", self.form)
         return self.__dict__
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Load:
@@ -432,11 +438,11 @@ class SolveOptions:
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, at a third of its cost; None: yes,
             but not in sweeps.
-        error: Estimate how much of the load factor is due to the mesh: True, False, or None: as
-            far as that costs less than the load factor.
+        error: Estimate how much of the load factor is due to the mesh: True, with up to 3 times
+            the work of the limit load, False, or None: with at most 0.6 times that work.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
-        peak: Look for the peak of the loading path before the collapse; None: as far as that takes
-            less than the limit load did.
+        peak: Look for the peak of the loading path before the collapse; None: with at most half the
+            work of the limit load where there is no peak, and five times that where there is one.
         time: After so many seconds what is known is the result; None: any time.
         fast: Load factor and bracket alone, verified: neither error estimate nor whatever else
             says more about them.
@@ -559,8 +565,9 @@ class Scene(_Shared):
         plane: "strain" or "stress".
         thickness: Of the structure, m, for forces that people read; results are per metre of it.
         degree: Degree of the displacements, 1 or 2.
-        stress: In Python only: a function (strain, material) that returns the stress in the plane
-            as a UFL tensor, linear in the strain, in place of `young`, `poisson` and `plane`.
+        stress: In Python only: a function (strain, material), or (strain, material, x) with the
+            place in UFL, that returns the stress in the plane, Pa, as a symmetric UFL tensor,
+            linear in the strain, in place of `young`, `poisson` and `plane`.
         title: For pictures.
         solve: How to look for the limit load.
         output: What to write.
@@ -603,6 +610,10 @@ class Scene(_Shared):
         self._check_profile()
         if self.seismic is not None:
             self._check_seismic()
+
+    def __getstate__(self) -> dict[str, Any]:
+        _require_pickled("stress", self.stress)
+        return self.__dict__
 
     @property
     def comm(self) -> MPI.Comm:

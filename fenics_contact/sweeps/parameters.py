@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -18,7 +19,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import BlockMesh
-from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.scene import Scene, function_name
 from fenics_contact.scene.toml_tables import assign, read_toml, value_of
 
 #: Significant digits of the values of a range: 0.35, not 0.35000000000000003.
@@ -30,6 +31,9 @@ _HOW = "KEY=A:B:N, N values from A to B, or KEY=A,B,C"
 
 #: Values of the keys at one point of a sweep.
 Values = Mapping[str, Any]
+
+#: Scene file and what was set on top of it, or a scene made in Python.
+Origin: TypeAlias = "tuple[Path, tuple[str, ...]] | Scene"
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,7 @@ class Family:
     Attributes:
         comm: Ranks of all scenes.
         tables: Of the scene without these values, as a file has them.
-        file: Scene file and what was set on top of it; None for a scene made in Python.
+        origin: Scene file and what was set on top of it, or a scene made in Python.
     """
 
     def __init__(
@@ -149,14 +153,22 @@ class Family:
         comm: MPI.Comm,
         tables: dict[str, Any],
         read: Callable[[str, str], BlockMesh],
-        file: tuple[Path, tuple[str, ...]] | None = None,
+        origin: Origin,
     ) -> None:
         """Scenes from tables of a file; `read` makes a mesh of `mesh.file` and `mesh.blocks`."""
         self.comm = comm
         self.tables = tables
-        self.file = file
+        self.origin = origin
         self._read = read
         self._last: tuple[tuple[str, str], BlockMesh] | None = None
+
+    @classmethod
+    def of(cls, origin: Origin) -> Family:
+        """Scenes of what another family has as its origin."""
+        if isinstance(origin, Scene):
+            return cls.of_scene(origin)
+        path, overrides = origin
+        return cls.of_file(path, overrides=overrides)
 
     @classmethod
     def of_file(
@@ -179,7 +191,28 @@ class Family:
                 raise InputError("mesh.file varies for scenes of a file only; give its path")
             return scene.mesh
 
-        return cls(scene.comm, scene.tables(), read)
+        return cls(scene.comm, scene.tables(), read, scene)
+
+    @property
+    def file(self) -> Path | None:
+        """Scene file; None for a scene made in Python."""
+        return None if isinstance(self.origin, Scene) else self.origin[0]
+
+    def to_send(self) -> bytes:
+        """The origin, as `Origin`, for another process.
+
+        Raises:
+            InputError: If a function of the scene is not found there.
+        """
+        if isinstance(self.origin, Scene):
+            loads = self.origin.dead, self.origin.live
+            for given in (self.origin.stress, *(load.form for load in loads)):
+                if getattr(given, "__module__", "") == "__main__":
+                    raise InputError(
+                        f"jobs: the function '{function_name(given)}' is in the script that runs,"
+                        " where other processes do not find it; put it into a module of its own"
+                    )
+        return pickle.dumps(self.origin)
 
     def scene(self, values: Values) -> Scene:
         """The scene with these values.

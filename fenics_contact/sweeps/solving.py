@@ -7,7 +7,6 @@ import pickle
 import time
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from fenics_contact.discretization.discretization import Discretization
@@ -106,11 +105,10 @@ def _line(text: str) -> str:
 
 
 def answer() -> None:
-    """Read a scene file's name and then values from standard input, and answer with points."""
+    """Read the origin of a family and then values from standard input, and answer with points."""
     with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # what libraries have to say is no answer
-        file: tuple[Path, tuple[str, ...]] = pickle.load(asked)
-        family = Family.of_file(file[0], overrides=file[1])
+        family = Family.of(pickle.load(asked))
         structure = Structure()
         with suppress(EOFError, BrokenPipeError):
             while True:

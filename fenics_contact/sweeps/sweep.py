@@ -60,14 +60,17 @@ class Sweep(Sequence[Point]):
 
     @checked
     def column(self, name: str) -> Array:
-        """An attribute of all points, for example `load_factor`, or the values of a key.
+        """An attribute of all points, for example `load_factor`, or the values of a key or keys.
 
         Raises:
             InputError: If points have no such attribute or key.
         """
+        keys = tuple(part.strip() for part in name.split(","))
+        if keys in (one.keys for one in self.parameters):
+            name = keys[0]  # keys that vary together have the same values
         known = [*(key for one in self.parameters for key in one.keys), *_ATTRIBUTES]
         if name not in known:
-            raise InputError(f"name = '{name}' must be one of {', '.join(known)}")
+            raise InputError(f"name = '{name}' must be one of {', '.join(map(repr, known))}")
         return np.array([p.values[name] if name in p.values else getattr(p, name) for p in self])
 
     @property
@@ -99,7 +102,8 @@ def sweep(
             same values.
         folder: Where the table and pictures are written, a row as each point ends. Rows of the
             same sweep that are there are not computed again: this needs a scene file.
-        jobs: Processes among which the points are shared; more than 1 need a scene file.
+        jobs: Processes among which the points are shared. Functions of a scene made in Python must
+            be in a module that these can import.
         progress: Print every point, on rank 0.
 
     Raises:
@@ -177,8 +181,8 @@ def _check(family: Family, points: Sequence[Values], jobs: int) -> None:
         raise InputError(
             f"--jobs {jobs} under mpirun: the ranks share every point; leave out one of both"
         )
-    if jobs > 1 and family.file is None:
-        raise InputError(f"jobs = {jobs} needs a scene file, which every process reads")
+    if jobs > 1:
+        family.to_send()
     for values in points[1:]:
         family.scene(values)
     Discretization(family.scene(points[0])).close()

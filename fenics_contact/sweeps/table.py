@@ -54,7 +54,7 @@ class Table:
             if before is not None and not same:  # the mesh of a scene made in Python has no record
                 raise InputError(
                     f"'{folder}' has a sweep of another scene or other values; choose another"
-                    " folder with -o, or remove that one"
+                    " folder (-o on the command line), or remove that one"
                 )
             rows = self._rows() if before is not None else []
             self.write(rows)  # without a half-written line
@@ -121,8 +121,8 @@ class Table:
             yield
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             reason = getattr(error, "strerror", None) or error
-            text = f"cannot write to '{self.path.parent}': {reason}; choose another with -o"
-            raise OutputError(text) from None
+            other = "choose another folder (-o on the command line)"
+            raise OutputError(f"cannot write to '{self.path.parent}': {reason}; {other}") from None
 
 
 def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]
     tables = json.dumps(solved, sort_keys=True, default=str).encode()
     record = {"version": __version__, "scene": hashlib.sha256(tables).hexdigest()}
     if family.file is not None:
-        folder = family.file[0].parent
+        folder = family.file.parent
         files = [hashlib.sha256((folder / name).read_bytes()) for name in sorted(meshes)]
         record["mesh"] = " ".join(one.hexdigest() for one in files)
     vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
@@ -148,7 +148,8 @@ def _record(path: Path) -> Any:
         return json.loads(path.read_text())
     except (ValueError, RecursionError) as error:  # a byte that is no text is a ValueError
         raise InputError(
-            f"'{path}' cannot be read: {error}; choose another folder with -o, or remove that one"
+            f"'{path}' cannot be read: {error}; choose another folder (-o on the command line), or"
+            " remove that one"
         ) from None
 
 

@@ -24,12 +24,14 @@ _KEPT = ("OMPI_MCA_", "OMPI_ALLOW_")
 
 
 def solved_by_workers(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
-    """Points in the order in which they end; scenes are read from their file by each process.
+    """Points in the order in which they end; each process has the scene, or reads it.
 
     Raises:
+        InputError: If the scene cannot be given to other processes.
         SolverError: If a process ends before its answer.
     """
-    workers = [_Worker(family) for _ in range(min(jobs, len(points)))]
+    origin = family.to_send()
+    workers = [_Worker(origin) for _ in range(min(jobs, len(points)))]
     free: SimpleQueue[_Worker] = SimpleQueue()
     for worker in workers:
         free.put(worker)
@@ -57,7 +59,8 @@ class _Worker:
     It has a session of its own, so that Ctrl-C is for the process that has the table.
     """
 
-    def __init__(self, family: Family) -> None:
+    def __init__(self, origin: bytes) -> None:
+        """Start it; `origin` is that of the family of scenes, pickled."""
         environment = {
             name: value
             for name, value in os.environ.items()
@@ -72,7 +75,7 @@ class _Worker:
         )
         pipes: Any = self._process.stdin, self._process.stdout
         self._asked, self._answers = pipes
-        pickle.dump(family.file, self._asked)
+        self._asked.write(origin)
 
     def point(self, values: Values) -> Point:
         """The point with these values."""

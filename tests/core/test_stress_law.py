@@ -11,13 +11,26 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 
-from fenics_contact import InputError, Load, Material, Scene, SolveOptions, limit_load, sweep
+from fenics_contact import (
+    BlockMesh,
+    InputError,
+    Load,
+    Material,
+    Scene,
+    SolveOptions,
+    compat,
+    limit_load,
+    sweep,
+)
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.stress_law import (
-    law_matrix,
+    asked,
+    checked_matrices,
     mean_shear_modulus,
+    numbers,
     wedge_compliance,
 )
 from fenics_contact.mesh_error import hinge_nodes
@@ -87,7 +100,8 @@ def test_isotropic_law_has_the_passes_of_the_materials(recipe, elements, accurac
 
 
 def test_wedges_of_an_isotropic_law_are_those_of_michell():
-    matrix = law_matrix(isotropic, STONE, "stone")
+    stresses = asked(isotropic, STONE, "stone", None)
+    matrix = checked_matrices(numbers(stresses, "stone")[None], "stone")[0]
     angle = np.array([0.3, 0.5 * np.pi, np.pi, 1.5 * np.pi, 1.9 * np.pi])
     at = np.array([0.0, 1.0, 2.0, 4.0, -2.0])
     bisector = np.column_stack([np.cos(at), np.sin(at)])
@@ -146,8 +160,21 @@ def test_uniform_stress_strains_by_the_compliance(quadrilaterals, degree):
         np.testing.assert_allclose(found, np.tile(sigma, (len(found), 1)), rtol=1e-9)
 
 
+def softer_below(strain: Any, material: Material, x: Any) -> Any:
+    """A hundredth of the stiffness below y = 1."""
+    return isotropic(strain, STONE) * ufl.conditional(ufl.lt(x[1], 1.0), 0.01, 1.0)
+
+
+def as_function(blocks: BlockMesh) -> Any:
+    """The same by a function on the mesh of the blocks, constant in every cell."""
+    part = fem.Function(compat.function_space(blocks.domain, "DG", 0))
+    part.interpolate(lambda x: np.where(x[1] < 1.0, 0.01, 1.0))
+    return lambda strain, material: part * isotropic(strain, STONE)
+
+
 @pytest.mark.mpi
-def test_materials_have_laws_of_their_own():
+@pytest.mark.parametrize("given", ["material", "place", "function"])
+def test_materials_and_places_have_laws_of_their_own(given):
     model = polygons(
         [[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)],
          [(0.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]],
@@ -155,15 +182,18 @@ def test_materials_have_laws_of_their_own():
     )  # fmt: skip
     soft = replace(STONE, young=0.01 * STONE.young)
     law = coulomb(0.6)
-    scenes = [
-        Scene(mesh_of(model), {"soft": soft, "hard": STONE}, PUSH, WEIGHT, joints={"default": law},
-              foundations={"base": law}, stress=given)
-        for given in (None, isotropic)
-    ]  # fmt: skip
-    with Discretization(scenes[0]) as usual, Discretization(scenes[1]) as given:
+    scene = Scene(
+        mesh_of(model), {"soft": soft, "hard": STONE}, PUSH, WEIGHT, joints={"default": law},
+        foundations={"base": law},
+    )  # fmt: skip
+    laws = {"material": isotropic, "place": softer_below, "function": as_function(scene.mesh)}
+    own = replace(scene, stress=laws[given])
+    with Discretization(scene) as usual, Discretization(own) as made:
         u = np.random.default_rng(1).standard_normal(usual.problem.dead.size)
-        expected, found = (made.problem.stiffness @ u for made in (usual, given))
+        expected, found = (one.problem.stiffness @ u for one in (usual, made))
         np.testing.assert_allclose(found, expected, atol=1e-12 * STONE.young)
+    if given != "material":
+        assert limit_load(own).load_factor == pytest.approx(limit_load(scene).load_factor, rel=1e-6)
 
 
 @pytest.mark.mpi
@@ -213,6 +243,39 @@ def test_orthotropic_wall_on_all_ranks_and_in_sweeps():
 def test_what_is_no_law_is_refused(law, named):
     with pytest.raises(InputError, match=f"stress: the law of material 'default' {named}"):
         Discretization(block(stress=law))
+
+
+@pytest.mark.mpi
+def test_law_that_asks_for_the_place_and_does_not_use_it_is_the_same():
+    solve = SolveOptions(tolerance=1e-9, error=True, peak=False, lowest=False)
+    by_place = wall(solve=solve, stress=lambda e, m, x: orthotropic(e, m) + 0.0 * x[0] * e)
+    usual, given = limit_load(wall(solve=solve, stress=orthotropic)), limit_load(by_place)
+    assert given.load_factor == pytest.approx(usual.load_factor, rel=1e-9)
+    errors = [result.positive.mesh_error.load_factor_point_hinges for result in (usual, given)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-7)
+
+
+@pytest.mark.slow
+def test_law_by_the_place_is_that_of_finer_meshes():
+    scene = replace(SLIDING.scene(1, accuracy=5e-3), stress=isotropic)
+    by_place = replace(scene, stress=lambda e, m, x: isotropic(e, m) * (1.0 + 0.0 * x[0]))
+    usual, given = limit_load(scene), limit_load(by_place)
+    assert [row.displacements for row in given.passes] == [580, 1410, 3048]
+    assert given.load_factor == pytest.approx(usual.load_factor, rel=1e-8)
+    with pytest.raises(InputError, match="uses another mesh than that of its blocks"):
+        limit_load(replace(scene, stress=as_function(scene.mesh)))
+
+
+@pytest.mark.mpi
+def test_law_is_refused_where_it_is_none():
+    usual = block(quadrilaterals=True)
+    soft = replace(usual, stress=lambda strain, material, x: (x[1] - 1.0) * 1e9 * strain)
+    named = r"the law of material 'default' is not stiff in every direction at \([\d., ]*\)"
+    with pytest.raises(InputError, match=named):
+        Discretization(soft)
+    elsewhere = replace(usual, stress=as_function(block().mesh))
+    with pytest.raises(InputError, match=r"uses another mesh .*, \(strain, material, x\)"):
+        Discretization(elsewhere)
 
 
 def test_what_is_no_function_is_refused():

@@ -162,7 +162,30 @@ def test_sweep_is_refused(vary, message):
     with pytest.raises(InputError, match=message):
         sweep(replace(scene(), title="named"), vary)
     with pytest.raises(InputError, match="jobs"):
-        sweep(scene(), {BOTH: [0.3]}, jobs=2)
+        sweep(scene(), {BOTH: [0.3]}, jobs=0)
+
+
+def form_of_a_script(v, dx, ds):
+    return 1e3 * v[0] * ds("base")
+
+
+def test_scene_made_in_python_is_shared_among_processes(monkeypatch):
+    values = {BOTH: [0.3, 0.4]}
+    alone, shared = (sweep(scene(), values, jobs=jobs) for jobs in (1, 2))
+    assert [p.values for p in shared] == [p.values for p in alone]
+    np.testing.assert_array_equal(shared.column("load_factor"), alone.column("load_factor"))
+    np.testing.assert_array_equal(shared.column(BOTH), [0.3, 0.4])
+    with pytest.raises(InputError, match=r"stress: the function '.*<lambda>' cannot be pickled"):
+        sweep(replace(scene(), stress=lambda strain, material: 1e9 * strain), values, jobs=2)
+    monkeypatch.setattr(form_of_a_script, "__module__", "__main__")
+    with pytest.raises(InputError, match="'form_of_a_script' is in the script that runs"):
+        sweep(replace(scene(), dead=Load(form=form_of_a_script)), values, jobs=2)
+
+
+def test_column_of_no_key_is_refused():
+    found = sweep(scene(), {BOTH: [0.3]})
+    with pytest.raises(InputError, match=r"name = 'friction' must be one of 'joints\.def"):
+        found.column("friction")
 
 
 def test_point_that_does_not_fit_is_a_row():

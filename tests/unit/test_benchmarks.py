@@ -91,3 +91,14 @@ def test_page_has_all_published_values():
     for row in published.table():
         assert f"| {row.name} | {row.value} | " in page
     assert page.count("\n| ") == len(published.table()) + 1
+
+
+def test_rows_are_chosen_by_names_in_any_case(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["published.py", "--list", "--only", "w?,*"])
+    published.main()
+    names = [row.name for row in published.table() if row.name.startswith("W")]
+    assert capsys.readouterr().out.splitlines() == names
+    monkeypatch.setattr("sys.argv", ["published.py", "--only", "W7*"])
+    with pytest.raises(SystemExit):
+        published.main()
+    assert "no row has a name like 'W7*'; --list names all" in capsys.readouterr().err

@@ -206,6 +206,27 @@ def test_result_is_one_line_and_a_summary_is_more(result):
     assert lines[1].startswith("verified")
 
 
+def test_what_a_result_knows_has_the_names_of_the_record(result):
+    known = result.with_brackets()
+    record = result_record(known)
+    assert known.residuals == record["residuals"] and known.tolerances == record["tolerances"]
+    assert known.peak.status == record["peak"]["status"]
+    assert known.lowest.starts == record["lowest"]["starts"]
+    assert known.discretization.estimate == record["discretization"]["estimate"]
+    assert known.states == known.positive.states
+    assert "bracket" in known.residuals and "bracket" not in result.residuals
+    assert repr(known.positive) == f"<Collapse: limit, load factor {known.load_factor:.8g}>"
+
+
+def test_load_without_a_limit_has_no_residuals():
+    unbounded = replace(collapse("unbounded"), certificate=Certificate({"equilibrium": 1e-9}, 0.0))
+    for ends in ({"positive": unbounded}, {}):
+        result = Result(None, ends, (), {}, 0)
+        assert result.residuals == result.tolerances == {}
+        assert result.peak is result.discretization is None
+    assert result.lowest is None and result.states == ()
+
+
 def test_joints_by_name(result):
     joints, whole = result.joints, result.layout.joints
     points = len(whole.length)
