@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
-from fenics_contact.output.report.words import PICTURES, STATUS
-from fenics_contact.scene.units import Units
+from fenics_contact.output.report.words import PICTURES, STATUS, STATUS_OF_ONE, direction_words
+from fenics_contact.scene.units import PER_METRE, Units
 
 #: Acceleration that is written as 1 g, m/s2.
 GRAVITY = 9.81
@@ -25,13 +25,24 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(_labels(content), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
-    name = "verified" if status == "limit" else status.replace("_", " ")
-    yield paragraph(f"{name.capitalize()}: {STATUS[status]}")
+    yield paragraph(*_verdict(record))
     direction = next(iter(record["ends"]), "positive")
     if address := content.picture_of("collapse", direction):
         yield picture(address, _caption(record, direction))
     yield heading("Assumptions", 2)
     yield table(_assumptions(record, content.units))
+
+
+def _verdict(record: Record) -> Iterator[str]:
+    """How much the answer is worth, for each direction where these differ."""
+    ends = record["ends"]
+    if len({end["status"] for end in ends.values()}) < 2:
+        status = record["status"]
+        name = "verified" if status == "limit" else status.replace("_", " ")
+        yield f"{name.capitalize()}: {STATUS[status]}"
+        return
+    for direction, end in ends.items():
+        yield f"{direction_words(direction).capitalize()}: {STATUS_OF_ONE[end['status']]}"
 
 
 def _labels(content: Content) -> str:
@@ -137,9 +148,10 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         *((f"foundation {name}", _law(one, units)) for name, one in _some(scene, "foundations")),
     ]
     yield from rows
-    for kind in ("supports", "ties"):
-        if names := scene.get(kind):
-            yield kind, ", ".join(names)
+    if names := scene.get("supports"):
+        yield "supports", ", ".join(names)
+    for name, tie in list((scene.get("ties") or {}).items())[:SHOWN]:
+        yield f"tie {name}", _tie(tie, units)
 
 
 def _some(scene: Record, kind: str) -> list[tuple[str, Record]]:
@@ -157,6 +169,17 @@ def _material(one: Record, gravity: float, units: Units) -> str:
     ]
     if one.get("compressive_strength"):
         parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
+    return ", ".join(parts)
+
+
+def _tie(one: Record, units: Units) -> str:
+    """Tension at which a tie yields, prestress and spacing."""
+    force = "N" if one.get("spacing") else f"N {PER_METRE}"
+    parts = [f"yields at {units.text(one['yield'], force)}"]
+    if one.get("prestress"):
+        parts.append(f"prestress {units.text(one['prestress'], force)}")
+    if one.get("spacing"):
+        parts.append(f"one every {units.length(one['spacing'])}")
     return ", ".join(parts)
 
 

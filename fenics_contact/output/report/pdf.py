@@ -9,7 +9,7 @@ from fenics_contact.errors import InputError
 
 MISSING = (
     "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
-    " install weasyprint), or print the HTML page from a browser"
+    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
 )
 
 
@@ -30,11 +30,18 @@ def pdf_writer() -> Any:
 
 def pdf_of(writer: Any, page: str) -> bytes:
     """A page of HTML as PDF; nothing but what the page holds itself is read."""
+    pdf: bytes = writer.HTML(string=page, url_fetcher=_fetcher(writer)).write_pdf()
+    return pdf
+
+
+def _fetcher(writer: Any) -> Any:
+    """What WeasyPrint reads addresses with: an object of late versions, else a function."""
+    if hasattr(writer, "URLFetcher"):
+        return writer.URLFetcher(allowed_protocols=("data",))
 
     def fetch(address: str) -> Any:
         if not address.startswith("data:"):
             raise ValueError("a report reads no other file")
         return writer.default_url_fetcher(address)
 
-    pdf: bytes = writer.HTML(string=page, url_fetcher=fetch).write_pdf()
-    return pdf
+    return fetch
