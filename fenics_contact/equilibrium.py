@@ -116,6 +116,8 @@ class Equilibrium(ServiceState, Pictured):
             raise SolverError(f"there is no state to draw: the status is '{self.status}'")
         sign = math.copysign(1.0, self.load_factor)
         view = view_of(self.layout, self.state.displacement, self.joint_values, sign)
+        if self.load_factor == 0.0:
+            view = view.without_live_load()
         at = f"at load factor {self.load_factor:.6g}"
         doubt = "" if self.status == "equilibrium" else ", not verified"
         return replace(view, caption=Caption(f"displacements x {{}}{doubt}", at + doubt))

@@ -301,11 +301,11 @@ def _arrow_marker() -> Any:
     return Outline(arrow.vertices - 0.5 * (low + high), arrow.codes)
 
 
-def nice(value: float) -> float:
-    """The largest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not above a value."""
+def nice(value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)) -> float:
+    """The largest of some steps times a power of ten that is not above a value."""
     power = 10.0 ** np.floor(np.log10(value))
-    steps = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0])
-    return float(steps[steps <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
+    table = np.array(steps)
+    return float(table[table <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
 
 
 def force_scale(size: Array, view: View) -> float:
@@ -332,7 +332,7 @@ def draw_scale(axes: Any, view: View, per_metre: float, largest: float, colour: 
 
 def draw_length(axes: Any, view: View) -> None:
     """A bar below the lower left corner of a picture that says how long a length is drawn."""
-    length = nice(0.15 * view.size)
+    length = nice(0.2 * view.size, (1.0, 2.0, 5.0))
     _draw_bar(axes, view, length, f"{length:g} m", "0.3")
 
 

@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-#: Choices of `output.units`: N, Pa, m; kN, MPa, m; kN, MPa, mm.
-UNITS = ("SI", "m", "mm")
+#: Choices of `output.units`, and the units that they stand for.
+UNITS: Mapping[str, str] = {"SI": "N, Pa, m", "m": "kN, MPa, m", "mm": "kN, MPa, mm"}
 PER_METRE = "per metre of thickness"
 #: A component below this part of the larger one is what rounding left of 0.
 ROUNDING = 1e-12

@@ -36,8 +36,9 @@ def pdf_of(writer: Any, page: str) -> bytes:
 
 def _fetcher(writer: Any) -> Any:
     """What WeasyPrint reads addresses with: an object of late versions, else a function."""
-    if hasattr(writer, "URLFetcher"):
-        return writer.URLFetcher(allowed_protocols=("data",))
+    late = getattr(writer, "URLFetcher", None)
+    if late is not None:
+        return late(allowed_protocols=("data",))
 
     def fetch(address: str) -> Any:
         if not address.startswith("data:"):
