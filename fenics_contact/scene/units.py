@@ -85,7 +85,7 @@ class Units:
 
         A component that rounding has left beside a large one is 0.
         """
-        least = ROUNDING * max(map(abs, force))
+        least = ROUNDING * max(abs(value) for value in force)
         parts = [self.force_number(value if abs(value) > least else 0.0) for value in force]
         pair = ", ".join(f"{part:.{digits}g}" for part in parts)
         return f"({pair}) {self.force_unit.replace('/m', f' {PER_METRE}')}"
