@@ -195,7 +195,7 @@ def tension_lines(ties: NamedArrays, units: Units) -> list[str]:
         return []
     texts = []
     for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
-        carried = f" {units.force(force)}" if state != TieState.SLACK else ""
+        carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
         texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
     return [f"ties: {', '.join(texts)}"]
 

@@ -34,7 +34,12 @@ def find_state(options: argparse.Namespace, comm: MPI.Comm) -> Equilibrium:
 def told(found: Equilibrium) -> str:
     """The answer, and what it rests on, for people."""
     load = f"at load factor {found.load_factor:g}" if found.load_factor else "under its dead load"
-    warnings = [f"warning: {text}" for text in found.layout.warnings]
+    acting = "loads." if found.load_factor else "loads.dead."
+    warnings = [
+        f"warning: {text}"
+        for text in found.layout.warnings
+        if text.startswith(acting) or not text.startswith("loads.")
+    ]
     return "\n".join([*warnings, f"{ANSWERS[found.status]} {load}", found.summary()])
 
 

@@ -304,8 +304,11 @@ def test_the_answer_is_one_sentence(folder, capsys):
     assert page.answer == "The structure stands 0.3 g to the right."
     both = ends_of(record, 0.3371, -0.3689)
     assert answer(both) == "The structure stands 0.337 g to the right and 0.369 g to the left."
-    lost = "The structure stands any load to the left. No limit load was found to the right."
-    assert answer(ends_of(record, "not_converged", "unbounded")) == lost
+    lost = "The structure stands any load to the left. No limit load was found to the right"
+    unbounded = ends_of(record, "not_converged", "unbounded")
+    assert answer(unbounded) == f"{lost}; it is at most 0.3 g."
+    unbounded["ends"]["positive"]["bounds"] = {"lower": None, "upper": None}
+    assert answer(unbounded) == f"{lost}."
     record["scene"]["loads"]["live"]["body"] = [-19.62, 0.0]
     turned = "The structure stands 0.6 g to the left."
     assert answer(ends_of(record, 0.3)) == turned
@@ -386,6 +389,11 @@ def test_loads_that_are_no_weight_are_carried_so_many_times(folder, capsys):
     page, record = solved(folder, capsys, live, "block")
     times = f"{record['load_factor']:.3g} times the live load"
     assert page.answer == f"The structure carries {times}."
+    most = f"{record['ends']['positive']['bounds']['upper']:.3g} times this load"
+    lost = f"No limit load was found for the live load; it is at most {most}."
+    assert answer(ends_of(record, "not_converged")) == lost
+    record["scene"]["foundations"]["base"]["opened"] = "lost"  # the bracket is that of torn joints
+    assert answer(ends_of(record, "not_converged")) == "No limit load was found for the live load."
 
 
 def test_units_of_engineers_and_the_thickness(folder, capsys):

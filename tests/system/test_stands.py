@@ -62,6 +62,14 @@ def test_2_without_what_the_question_needs(changes, arguments, words, folder, ca
     assert not (folder / "scene_state").exists()
 
 
+def test_warnings_are_of_what_acts(folder, capsys):
+    earth = {"loads.dead.earth": {"left": {"level": 0.5, "unit_weight": 18.0}}}
+    write_scene(folder, QUIET | ALONE | earth, "block")
+    found = run_here(["stands", "scene.toml"], capsys)
+    told = [line for line in found.out.splitlines() if line.startswith("warning: ")]
+    assert len(told) == 1 and "loads.dead.earth.left" in told[0]
+
+
 def test_a_support_that_moves_needs_no_live_load(folder, capsys):
     moved = {"loads.dead.movement": {"base": {"displacement": [0.0, -0.001]}}}
     write_scene(folder, QUIET | ALONE | moved, "block")

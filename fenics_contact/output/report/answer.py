@@ -79,8 +79,8 @@ def answer(record: Record) -> str:
     lost: list[str] = []
     for direction, end in record["ends"].items():
         part = _stands(end, direction, acceleration)
-        way = _way(direction, acceleration)
-        (known if part else lost).append(part or f"No limit load was found {way}.")
+        beyond = None if _tears(record) else _beyond(end, direction)
+        (known if part else lost).append(part or _lost(beyond, direction, acceleration))
     verb = "carries" if acceleration is None else "stands"
     sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
     return " ".join(sentence + lost)
@@ -110,8 +110,35 @@ def _stands(end: Record, direction: str, acceleration: float | None) -> str:
         return ""
     factor = abs(end["load_factor"])
     if acceleration is None:
-        return f"{factor:.3g} times {way.removeprefix('for ')}"
-    return f"{factor * abs(acceleration) / GRAVITY:.3g} g {way}"
+        return f"{_amount(factor, acceleration)} {way.removeprefix('for ')}"
+    return f"{_amount(factor, acceleration)} {way}"
+
+
+def _tears(record: Record) -> bool:
+    """Whether joints may lose their strength, so that brackets are those of torn joints."""
+    laws = (law for kind in ("joints", "foundations") for law in record["scene"][kind].values())
+    return any(law.get("opened") == "lost" for law in laws)
+
+
+def _beyond(end: Record, direction: str) -> float | None:
+    """The load factor beyond which nothing is carried in one direction; None if not known."""
+    found: float | None = end["bounds"]["lower" if direction == "negative" else "upper"]
+    return found
+
+
+def _lost(beyond: float | None, direction: str, acceleration: float | None) -> str:
+    """What is known of one direction where no limit load was found."""
+    most = "" if beyond is None else f"; it is at most {_amount(abs(beyond), acceleration)}"
+    if most and acceleration is None:
+        most += " this load"
+    return f"No limit load was found {_way(direction, acceleration)}{most}."
+
+
+def _amount(factor: float, acceleration: float | None) -> str:
+    """A load factor as an acceleration in g, or as a multiple."""
+    if acceleration is None:
+        return f"{factor:.3g} times"
+    return f"{factor * abs(acceleration) / GRAVITY:.3g} g"
 
 
 def _way(direction: str, acceleration: float | None) -> str:
