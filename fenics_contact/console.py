@@ -58,7 +58,7 @@ class Progress:
         bound = f" of at most {upper:.6g}" if known else ""
         text = (
             f"{point.phase}  load factor {point.load_factor:.6g}{bound}"
-            f"  displacement {1e3 * point.displacement:.3g} mm"
+            f"  displacement {_moved(point.displacement)}"
         )
         self._show(direction, min(max(share, 0.0), 1.0), text)
 
@@ -66,8 +66,9 @@ class Progress:
         """Show one fixed-point iteration."""
         self._count = self._count + 1 if direction == self._name else 1
         gained = min(max(-math.log10(max(step.bound_change, 1e-300)), 0.0), self._digits)
+        sign = -1.0 if direction == "negative" else 1.0
         text = (
-            f"iteration {self._count:3d}  load factor {step.load_factor:.8g}"
+            f"iteration {self._count:3d}  load factor {sign * step.load_factor:.8g}"
             f"  change of friction {step.bound_change:.1e}  factorisations {step.factorizations}"
         )
         self._show(direction, gained / self._digits, text)
@@ -151,6 +152,13 @@ class SweepProgress:
             sys.stdout.flush()
 
 
+def _moved(displacement: float) -> str:
+    """A displacement, from m: in mm as far as it is small."""
+    if abs(displacement) < 1.0:
+        return f"{1e3 * displacement:.3g} mm"
+    return f"{displacement:.3g} m" if abs(displacement) < 1e3 else "above 1 km"
+
+
 def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
@@ -177,11 +185,7 @@ def summary(result: Result) -> str:
     if result.inaccurate:
         lines.append(f"the accuracy wished is NOT REACHED: {result.inaccurate}")
     seconds = result.seconds
-    if bonded := seconds.get("bonded", 0.0):
-        lines.append(
-            f"{result.factorizations} factorisations, {seconds['total']:.2f} s; solving took"
-            f" {seconds['solve'] / bonded:.1f} bonded solves"
-        )
+    lines.append(f"{result.factorizations} factorisations, {seconds['total']:.2f} s")
     return "\n".join(lines)
 
 
@@ -191,7 +195,7 @@ def tension_lines(ties: NamedArrays, units: Units) -> list[str]:
         return []
     texts = []
     for name, force, state in zip(ties["name"], ties["force"], ties["state"], strict=True):
-        carried = f" {units.force(force)}" if state != TieState.SLACK else ""
+        carried = f" {units.force(force, 4)}" if state != TieState.SLACK else ""
         texts.append(f"{name}{carried} ({TieState(state).name.lower()})")
     return [f"ties: {', '.join(texts)}"]
 
@@ -203,12 +207,11 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
     status = end.status.replace("_", " ").upper()
     found = end.state is not None and not np.isnan(end.load_factor)
     if end.certificate is None or not found or end.status == "no_equilibrium":
-        return [f"{name}: {status}, {reason}"]
-    programs = "rigid blocks with the least friction there can be, and with associative friction"
-    first = f"{name} = {end.load_factor:.8g}   {end.bounds} ({programs})"
+        return [f"{name}: {status}, {_listed(reason)}", *_known_bracket(end)]
+    first = f"{name} = {end.load_factor:.8g}   bracket: {end.bounds}"
     certificate = end.certificate
     if end.status != "limit":
-        return [first, f"{status}: this is not a limit load; {reason}"]
+        return [first, f"{status}: this is not a limit load; {_listed(reason)}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
     if end.bounds.meet and end.torn is None:
         first += "; no other collapse state exists"
@@ -223,6 +226,18 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         *_mesh_lines(end),
         *([f"warning: {end.contradiction}"] if end.contradiction else []),
     ]
+
+
+def _listed(reason: str) -> str:
+    """A reason, and what was tried in lines of their own."""
+    return reason.replace("; ", "\n  ")
+
+
+def _known_bracket(end: Collapse) -> list[str]:
+    """Where the load factor lies although none was found."""
+    if end.bounds.lower is None and end.bounds.upper is None:
+        return []
+    return [f"bracket: {end.bounds}, whatever was found"]
 
 
 def _peak_lines(end: Collapse) -> list[str]:
@@ -283,7 +298,7 @@ def _lowest_lines(end: Collapse) -> list[str]:
         ]
     if lowest.status == "not_known":
         return [f"lower state: not known, {lowest.reason}"]
-    if lowest.starts == 0:
+    if lowest.starts == 0 or end.bounds.meet:
         return ["lower state: none, as the bracket proves"]
     plural = "es" * (lowest.starts != 1)
     others = ", ".join(f"{state.load_factor:.8g}" for state in end.states[1:])

@@ -111,6 +111,12 @@ class Equilibrium(ServiceState, ForForms, Pictured):
         view = self._view() if self.state is not None else None
         write_service_state(self, self.layout, view, numbers, Path(folder))
 
+    def _elastic(self) -> Array:
+        """Displacement of the state, this rank's part."""
+        if self.state is None:
+            raise SolverError(f"there is no state to draw: the status is '{self.status}'")
+        return self.state.elastic
+
     def _view(self) -> View:
         """Displacements and joint forces, or the blocks that fall. Collective."""
         if self.fall is not None:
@@ -120,6 +126,8 @@ class Equilibrium(ServiceState, ForForms, Pictured):
             raise SolverError(f"there is no state to draw: the status is '{self.status}'")
         sign = math.copysign(1.0, self.load_factor)
         view = view_of(self.layout, self.state.displacement, self.joint_values, sign)
+        if self.load_factor == 0.0:
+            view = view.without_live_load()
         at = f"at load factor {self.load_factor:.6g}"
         doubt = "" if self.status == "equilibrium" else ", not verified"
         return replace(view, caption=Caption(f"displacements x {{}}{doubt}", at + doubt))

@@ -1,4 +1,4 @@
-"""The command line: `fenics-contact solve`, `check`, `sweep`, `report` and `mesh`."""
+"""The command line: `fenics-contact solve`, `check`, `stands`, `sweep`, `report`, `mesh`."""
 
 from __future__ import annotations
 
@@ -28,6 +28,16 @@ if TYPE_CHECKING:
 
 #: Characters of a message.
 LONGEST_LINE = 1000
+#: What people do one after the other, and what the program ends with.
+STEPS = """from a drawing to a report:
+  fenics-contact mesh wall.dxf                    blocks of a drawing; then write wall.toml
+  fenics-contact check wall.toml                  what is in the scene
+  fenics-contact stands wall.toml                 does it stand under its own weight?
+  fenics-contact solve wall.toml -o out           how much load until it collapses?
+  fenics-contact report out --pdf wall.pdf        to hand over
+
+exit codes: 0 solved, 2 wrong input, 3 the dead load has no equilibrium, 4 not converged
+units of scene files: N, m, Pa, kg; `fenics-contact COMMAND --help` has the options of a command"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -169,12 +179,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fenics-contact",
         description="Limit loads of blocks in contact with friction: how much load a wall, arch or"
-        " bridge of blocks stands before it collapses, and how it fails.",
+        "\nbridge of blocks stands before it collapses, and how it fails.",
+        epilog=STEPS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     solve = commands.add_parser("solve", help="compute the limit load of a scene")
     check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")
+    stands = commands.add_parser("stands", help="does it stand: the state under the dead load")
     report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
     _add_report(report)
     mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
@@ -189,29 +202,42 @@ def _parser() -> argparse.ArgumentParser:
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )
-    for command in (solve, check, sweep):
+    for command in (solve, check, stands, sweep):
         command.add_argument("scene", type=Path, help="scene file (TOML)")
         command.add_argument(
             "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
             help="change a value of the scene file, e.g. joints.default.friction=0.5",
         )  # fmt: skip
-    for command in (solve, check, sweep, report, mesh):
+    for command in (solve, check, stands, sweep, report, mesh):
         loud = command.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    where = "where to write (SCENE_sweep); a sweep that was stopped goes on there"
+    for command, default in (
+        (solve, "SCENE without ending"),
+        (stands, "SCENE_state"),
+        (sweep, "SCENE_sweep; a sweep that was stopped goes on there"),
+    ):
+        text = f"where to write ({default})"
+        command.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
     solve.add_argument(
         "--fast", action="store_true", help="the load factor and its bracket alone, verified"
     )
-    for command, text in ((solve, "where to write (SCENE without ending)"), (sweep, where)):
-        command.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
+    stands.add_argument(
+        "--load-factor", type=float, default=0.0, metavar="X",
+        help="multiple of the live load that acts too (0: none, and the scene needs none)",
+    )  # fmt: skip
+    _add_sweep(sweep)
+    return parser
+
+
+def _add_sweep(sweep: argparse.ArgumentParser) -> None:
+    """Arguments for what varies, and how the points are shared."""
     sweep.add_argument(
         "--vary", action="append", required=True, metavar="KEY=A:B:N",
         help="N values from A to B, or KEY=A,B,C; KEY,KEY=... gives keys the same values; several"
         " --vary: all combinations",
     )  # fmt: skip
     sweep.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
-    return parser
 
 
 def _add_report(report: argparse.ArgumentParser) -> None:

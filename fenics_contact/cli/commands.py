@@ -1,4 +1,4 @@
-"""What the commands do: solve, check, sweep and report; each returns its exit code."""
+"""What the commands do: solve, check, stands, sweep and report; each returns its exit code."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     say(f"reading {options.scene}")
     folder = _output_folder(options, comm)
-    fast = ["solve.fast=true"] if options.fast else []
+    fast = ["solve.fast=true", "output.capacity=0"] if options.fast else []
     scene = Scene.from_file(options.scene, comm, [*options.overrides, *fast])
     read = time.perf_counter() - start
     say(f"{counted(scene.mesh.body_count, 'block')} on {counted(comm.size, 'rank')}")
@@ -116,7 +116,7 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
             print(f"stopped; what is in {folder} is kept: the same command goes on", flush=True)
         raise
     if loud:
-        print(f"{found!r}\nwritten to {folder}", flush=True)
+        print(f"{repr(found)[1:-1]}\nwritten to {folder}", flush=True)
     codes = {BAD_INPUT if p.status == WRONG_INPUT else EXIT_CODES[p.status] for p in found}
     return max(codes)
 
@@ -166,6 +166,20 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
+def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Find the state under the dead load, or at a load factor, print it and write its files."""
+    from fenics_contact.cli.standing import exit_code, find_state, told
+
+    loud = comm.rank == 0 and not options.quiet
+    folder = _output_folder(options, comm, "_state")
+    found = find_state(options, comm)
+    text = told(found)
+    found.write(folder)
+    if loud:
+        print(f"{text}\nwritten to {folder}", flush=True)
+    return exit_code(found)
+
+
 def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Write the page on a result that was written before."""
     from fenics_contact.output.report.content import Labels
@@ -180,4 +194,4 @@ def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
-COMMANDS = {"solve": solve, "check": check, "sweep": sweep, "report": report}
+COMMANDS = {"solve": solve, "check": check, "stands": stands, "sweep": sweep, "report": report}

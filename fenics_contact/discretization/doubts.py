@@ -23,6 +23,9 @@ class Usual:
     Attributes:
         friction: Largest coefficient of friction; that of brick and stone is 0.3 to 0.9.
         young: Smallest Young's modulus, Pa; that of soft brickwork is 1e8.
+        density: Smallest density, kg/m3; that of light concrete is 400.
+        strength: Smallest compressive strength, Pa; that of lime mortar is 5e5.
+        unit_weight: Smallest unit weight of soil or water, N/m3; that of water is 9810.
         poisson: Largest Poisson's ratio; closer to 0.5, linear cells lock in plane strain.
         offset: Largest gap of a joint as a fraction of the longest facet: rounding in files.
         movement: Largest movement of a support over the side of a square with the area of the
@@ -31,6 +34,9 @@ class Usual:
 
     friction: float = 2.0
     young: float = 1e6
+    density: float = 50.0
+    strength: float = 1e4
+    unit_weight: float = 500.0
     poisson: float = 0.49
     offset: float = 1e-6
     movement: float = 0.05
@@ -47,6 +53,7 @@ def doubts(
         *_of_laws("joints", scene.joints, usual),
         *_of_laws("foundations", scene.foundations, usual),
         *_of_weights(scene),
+        *_of_earth(scene, usual),
         *_of_tractions(scene, boundary),
         *_of_gaps(boundary, joints, usual),
         *_of_movements(scene, boundary, usual),
@@ -66,6 +73,12 @@ def _of_materials(materials: Mapping[str, Material], plane: str, usual: Usual) -
     for name, material in materials.items():
         if material.young < usual.young:
             yield f"materials.{name}.young = {material.young:g} Pa is very soft; is it in Pa?"
+        if 0.0 < material.density < usual.density:
+            text = f"materials.{name}.density = {material.density:g} kg/m3 is very light"
+            yield f"{text}; is it in kg/m3?"
+        if (material.compressive_strength or usual.strength) < usual.strength:
+            text = f"materials.{name}.compressive_strength = {material.compressive_strength:g} Pa"
+            yield f"{text} is very low; is it in Pa?"
         if plane == "strain" and material.poisson > usual.poisson:
             yield (
                 f"materials.{name}.poisson = {material.poisson:g} in plane strain: cells are too"
@@ -80,6 +93,18 @@ def _of_laws(table: str, laws: Mapping[str, JointLaw], usual: Usual) -> Iterator
                 f"{table}.{name}.friction = {law.friction:g} is very high; it is the tangent of"
                 " the angle of friction"
             )
+        if (law.compressive_strength or usual.strength) < usual.strength:
+            text = f"{table}.{name}.compressive_strength = {law.compressive_strength:g} Pa"
+            yield f"{text} is very low; is it in Pa?"
+
+
+def _of_earth(scene: Scene, usual: Usual) -> Iterator[str]:
+    """Soil that weighs next to nothing."""
+    for kind, load in (("dead", scene.dead), ("live", scene.live)):
+        for name, earth in load.earth.items():
+            if 0.0 < earth.unit_weight < usual.unit_weight:
+                text = f"loads.{kind}.earth.{name}.unit_weight = {earth.unit_weight:g} N/m3"
+                yield f"{text} is very light; is it in N/m3?"
 
 
 def _of_weights(scene: Scene) -> Iterator[str]:

@@ -301,11 +301,11 @@ def _arrow_marker() -> Any:
     return Outline(arrow.vertices - 0.5 * (low + high), arrow.codes)
 
 
-def nice(value: float) -> float:
-    """The largest of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten that is not above a value."""
+def nice(value: float, steps: Sequence[float] = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)) -> float:
+    """The largest of some steps times a power of ten that is not above a value."""
     power = 10.0 ** np.floor(np.log10(value))
-    steps = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0])
-    return float(steps[steps <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
+    table = np.array(steps)
+    return float(table[table <= value / power * (1.0 + 1e-9)].max(initial=1.0) * power)
 
 
 def force_scale(size: Array, view: View) -> float:
@@ -326,10 +326,20 @@ def force_text(force: float) -> str:
 def draw_scale(axes: Any, view: View, per_metre: float, largest: float, colour: str) -> None:
     """A bar below the lower left corner of a picture that says how long forces are drawn."""
     force = nice(min(largest, 0.3 * view.size * per_metre))
-    length = force / per_metre
+    text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
+    _draw_bar(axes, view, force / per_metre, text, colour)
+
+
+def draw_length(axes: Any, view: View) -> None:
+    """A bar below the lower left corner of a picture that says how long a length is drawn."""
+    length = nice(0.2 * view.size, (1.0, 2.0, 5.0))
+    _draw_bar(axes, view, length, f"{length:g} m", "0.3")
+
+
+def _draw_bar(axes: Any, view: View, length: float, text: str, colour: str) -> None:
+    """A bar of a length in the drawing, m, below its lower left corner, with a text beside it."""
     x = axes.get_xlim()[0] + 0.02 * view.size
     y = axes.get_ylim()[0] - 0.02 * view.size
     axes.plot([x, x + length], [y, y], "|-", color=colour, lw=1.8, markersize=7, zorder=4)
-    text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
     axes.text(x + length + 0.015 * view.size, y, text, va="center", fontsize=9)
     axes.set_ylim(y - 0.03 * view.size, None)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from abc import ABC, abstractmethod
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError
 from fenics_contact.errors.checks import checked
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.animation import animate, check_animation
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (
@@ -17,10 +19,13 @@ from fenics_contact.output.plotting import (
     check_axes,
     draw_forces,
     draw_mode,
+    draw_stress,
+    draw_thrust,
     new_axes,
     save,
 )
 from fenics_contact.output.slider import check_slider, slider
+from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View
 
 
@@ -38,6 +43,14 @@ class Pictured(ABC):
 
         Raises:
             SolverError: If there is nothing to draw.
+        """
+
+    @abstractmethod
+    def _elastic(self) -> Array:
+        """Displacement of the state without a large motion, this rank's part.
+
+        Raises:
+            SolverError: If there is no state.
         """
 
     @checked
@@ -59,10 +72,19 @@ class Pictured(ABC):
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces; as `plot`."""
         check_axes(axes)
+        return self._drawn(draw_forces, axes, self._view_with_forces())
+
+    def plot_thrust(self, axes: Any = None) -> Any:
+        """Draw the lines of thrust that reach the ground; as `plot`."""
+        check_axes(axes)
+        return self._drawn(draw_thrust, axes, self._view_with_forces())
+
+    def plot_stress(self, axes: Any = None) -> Any:
+        """Draw the principal stresses; as `plot`."""
+        check_axes(axes)
         view = self._view()
-        if view.values is None:
-            raise SolverError("there are no joint forces to draw: no state was found")
-        return self._drawn(draw_forces, axes, view)
+        raster = stress_raster(self.layout, self._elastic())
+        return self._drawn(partial(draw_stress, raster=raster), axes, view)
 
     @checked
     def animate(self, path: str | Path, scale: float = 1.0, seconds: float = 3.0) -> None:
@@ -118,6 +140,13 @@ class Pictured(ABC):
         if self.layout.scene.comm.rank == 0:
             save(view, repr(self)[1:-1], [file], *draws)
         return file.getvalue()
+
+    def _view_with_forces(self) -> View:
+        """What `_view` says, if it has joint forces. Collective."""
+        view = self._view()
+        if view.values is None:
+            raise SolverError("there are no joint forces to draw: no state was found")
+        return view
 
     def _drawn(self, draw: Draw, axes: Any, view: View) -> Any:
         """Axes with a picture, on rank 0."""

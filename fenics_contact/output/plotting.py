@@ -22,6 +22,7 @@ from fenics_contact.output.drawing import (
     VERMILLION,
     add_lines,
     draw_joints,
+    draw_length,
     draw_live_load,
     draw_moved,
     draw_outlines,
@@ -70,6 +71,7 @@ def draw_mode(axes: Any, view: View) -> Any:
     draw_moved(axes, view)
     entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.moved_ties)]
     entries += draw_live_load(axes, view)
+    draw_length(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
     motion = view.caption.motion.format(f"{float(f'{view.scale:.3g}'):g}")
     axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
@@ -128,6 +130,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
         entries += axes.plot(*lines.centre.T, **style)
     if view.ties is not None:
         entries += draw_ties(axes, view, view.ties.bars.sides)
+    draw_length(axes, view)
     legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
     title = f"line of thrust {view.caption.state} (width: force)"
     none = "few lines of thrust reach the ground: forces branch"
@@ -168,6 +171,7 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     compression, tension = _crosses(raster, largest)
     add_lines(axes, compression, colors=BLACK, linewidths=0.8)
     add_lines(axes, tension, colors=VERMILLION, linewidths=1.6)
+    draw_length(axes, view)
     crosses = "black: compression" + (", red and wide: tension" if len(tension) else "")
     style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
     label = f"larger compressive principal stress ({unit})\n{crosses}"

@@ -17,6 +17,7 @@ from fenics_contact.output.drawing import (
     VERMILLION,
     add_lines,
     arrow_ends,
+    draw_length,
     draw_load,
     draw_rest,
     fineness,
@@ -47,6 +48,7 @@ def draw_scene(axes: Any, view: View, scene: Scene) -> Any:
     entries += draw_load(axes, view, (view.tractions, view.forces, view.body), BLACK, "live load")
     for load, colour in ((scene.dead, DEAD), (scene.live, BLACK)):
         _name_loads(axes, view, load, colour)
+    draw_length(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
     axes.set_title("materials, groups and loads", fontsize=10)
     return axes

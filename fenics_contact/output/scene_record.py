@@ -21,6 +21,7 @@ UNITS: Mapping[str, str] = {
     "gap": "m",
     "dilatancy": "degrees",
     "tensile_strength": "Pa",
+    "compressive_strength": "Pa",
     "body": "m/s2",
     "traction": "Pa",
     "tilt": "degrees",

@@ -113,6 +113,11 @@ class View:
             scale=factor * self.scale,
         )
 
+    def without_live_load(self) -> View:
+        """The view without arrows of the live load."""
+        none = _joined([])
+        return replace(self, tractions=none, forces=none, body=none)
+
     @property
     def size(self) -> float:
         """Width or height of the structure, whichever is larger, m."""

@@ -36,7 +36,6 @@ CHOICES = {
     "slip": ("stress-free", "load-steps"),
     "states": ("first", "lowest"),
     "formats": ("png", "svg", "pdf"),
-    "units": UNITS,
 }
 
 #: Methods that solve for joint forces within given bounds.
@@ -507,7 +506,8 @@ class OutputOptions:
 
     def __post_init__(self) -> None:
         check_types(self)
-        _require_choice("units", self.units)
+        known = ", ".join(f"{name} ({units})" for name, units in UNITS.items())
+        require(self.units in UNITS, f"units = '{self.units}' must be one of {known}")
         for name in self.formats:
             _require_choice("formats", name)
         require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
@@ -852,7 +852,9 @@ class _PlaneTable:
 
 @dataclass(frozen=True)
 class _LoadTables:
-    live: Load
+    live: Load = field(
+        metadata={"hint": "or ask `fenics-contact stands` whether the dead load alone stands"}
+    )
     dead: Load = field(default_factory=Load)
 
 

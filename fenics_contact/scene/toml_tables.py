@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.errors.checks import as_mapping, check_type, key_of, kind_of
+from fenics_contact.errors.checks import as_mapping, check_type, key_of, kind_of, shown
 
 T = TypeVar("T")
 
@@ -21,6 +21,8 @@ T = TypeVar("T")
 DEEPEST = 20
 #: Bytes that a file may have; a mesh given for a scene has more.
 LARGEST = 1_000_000
+#: Tables of tables in which one can be named "default".
+WITH_DEFAULT = ("materials", "joints")
 #: Points in one dotted key that the parser takes in less than a second.
 DOTTED = 1000
 
@@ -107,7 +109,10 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         if name in table:
             values[item.name] = _value(inner, table[name], kinds[item.name])
         elif item.default is MISSING and item.default_factory is MISSING:
-            raise InputError(f"{inner} is missing" + (f"; give [{inner}]" if nested else ""))
+            cures = [f"; give [{inner}]"] * nested + [
+                f", {text}" for text in item.metadata.values()
+            ]
+            raise InputError(f"{inner} is missing{''.join(cures)}")
         elif nested:
             values[item.name] = from_table(kinds[item.name], {}, inner)
     try:
@@ -124,6 +129,7 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if get_origin(kind) is Mapping:
         inner = get_args(kind)[1]
         table = as_mapping(key, value)
+        _check_names(key, table, inner)
         return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
     check_type(key, value, kind)
     if kind is float:
@@ -131,6 +137,17 @@ def _value(key: str, value: Any, kind: Any) -> Any:
     if get_origin(kind) is tuple:
         return tuple(_value(key, item, get_args(kind)[0]) for item in value)
     return value
+
+
+def _check_names(key: str, table: Mapping[str, Any], inner: Any) -> None:
+    """Refuse a table of tables that has what belongs into one of these."""
+    known = [key_of(item.name) for item in fields(inner)] if is_dataclass(inner) else []
+    for name, item in table.items():
+        if name in known and not isinstance(item, Mapping):
+            default = f" or [{key}.default]" if key in WITH_DEFAULT else ""
+            raise InputError(
+                f"{key}.{name} = {shown(item)}: [{key}] has no name; give [{key}.NAME]{default}"
+            )
 
 
 def _override(table: dict[str, Any], assignment: str) -> None:

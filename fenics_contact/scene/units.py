@@ -9,9 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-#: Choices of `output.units`: N, Pa, m; kN, MPa, m; kN, MPa, mm.
-UNITS = ("SI", "m", "mm")
+#: Choices of `output.units`, and the units that they stand for.
+UNITS: Mapping[str, str] = {"SI": "N, Pa, m", "m": "kN, MPa, m", "mm": "kN, MPa, mm"}
 PER_METRE = "per metre of thickness"
+#: A component below this part of the larger one is what rounding left of 0.
+ROUNDING = 1e-12
 
 #: Unit in SI, factor and unit in kN and MPa; units that are not here stay.
 _ENGINEERS: Mapping[str, tuple[float, str]] = {
@@ -21,6 +23,7 @@ _ENGINEERS: Mapping[str, tuple[float, str]] = {
     "N/m2": (1e-3, "kN/m2"),
     "N/m3": (1e-3, "kN/m3"),
     f"N {PER_METRE}": (1e-3, f"kN {PER_METRE}"),
+    f"N/m {PER_METRE}": (1e-3, f"kN/m {PER_METRE}"),
     f"N {PER_METRE}, N with a spacing": (1e-3, f"kN {PER_METRE}, kN with a spacing"),
     f"N/m {PER_METRE}, N/m with a spacing": (1e-3, f"kN/m {PER_METRE}, kN/m with a spacing"),
 }
@@ -78,8 +81,13 @@ class Units:
         return f"{self.force_number(value):.{digits}g} {self.force_unit}"
 
     def forces(self, force: Sequence[float], digits: int = 6) -> str:
-        """Two components of a force on the structure, from N per metre of thickness."""
-        pair = ", ".join(f"{self.force_number(value):.{digits}g}" for value in force)
+        """Two components of a force on the structure, from N per metre of thickness.
+
+        A component that rounding has left beside a large one is 0.
+        """
+        least = ROUNDING * max(abs(value) for value in force)
+        parts = [self.force_number(value if abs(value) > least else 0.0) for value in force]
+        pair = ", ".join(f"{part:.{digits}g}" for part in parts)
         return f"({pair}) {self.force_unit.replace('/m', f' {PER_METRE}')}"
 
     def place(self, place: Sequence[float], digits: int = 4) -> str:

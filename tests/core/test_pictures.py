@@ -244,6 +244,18 @@ def test_forces_are_drawn_to_a_round_scale():
     assert size.max() / per_metre <= 0.35 * view.size * (1.0 + 1e-9)
 
 
+def test_pictures_say_how_long_a_length_is_drawn():
+    view, _ = solved(on_ground(running_bond(4, 4), ROUGH))
+    for draw in (draw_mode, draw_thrust):
+        axes = draw(Figure().subplots(), view)
+        (label,) = (text for text in axes.texts if text.get_text().endswith(" m"))
+        bar = next(line for line in axes.lines if line.get_marker() == "|")
+        length = float(label.get_text().removesuffix(" m"))
+        assert np.ptp(bar.get_xdata()) == pytest.approx(length)
+        assert 0.08 * view.size <= length <= 0.2 * view.size
+        assert axes.get_ylim()[0] < bar.get_ydata()[0] < view.rest[..., 1].min()
+
+
 @pytest.mark.mpi
 def test_materials_and_states_are_in_the_legend_where_they_are():
     model = polygons(

@@ -142,6 +142,23 @@ DOUBTS = {
         Wrong((), {"loads.dead.traction": {"bed0": [0.0, -1.0]}}, files={"block.msh": TWO_BEDS}),
         ("loads.dead.traction.bed0 also acts on 1 facets",),
     ),
+    "numbers in other units": (
+        Wrong(
+            (),
+            {
+                "materials.default.density": 22.0,
+                "materials.default.compressive_strength": 2.6,
+                "foundations.base.compressive_strength": 1.5,
+                "loads.dead.earth": {"left": {"level": 0.5, "unit_weight": 18.0}},
+            },
+        ),
+        (
+            "density = 22 kg/m3 is very light",
+            "materials.default.compressive_strength = 2.6 Pa is very low",
+            "foundations.base.compressive_strength = 1.5 Pa is very low",
+            "loads.dead.earth.left.unit_weight = 18 N/m3 is very light",
+        ),
+    ),
     "surfaces that share nodes": (only_mesh(TWO_SURFACES), ("2 of the 2 surfaces drawn",)),
 }
 

@@ -114,6 +114,17 @@ def test_4_for_a_load_factor_that_is_not_found(direction, folder, capsys):
     assert (found.code, record["status"]) == (4, "not_converged")
     assert found.out.count("NOT CONVERGED") == (2 if direction == "both" else 1)
     assert not any(line.startswith("verified") for line in found.out.splitlines())
+    assert found.out.count("bracket: ") == found.out.count("NOT CONVERGED")
+    tried = [line for line in found.out.splitlines() if line.startswith("  try ")]
+    assert len(tried) == found.out.count("NOT CONVERGED")
+
+
+def test_fast_leaves_out_the_capacity_curve(folder, capsys):
+    write_scene(folder, {"output.capacity": 3, "output.paraview": False}, "block")
+    found = run_here(["solve", "scene.toml", "--fast"], capsys)
+    assert found.code == 0 and "capacity: 1 of 3" not in found.out
+    assert "peak: not known, solve.fast = true leaves it out" in found.out
+    assert "capacity.csv" not in result(folder / "scene")["files"]
 
 
 @pytest.mark.parametrize(

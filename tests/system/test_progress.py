@@ -17,7 +17,9 @@ import pytest
 
 from tests.system.program import TIMEOUT, command, environment, run, stop, write_scene
 
-ITERATION = re.compile(r"^(positive|negative): iteration +(\d+)  load factor \S+  change of", re.M)
+ITERATION = re.compile(
+    r"^(positive|negative): iteration +(\d+)  load factor (\S+)  change of", re.M
+)
 PERCENTAGE = re.compile(r"positive: +(\d+)%\|")
 
 
@@ -65,7 +67,10 @@ def test_piped_output_is_lines_printed_once(ranks, tmp_path):
     found = run(["solve", "scene.toml"], tmp_path, ranks)
     assert found.code == 0
     assert not re.search(r"\r|%\|", found.out + found.err)
-    steps = [(name, int(number)) for name, number in ITERATION.findall(found.out)]
+    found_steps = ITERATION.findall(found.out)
+    steps = [(name, int(number)) for name, number, _ in found_steps]
+    signs = {(name, float(factor) < 0.0) for name, _, factor in found_steps}
+    assert signs == {("positive", False), ("negative", True)}
     for direction in ("positive", "negative"):
         numbers = [number for name, number in steps if name == direction]
         assert numbers == list(range(1, len(numbers) + 1))

@@ -138,7 +138,7 @@ def test_numbers_are_those_of_the_result(folder, capsys):
     page, record = solved(folder, capsys, {"solve.direction": "both"}, "wall")
     factors = [cells[1] for cells in page.cells if cells[:1] == ["load factor"]]
     assert [float(text) for text in factors] == pytest.approx([0.3, -0.3])
-    assert page.row("surely carried, from 0 to") == ["0"]
+    assert page.row("carried without any friction") == ["nothing"]
     assert float(page.row("surely not carried beyond")[0]) == pytest.approx(0.3)
     assert page.row("default")[1:] in (["Young's modulus", "1000 MPa"], ["1000 MPa"])
     rows = [cells for cells in page.cells if cells[-1:] == ["yes"] and len(cells) == 5]
@@ -308,11 +308,84 @@ def test_the_answer_is_one_sentence(folder, capsys):
     assert page.answer == "The structure stands 0.3 g to the right."
     both = ends_of(record, 0.3371, -0.3689)
     assert answer(both) == "The structure stands 0.337 g to the right and 0.369 g to the left."
-    lost = "The structure stands any load to the left. No limit load was found to the right."
-    assert answer(ends_of(record, "not_converged", "unbounded")) == lost
+    lost = "The structure stands any load to the left. No limit load was found to the right"
+    unbounded = ends_of(record, "not_converged", "unbounded")
+    assert answer(unbounded) == f"{lost}; it is at most 0.3 g."
+    unbounded["ends"]["positive"]["bounds"] = {"lower": None, "upper": None}
+    assert answer(unbounded) == f"{lost}."
     record["scene"]["loads"]["live"]["body"] = [-19.62, 0.0]
     turned = "The structure stands 0.6 g to the left."
     assert answer(ends_of(record, 0.3)) == turned
+
+
+def test_directions_that_end_differently_have_a_verdict_each(folder, capsys):
+    _, record = solved(folder, capsys, {"loads.live.body": [9.81, 0.0]}, "block")
+    reason = "no state was found; the path wanders; try a finer mesh"
+    tried = {"name": "interior point", "outcome": "residual 1", "factorizations": 36}
+    ends = ends_of(record | {"status": "not_converged"}, 0.3, "not_converged")
+    ends["ends"]["negative"] |= {"reason": reason, "attempts": [tried], "load_factor": None}
+    page = Page(report_page(Content(ends)))
+    verdict = "Live load as given: verified, see the appendix. Live load reversed: not converged"
+    assert verdict in page.text
+    assert "The numbers below are not a limit load" not in page.text
+    assert "Reason: no state was found. The appendix has what was tried." in page.text
+    assert page.text.index("wanders") > page.text.index("Appendix: how it was computed")
+    assert page.row("interior point") == ["residual 1", "36"]
+
+
+def test_the_shorter_list_of_blocks_that_move_or_stay(folder, capsys):
+    _, record = solved(folder, capsys, {}, "tower")
+    moves = record["ends"]["positive"]["mechanism"]
+    record["mesh"]["bodies"] = 4
+    moves |= {"moving": [0, 1, 3], "turning": [], "parting": 1, "rocking": 0, "sliding": 2}
+    text = Page(report_page(Content(record))).text
+    assert "3 of 4 blocks move. None of these turns. The blocks that stay are: 2." in text
+    assert "joints 1 open over their whole length and 2 slide while closed." in text
+    moves |= {"moving": [1], "turning": [1], "parting": 0, "sliding": 0}
+    text = Page(report_page(Content(record))).text
+    assert "1 of 4 blocks move. All of these turn. The moving blocks are: 1." in text
+    assert "joints none opens or slides." in text
+
+
+TIED = {
+    "materials.default.compressive_strength": 2e5,
+    "ties": {
+        "rod": {"from": [0.1, 0.4], "ground": [0.1, -0.5], "yield": 100.0},
+        "bar": {"from": [0.2, 0.4], "ground": [0.2, -0.5], "yield": 90.0, "spacing": 0.75},
+    },
+    "foundations.base.friction": 0.9,
+    "joints.default.friction": 0.9,
+    "plane.thickness": 0.5,
+}
+
+
+def test_strengths_that_crush_and_ties_have_their_numbers_and_units(folder, capsys):
+    page, record = solved(folder, capsys, TIED, "tower")
+    assert record["status"] == "limit" and record["crushing"]
+    assert "They do not crush" not in page.text and "joints crush at the" in page.text
+    rows = [cells for cells in page.cells if cells[1:2] == ["compressive strength"]]
+    assert rows == [["default", "compressive strength", "0.2 MPa"]]
+    place = record["crushing"][0]
+    (row,) = (cells for cells in page.cells if cells[1:2] == ["base"] and "mm" in cells[2])
+    assert row[2:] == [
+        f"{1e3 * place['length']:.3g} mm",
+        f"{0.5e-3 * place['normal_force']:.3g} kN",
+    ]
+    assert page.row("tie rod") == ["yields at 0.1 kN per metre of thickness"]
+    assert page.row("tie bar") == ["yields at 0.09 kN, one every 0.75 m"]
+    (rod,) = (tie for tie in record["ties"] if tie["name"] == "rod")
+    tension, limit = f"{0.5e-3 * rod['force']:.4g} kN", f"{0.5e-3 * rod['yield']:.4g} kN"
+    assert page.row("rod") == [tension, limit, rod["state"]]
+    assert ["bar", "tension at which it yields", "0.09 kN"] in page.cells
+
+
+def test_what_rounding_leaves_of_a_resultant_is_0(folder, capsys):
+    live = {
+        "loads.live.body": [0.0, 0.0],
+        "loads.live.earth": {"left": {"level": 0.5, "unit_weight": 100.0}},
+    }
+    page, _ = solved(folder, capsys, live, "block")
+    assert page.row("live load at load factor 1")[0].endswith(", 0) kN per metre of thickness")
 
 
 def test_loads_that_are_no_weight_are_carried_so_many_times(folder, capsys):
@@ -320,6 +393,11 @@ def test_loads_that_are_no_weight_are_carried_so_many_times(folder, capsys):
     page, record = solved(folder, capsys, live, "block")
     times = f"{record['load_factor']:.3g} times the live load"
     assert page.answer == f"The structure carries {times}."
+    most = f"{record['ends']['positive']['bounds']['upper']:.3g} times this load"
+    lost = f"No limit load was found for the live load; it is at most {most}."
+    assert answer(ends_of(record, "not_converged")) == lost
+    record["scene"]["foundations"]["base"]["opened"] = "lost"  # the bracket is that of torn joints
+    assert answer(ends_of(record, "not_converged")) == "No limit load was found for the live load."
 
 
 def test_units_of_engineers_and_the_thickness(folder, capsys):

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from fenics_contact.output.report.pdf import pdf_of
 from tests.system.program import run_here, write_scene
 
 OPTIONS = ["--pdf", "wall.pdf", "--project", "Town wall & gate", "--author", "A. Mason"]
@@ -57,6 +58,41 @@ def test_without_weasyprint_one_line_and_no_file(solved, capsys, monkeypatch):
     assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
     assert "--pdf needs WeasyPrint" in found.err and "'weasyprint'" in found.err
     assert not (solved / "report.html").exists() and not (solved.parent / "wall.pdf").exists()
+
+
+class EarlyWriter:
+    """WeasyPrint before it had a class for what reads addresses."""
+
+    default_url_fetcher = staticmethod(lambda address: f"read {address}")
+
+    class HTML:
+        def __init__(self, string, url_fetcher):
+            self.fetch = url_fetcher
+
+        def write_pdf(self):
+            with pytest.raises(ValueError, match="no other file"):
+                self.fetch("file:///etc/passwd")
+            return f"{self.fetch('data:x')}".encode()
+
+
+class LateWriter(EarlyWriter):
+    """WeasyPrint with that class, and without the function."""
+
+    default_url_fetcher = None
+
+    class URLFetcher:
+        def __init__(self, allowed_protocols):
+            self.allowed = allowed_protocols
+
+        def __call__(self, address):
+            if address.split(":")[0] not in self.allowed:
+                raise ValueError("no other file")
+            return f"read {address}"
+
+
+@pytest.mark.parametrize("writer", [EarlyWriter, LateWriter])
+def test_the_pdf_reads_no_other_file_in_any_version_of_weasyprint(writer):
+    assert pdf_of(writer, "<p></p>") == b"read data:x"
 
 
 def test_4_where_the_pdf_cannot_be_written(solved, capsys):

@@ -81,6 +81,22 @@ def test_legend_stays_out_of_the_neighbours_axes(shape):
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
 
 
+@pytest.mark.mpi
+def test_thrust_and_stresses_of_any_state_are_drawn(collapse):
+    axes = collapse.plot_thrust(Figure().subplots())
+    stress = collapse.plot_stress(Figure().subplots())
+    state = equilibrium(BLOCK.scene(2), 0.2)
+    others = [state.plot_thrust(Figure().subplots()), state.plot_stress(Figure().subplots())]
+    if MPI.COMM_WORLD.rank > 0:
+        assert [axes, stress, *others] == 4 * [None]
+        return
+    assert axes.get_title() == "line of thrust at collapse (width: force)"
+    assert stress.get_title() == "principal stresses at collapse"
+    titles = [one.get_title() for one in others]
+    assert titles[1] == "principal stresses at load factor 0.2"
+    assert titles[0].startswith("line of thrust at load factor 0.2")
+
+
 def test_blocks_that_fall_are_drawn():
     scene = BANK["sliding stack -0.001"].scene(1)
     for result in (limit_load(scene), equilibrium(scene, 0.0)):
@@ -88,6 +104,10 @@ def test_blocks_that_fall_are_drawn():
         assert [text.get_text() for text in axes.texts] == ["0", "1"]
         with pytest.raises(SolverError, match="no joint forces to draw"):
             result.plot_forces()
+        with pytest.raises(SolverError, match="no joint forces to draw"):
+            result.plot_thrust()
+        with pytest.raises(SolverError, match="the status is 'unstable'"):
+            result.plot_stress()
         assert notebook_picture(result).startswith(b"\x89PNG")
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
-from fenics_contact.output.report.words import PICTURES, STATUS
-from fenics_contact.scene.units import Units
+from fenics_contact.output.report.words import PICTURES, STATUS, STATUS_OF_ONE, direction_words
+from fenics_contact.scene.units import PER_METRE, Units
 
 #: Acceleration that is written as 1 g, m/s2.
 GRAVITY = 9.81
@@ -57,8 +57,7 @@ def first_page(content: Content) -> Iterator[str]:
     yield heading(record["title"] or "Limit load", 1)
     yield paragraph(_labels(content), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
-    name = "verified" if status == "limit" else status.replace("_", " ")
-    yield paragraph(f"{name.capitalize()}: {STATUS[status]}")
+    yield paragraph(*_verdict(record))
     rows = list(_assumptions(record, content.units))
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"]
@@ -68,6 +67,18 @@ def first_page(content: Content) -> Iterator[str]:
     if address := content.picture_of("collapse", direction):
         yield picture(address, _caption(record, direction))
     yield f"<div>{heading('Assumptions', 2)}{table(rows)}</div></div>"
+
+
+def _verdict(record: Record) -> Iterator[str]:
+    """How much the answer is worth, for each direction where these differ."""
+    ends = record["ends"]
+    if len({end["status"] for end in ends.values()}) < 2:
+        status = record["status"]
+        name = "verified" if status == "limit" else status.replace("_", " ")
+        yield f"{name.capitalize()}: {STATUS[status]}"
+        return
+    for direction, end in ends.items():
+        yield f"{direction_words(direction).capitalize()}: {STATUS_OF_ONE[end['status']]}"
 
 
 def _labels(content: Content) -> str:
@@ -104,8 +115,8 @@ def answer(record: Record) -> str:
     lost: list[str] = []
     for direction, end in record["ends"].items():
         part = _stands(end, direction, acceleration)
-        way = _way(direction, acceleration)
-        (known if part else lost).append(part or f"No limit load was found {way}.")
+        beyond = None if _tears(record) else _beyond(end, direction)
+        (known if part else lost).append(part or _lost(beyond, direction, acceleration))
     verb = "carries" if acceleration is None else "stands"
     sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
     return " ".join(sentence + lost)
@@ -135,8 +146,35 @@ def _stands(end: Record, direction: str, acceleration: float | None) -> str:
         return ""
     factor = abs(end["load_factor"])
     if acceleration is None:
-        return f"{factor:.3g} times {way.removeprefix('for ')}"
-    return f"{factor * abs(acceleration) / GRAVITY:.3g} g {way}"
+        return f"{_amount(factor, acceleration)} {way.removeprefix('for ')}"
+    return f"{_amount(factor, acceleration)} {way}"
+
+
+def _tears(record: Record) -> bool:
+    """Whether joints may lose their strength, so that brackets are those of torn joints."""
+    laws = (law for kind in ("joints", "foundations") for law in record["scene"][kind].values())
+    return any(law.get("opened") == "lost" for law in laws)
+
+
+def _beyond(end: Record, direction: str) -> float | None:
+    """The load factor beyond which nothing is carried in one direction; None if not known."""
+    found: float | None = end["bounds"]["lower" if direction == "negative" else "upper"]
+    return found
+
+
+def _lost(beyond: float | None, direction: str, acceleration: float | None) -> str:
+    """What is known of one direction where no limit load was found."""
+    most = "" if beyond is None else f"; it is at most {_amount(abs(beyond), acceleration)}"
+    if most and acceleration is None:
+        most += " this load"
+    return f"No limit load was found {_way(direction, acceleration)}{most}."
+
+
+def _amount(factor: float, acceleration: float | None) -> str:
+    """A load factor as an acceleration in g, or as a multiple."""
+    if acceleration is None:
+        return f"{factor:.3g} times"
+    return f"{factor * abs(acceleration) / GRAVITY:.3g} g"
 
 
 def _way(direction: str, acceleration: float | None) -> str:
@@ -173,9 +211,10 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
         *((f"foundation {name}", _law(one, units)) for name, one in _some(scene, "foundations")),
     ]
     yield from rows
-    for kind in ("supports", "ties"):
-        if names := scene.get(kind):
-            yield kind, ", ".join(names)
+    if names := scene.get("supports"):
+        yield "supports", ", ".join(names)
+    for name, tie in list((scene.get("ties") or {}).items())[:SHOWN]:
+        yield f"tie {name}", _tie(tie, units)
 
 
 def _some(scene: Record, kind: str) -> list[tuple[str, Record]]:
@@ -193,6 +232,17 @@ def _material(one: Record, gravity: float, units: Units) -> str:
     ]
     if one.get("compressive_strength"):
         parts.append(f"compressive strength {units.stress(one['compressive_strength'])}")
+    return ", ".join(parts)
+
+
+def _tie(one: Record, units: Units) -> str:
+    """Tension at which a tie yields, prestress and spacing."""
+    force = "N" if one.get("spacing") else f"N {PER_METRE}"
+    parts = [f"yields at {units.text(one['yield'], force)}"]
+    if one.get("prestress"):
+        parts.append(f"prestress {units.text(one['prestress'], force)}")
+    if one.get("spacing"):
+        parts.append(f"one every {units.length(one['spacing'])}")
     return ", ".join(parts)
 
 

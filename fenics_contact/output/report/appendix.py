@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fenics_contact.output.report.content import Content
+from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import bullets, heading, paragraph, table, value_text
-from fenics_contact.output.report.ranges import direction_words
-from fenics_contact.output.report.words import KEYS, MEANING, PHASES, RESIDUALS
+from fenics_contact.output.report.words import (
+    KEYS,
+    LEFT_OUT,
+    MEANING,
+    PHASES,
+    RESIDUALS,
+    direction_words,
+)
 
 
 def verification(content: Content) -> Iterator[str]:
@@ -45,7 +51,7 @@ def computation(content: Content) -> Iterator[str]:
     mesh = record["mesh"]
     iterations = record["iterations"]
     yield heading("Appendix: how it was computed")
-    rows = [(KEYS.get(key, key), value_text(value)) for key, value in scene["solve"].items()]
+    rows = [(KEYS.get(key, key), _option(key, scene["solve"])) for key in scene["solve"]]
     rows += [("method of the state reported", value_text(record["method"]))]
     rows += [(MEANING[key], mesh[key]) for key in ("cells", "dofs", "joint_points")]
     rows += [("degree of the displacements", scene["degree"])]
@@ -54,10 +60,29 @@ def computation(content: Content) -> Iterator[str]:
     rows += [("processes (MPI ranks)", record["ranks"]), ("date (UTC)", record["date"])]
     yield table(rows)
     seconds = record["seconds"].items()
-    times = [(PHASES.get(name, name), value_text(value, "s")) for name, value in seconds]
+    times = [(PHASES.get(name, name), f"{value:.3g} s") for name, value in seconds]
     yield table(times, title="Times")
+    yield from _tried(record)
     if record["skipped"]:
         yield heading("What the scene did not need", 3)
         yield bullets(record["skipped"])
     named = {"fenics-contact": record["version"], **record["versions"]}
     yield table([(k, version or "not known") for k, version in named.items()], title="Versions")
+
+
+def _option(key: str, options: Record) -> str:
+    """The value of a key of `solve`, or what leaving it out means."""
+    if options[key] is not None or key not in LEFT_OUT:
+        return value_text(options[key])
+    return "no" if options.get("fast") and LEFT_OUT[key] != "none" else LEFT_OUT[key]
+
+
+def _tried(record: Record) -> Iterator[str]:
+    """What was tried in a direction without a verified state, and how it ended."""
+    for direction, end in record["ends"].items():
+        if end["status"] == "not_converged" and end["attempts"]:
+            keys = "name", "outcome", "factorizations"
+            rows = [[one[key] for key in keys] for one in end["attempts"]]
+            head = "attempt", "how it ended", "factorisations"
+            yield table(rows, head, f"What was tried, {direction_words(direction)}")
+            yield paragraph(f"In short: {end['reason']}.")

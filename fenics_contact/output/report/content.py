@@ -79,6 +79,14 @@ class Content:
         wished = scene.get("output", {}).get("units", "m")
         return Units("mm" if wished == "mm" else "m", scene.get("thickness"))
 
+    @property
+    def has_strength(self) -> bool:
+        """Whether some material or joint has a compressive strength."""
+        scene = self.record["scene"]
+        kinds = "materials", "joints", "foundations"
+        given = (one.get("compressive_strength") for kind in kinds for one in scene[kind].values())
+        return any(given)
+
     def details(self, direction: str) -> Record:
         """Where result.json has the verification of one end."""
         record = self.record

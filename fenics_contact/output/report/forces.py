@@ -24,7 +24,8 @@ def forces(content: Content) -> Iterator[str]:
     if found:
         yield heading("Forces and stresses")
     for stem, address in found.items():
-        yield picture(address, PICTURES[stem])
+        per = " Forces are per metre of thickness." if stem.startswith("forces") else ""
+        yield picture(address, PICTURES[stem] + per)
     if many and "forces" in content.pictures:
         yield paragraph(
             f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"

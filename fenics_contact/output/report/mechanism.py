@@ -8,8 +8,7 @@ from typing import Any
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import counted, heading, numbers, paragraph, picture, text
-from fenics_contact.output.report.ranges import direction_words
-from fenics_contact.output.report.words import PICTURES
+from fenics_contact.output.report.words import PICTURES, direction_words
 from fenics_contact.scene.units import Units
 
 #: Width or height of the drawing, whichever is larger, in units of SVG.
@@ -80,19 +79,39 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
     yield f"{len(moving)} of {counted(total, 'block')} move."
     if len(turning) == len(moving):
         yield "All of these turn."
-    else:
+    elif turning:
         yield f"{len(turning)} of these turn; the others shift without turning."
-    yield f"The moving blocks are: {numbers(moving)}."
+    else:
+        yield "None of these turns."
+    staying = sorted(set(range(total)) - set(moving))
+    if len(moving) <= len(staying):
+        yield f"The moving blocks are: {numbers(moving)}."
+    elif staying:
+        yield f"The blocks that stay are: {numbers(staying)}."
     centre = units.place(moves["centre"])
     yield f"The fastest is block {moves['fastest']} with its centre at {centre}."
     if any(moves["direction"]):
         yield f"Its centre moves in the direction ({way})."
     else:
         yield "It turns about its centre."
-    yield f"Of {counted(moves['joints'], 'joint')}:"
-    yield f"{moves['parting']} open over their whole length,"
-    yield f"{moves['rocking']} open over a part of it (the blocks rock there),"
-    yield f"and {moves['sliding']} slide while closed."
+    yield f"Of {counted(moves['joints'], 'joint')} {_joints(moves)}."
+
+
+def _joints(moves: Record) -> str:
+    """How many joints do what, as far as any does."""
+    parts = [
+        f"{moves[key]} {words}"
+        for key, words in (
+            ("parting", "open over their whole length"),
+            ("rocking", "open over a part of it (the blocks rock there)"),
+            ("sliding", "slide while closed"),
+        )
+        if moves[key]
+    ]
+    if not parts:
+        return "none opens or slides"
+    *first, last = parts
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _moving(content: Content, direction: str, moving: Sequence[int]) -> Iterator[str]:

@@ -22,7 +22,7 @@ from fenics_contact.output.report.pdf import pdf_of, pdf_writer
 from fenics_contact.output.report.ranges import load_factors
 from fenics_contact.output.report.sensitivity import sensitivity
 from fenics_contact.output.report.structure import loads_and_groups, structure
-from fenics_contact.output.report.words import NOTES, STYLE
+from fenics_contact.output.report.words import CRUSHING, ELASTIC, NOTES, STYLE
 
 #: The page.
 PAGE = "report.html"
@@ -87,10 +87,10 @@ def _warnings(content: Content) -> Iterator[str]:
     yield bullets(warnings) if warnings else paragraph("None.")
 
 
-def _notes(_: Content) -> Iterator[str]:
+def _notes(content: Content) -> Iterator[str]:
     """What readers should know of the theory."""
     yield heading("What to know when you use these numbers")
-    yield bullets(NOTES)
+    yield bullets([*NOTES, CRUSHING if content.has_strength else ELASTIC])
 
 
 #: Parts of the page in their order; each begins with its heading.

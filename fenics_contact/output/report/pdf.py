@@ -9,7 +9,7 @@ from fenics_contact.errors import InputError
 
 MISSING = (
     "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
-    " install weasyprint), or print the HTML page from a browser"
+    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
 )
 
 

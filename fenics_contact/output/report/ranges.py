@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fenics_contact.output.report.content import Content, Record
-from fenics_contact.output.report.html import alike, heading, paragraph, table, value_text
-from fenics_contact.output.report.words import RANGE, STATUS
+from fenics_contact.output.report.html import alike, heading, paragraph, table
+from fenics_contact.output.report.words import RANGE, STATUS, direction_words
 from fenics_contact.output.seismic_words import TITLE, seismic_rows
+from fenics_contact.scene.units import PER_METRE, Units
 
-
-def direction_words(name: str) -> str:
-    """A direction of the live load in words."""
-    return "live load reversed" if name == "negative" else "live load as given"
+#: Joints that crush that are listed.
+CRUSHED = 8
 
 
 def load_factors(content: Content) -> Iterator[str]:
@@ -26,28 +25,56 @@ def load_factors(content: Content) -> Iterator[str]:
         if end["status"] != record["status"]:
             yield paragraph(STATUS[end["status"]])
         if end["reason"]:
-            yield paragraph(f"Reason: {end['reason']}.")
+            yield paragraph(_reason(end))
         yield table(_rows(direction, end, content))
         yield _ties(content, direction)
+        yield _crushing(content, direction)
         yield table(seismic_rows((record.get("seismic") or {}).get(direction)), title=TITLE)
-        if end["status"] == "not_converged" and end["attempts"]:
-            head = "attempt", "how it ended", "factorisations"
-            keys = "name", "outcome", "factorizations"
-            tried = [[one[key] for key in keys] for one in end["attempts"]]
-            yield table(tried, head, "What was tried")
     if not record["ends"]:
         yield paragraph(f"Reason: {record['reason']}.")
+
+
+def _reason(end: Record) -> str:
+    """Why there is no limit load; what was tried is in the appendix."""
+    if end["status"] != "not_converged" or not end["attempts"]:
+        return f"Reason: {end['reason']}."
+    return f"Reason: {end['reason'].partition('; ')[0]}. The appendix has what was tried."
 
 
 def _ties(content: Content, direction: str) -> str:
     """Forces of ties at one end."""
     units = content.units
     forces = [
-        (tie["name"], units.force(tie["force"]), tie["state"])
+        (tie["name"], units.force(tie["force"], 4), units.force(tie["yield"], 4), tie["state"])
         for tie in content.details(direction).get("ties", [])
     ]
-    per = "tension" if units.thickness else "tension per metre of thickness"
-    return table(forces, ("tie", per, "state"), "Ties")
+    per = "tension" if units.thickness else f"tension {PER_METRE}"
+    return table(forces, ("tie", per, "yields at", "state"), "Ties")
+
+
+def _crushing(content: Content, direction: str) -> str:
+    """Where joints crush at one end, the longest lengths first."""
+    places = content.details(direction).get("crushing")
+    if places is None:
+        return ""
+    title = "Joints that crush"
+    if not places:
+        return heading(title, 3) + paragraph("No joint is at its compressive strength.")
+    units = content.units
+    ordered = sorted(places, key=lambda one: one["length"], reverse=True)
+    rows = [
+        (
+            units.place(one["position"], 3),
+            one["group"],
+            units.small(one["length"]),
+            units.force(one["normal_force"], 3),
+        )
+        for one in ordered[:CRUSHED]
+    ]
+    per = "normal force" if units.thickness else f"normal force {PER_METRE}"
+    found = table(rows, ("end of the joint", "group", "crushes over", per), title)
+    less = len(places) - CRUSHED
+    return found + (paragraph(f"{less} more crush over less.") if less > 0 else "")
 
 
 def _rows(direction: str, end: Record, content: Content) -> Iterator[Sequence[str]]:
@@ -71,25 +98,27 @@ def _rows(direction: str, end: Record, content: Content) -> Iterator[Sequence[st
         yield from _bracket_rows(end, factor, bounds, sides)
     if end["status"] == "limit":
         yield from _peak_rows(factor, details["peak"])
-        yield from _lowest_rows(factor, details)
+        yield from _lowest_rows(end, details)
         yield from _error_rows(factor, details, content.record)
 
 
-def _lowest_rows(factor: float, details: Record) -> Iterator[Sequence[str]]:
+def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
     """Whether a lower collapse state is known, and all that were found where there are several."""
+    factor = end["load_factor"]
     lowest = details.get("lowest")
     if not lowest:
         return
     searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
+    proved = lowest["starts"] == 0 or end["bounds"].get("meet")
     text = {
         "lower": (
             f"{alike(lowest['load_factor'], factor)}: another collapse state, verified. A load"
             " that rises may end there: the capacity curve tells."
         ),
         "none": (
-            f"no lower state found by {searches}"
-            if lowest["starts"]
-            else "there is no lower one, as the bracket proves"
+            "there is no lower one, as the bracket proves"
+            if proved
+            else f"no lower state found by {searches}"
         ),
         "not_known": f"not known: {lowest['reason']}",
     }
@@ -104,9 +133,9 @@ def _bracket_rows(
     """What the rigid-block programs say of the load factor."""
     sure = bounds.get("frictionless")
     first, beyond = (bounds[side] for side in sides)
-    lost = "not known, or the dead load needs friction to stand"
-    yield "surely carried, from 0 to", lost if sure is None else alike(sure, factor)
-    yield "no collapse state before", "not known" if first is None else alike(first, factor)
+    if sure is not None:
+        yield "carried without any friction", alike(sure, factor) if sure else "nothing"
+    yield "no collapse state below", "not known" if first is None else alike(first, factor)
     yield "surely not carried beyond", alike(beyond, factor)
     if bounds.get("meet") and end["status"] == "limit":
         yield "other collapse states", "none exists: the bracket is closed"
@@ -130,7 +159,7 @@ def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
         yield "carried on the way to the collapse", f"not known: {peak['reason']}"
         return
     carried = alike(peak["load_factor"], factor)
-    moved = value_text(1e3 * peak["displacement_m"], "mm")
+    moved = Units().small(peak["displacement_m"])
     yield (
         "carried on the way to the collapse, at least",
         f"{carried}, at {moved}; then joints slip and the load falls. This depends on the"
@@ -142,14 +171,15 @@ def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequ
     """What is known of the error of a load factor."""
     gap = details["error_estimate"]
     mesh = details["discretization"]
-    yield "difference from rigid blocks with the friction forces of this state", value_text(gap)
+    apart = "not known" if gap is None else f"{gap:.0e}"
+    yield "difference from rigid blocks with the friction forces of this state", apart
     if not mesh:
         yield "error by the mesh", "not estimated"
         return
     length = mesh["hinge_length"]
     error = mesh["hinge_error"]
     if length is not None:
-        yield "length of hinges in this mesh", value_text(1e3 * length, "mm")
+        yield "length of hinges in this mesh", Units().small(length)
     yield "load factor for point hinges", alike(mesh["load_factor_point_hinges"], factor)
     small = error is not None and abs(error) <= record["scene"]["solve"]["tolerance"]
     percent = "not known" if error is None else f"{100 * error:.2g} %"

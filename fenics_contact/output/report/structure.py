@@ -32,7 +32,7 @@ def loads_and_groups(content: Content) -> Iterator[str]:
         yield picture(address, PICTURES["scene"])
     rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
     for name, force in scene["resultants"].items():
-        rows.append((name, "resultant", units.forces(force)))
+        rows.append((name, "resultant", units.forces(force, 4)))
     yield table(rows, ("load", "what", "value"))
     yield paragraph(
         "The dead load acts first and stays. The live load is multiplied by the load factor."
@@ -48,12 +48,12 @@ def structure(content: Content) -> Iterator[str]:
     names = scene["units"]
     units = content.units
     size = scene["size"]
+    held = mesh["bodies"] - mesh["floating_bodies"]
     yield heading("The structure")
     yield paragraph(
-        f"{counted(mesh['bodies'], 'block')}.",
-        f"Supports do not hold {mesh['floating_bodies']} of them.",
-        f"Width {units.length(size['width'])}, height {units.length(size['height'])},",
-        f"area {value_text(size['area'])} m2. Plane {scene['plane']}.",
+        f"{counted(mesh['bodies'], 'block')}, {held or 'none'} held by supports.",
+        f"Width {units.length(size['width'], 4)}, height {units.length(size['height'], 4)},",
+        f"area {size['area']:.4g} m2. Plane {scene['plane']}.",
         f"Thickness {units.length(units.thickness)}." if units.thickness else "",
         "" if units.thickness else "Forces are per metre of thickness.",
     )
@@ -61,13 +61,25 @@ def structure(content: Content) -> Iterator[str]:
         rows = _rows(scene[kind], names, units)
         yield table(rows, ("group", "property", "value"), KEYS[kind])
     yield table(scene["supports"].items(), ("group", "kind"), KEYS["supports"])
-    ties = _rows(scene.get("ties", {}), names, units)
+    ties = [
+        row
+        for name, tie in (scene.get("ties") or {}).items()
+        for row in _rows({name: tie}, _tie_units(names, tie), units)
+    ]
     yield table(ties, ("tie", "property", "value"), KEYS["ties"])
     contacts = [
-        (at["group"], at["kind"], at["points"], units.length(at["length"]))
+        (at["group"], at["kind"], at["points"], units.length(at["length"], 4))
         for at in scene["contacts"]
     ]
     yield table(contacts, ("group", "kind", "joint points", "length"), "Where the blocks touch")
+
+
+def _tie_units(names: Record, tie: Record) -> Record:
+    """Units of the numbers of a tie: of one tie with a spacing, else per metre of thickness."""
+    both = {key: names[key].split(", ") for key in ("yield", "stiffness", "prestress")}
+    chosen = {key: texts[-1] if tie.get("spacing") else texts[0] for key, texts in both.items()}
+    units = {key: text.removesuffix(" with a spacing") for key, text in chosen.items()}
+    return {**names, **units, "from": "m", "to": "m", "ground": "m"}
 
 
 def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:

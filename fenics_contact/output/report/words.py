@@ -14,6 +14,21 @@ STATUS: Mapping[str, str] = {
     "not_converged": "no verified state was found. The numbers below are not a limit load.",
 }
 
+#: The same for one of two directions of the live load that end differently.
+STATUS_OF_ONE: Mapping[str, str] = {
+    "limit": "verified, see the appendix.",
+    "unbounded": "nothing limits it.",
+    "no_equilibrium": "no equilibrium was found, which is no proof that there is none.",
+    "not_converged": "not converged, no verified state was found. Its numbers below are not a limit"
+    " load.",
+}
+
+
+def direction_words(name: str) -> str:
+    """A direction of the live load in words."""
+    return "live load reversed" if name == "negative" else "live load as given"
+
+
 #: Name and meaning of every residual of the verification.
 RESIDUALS: Mapping[str, tuple[str, str]] = {
     "equilibrium": ("equilibrium", "The forces on every node of the mesh balance."),
@@ -52,6 +67,7 @@ KEYS: Mapping[str, str] = {
     "friction": "coefficient of friction",
     "bound": "shear strength",
     "tensile_strength": "tensile strength",
+    "compressive_strength": "compressive strength",
     "opened": "cohesion and tensile strength of joints that have opened",
     "dilatancy": "angle at which sliding opens the joint",
     "body": "body force",
@@ -64,6 +80,18 @@ KEYS: Mapping[str, str] = {
     "lowest": "lower collapse states looked for",
     "error": "error by the mesh estimated",
     "peak": "peak of the loading path looked for",
+    "accuracy": "accuracy wished",
+    "time": "limit of time",
+    "fast": "the load factor and its bracket alone",
+}
+
+#: What options mean that are left out.
+LEFT_OUT: Mapping[str, str] = {
+    "lowest": "yes",
+    "error": "yes, within a limit of work",
+    "peak": "yes, within a limit of work",
+    "accuracy": "none",
+    "time": "none",
 }
 
 MEANING: Mapping[str, str] = {
@@ -131,9 +159,14 @@ NOTES = (
     " verified state. All states lie in the bracket. Where its ends meet there is no other.",
     "The lower end of the bracket is the limit load with the least friction that any collapse state"
     " can have. Loads beyond the upper end are not carried even by rigid blocks with associative"
-    " friction. Loads that are surely carried need no friction.",
-    "The blocks are elastic. They do not crush or crack.",
+    " friction. What is carried without friction is surely carried.",
     "Displacements are small. The problem is planar.",
+)
+#: What the blocks do, without and with a compressive strength.
+ELASTIC = "The blocks are elastic. They do not crush or crack."
+CRUSHING = (
+    "The blocks are elastic and do not crack. Straight joints crush at the compressive strength;"
+    " elsewhere nothing crushes."
 )
 
 STYLE = """
