@@ -7,6 +7,20 @@
 
 #include <math.h>
 
+/* Some points on their tangents, x0 + part c + s t: TangentModel. */
+typedef struct {
+    int count;
+    double smallest, mu, log_mu_rate;
+    const double *friction, *strength, *dilatancy, *carried;
+    const double *start, *correction, *tangent, *springs, *compliance;
+} points;
+
+static inline double mu_at(const points *of, double s)
+{
+    double grown = of->log_mu_rate * s;
+    return of->mu * exp(709.0 < grown ? 709.0 : grown);
+}
+
 typedef struct {
     double y, r, w, shear, dilation;
 } state;
@@ -40,12 +54,14 @@ static inline double distance_from_bound(double q, double gamma, double mu)
 }
 
 /* Distances from the laws at x0 + part c + s t, moved by given openings and slips. */
-void distances(int count, double smallest, double mu, double part, double s,
-               const double *friction, const double *strength, const double *dilatancy,
-               const double *carried, const double *start, const double *correction, const double *tangent,
-               const double *springs, const double *compliance, const double *motion,
+void distances(const points *of, double part, double s, const double *motion,
                double *restrict found)
 {
+    int count = of->count;
+    double mu = mu_at(of, s), smallest = of->smallest;
+    const double *friction = of->friction, *strength = of->strength, *carried = of->carried;
+    const double *start = of->start, *correction = of->correction, *tangent = of->tangent;
+    const double *springs = of->springs, *compliance = of->compliance;
     const double *k_n = springs, *k_t = k_n + count, *coupling = k_t + count;
     const double *slope = coupling + count, *give = slope + count;
     const double *c_n = compliance, *c_t = c_n + count;
@@ -83,18 +99,19 @@ static inline void split(state x, double k_n, double k_t, double coupling, doubl
     excess[next] = (x.shear + k_t * slip + coupling * by_both) * carried;
 }
 
-/* Equations of the chosen points: displacements and excess forces of what the laws differ by from
-   the tangents and of its change along the line, shape (2, 2 count) each; sizes of p, q, tau; and
-   slopes by p and q, shape (2 count, 2 count + 1), whose last column is left to the caller. */
-void chosen_points(int count, double smallest, double mu, double log_mu_rate, double part,
-                   double s, double of_part, double of_s, const double *x,
-                   const double *friction, const double *strength, const double *dilatancy,
-                   const double *carried, const double *start,
-                   const double *correction, const double *tangent, const double *springs,
-                   const double *compliance, const double *answers, double *moved,
-                   double *excess, double *sizes, double *slopes)
+/* Equations of the chosen points at x on a line: displacements and excess forces of what the laws
+   differ by from the tangents and of its change along the line, shape (2, 2 count) each; sizes of
+   p, q, tau; and slopes by p and q column by column, shape (2 count, 2 count + 1), whose last column
+   is left out. C is given column by column. */
+void chosen_points(const points *of, const double *c, double part, double s, double of_part,
+                   double of_s, const double *x, double *moved, double *excess, double *sizes,
+                   double *slopes)
 {
-    int width = 2 * count + 1;
+    int count = of->count, rows = 2 * count;
+    double mu = mu_at(of, s), smallest = of->smallest, log_mu_rate = of->log_mu_rate;
+    const double *friction = of->friction, *strength = of->strength, *dilatancy = of->dilatancy;
+    const double *start = of->start, *correction = of->correction, *tangent = of->tangent;
+    const double *springs = of->springs, *compliance = of->compliance, *carried = of->carried;
     for (int j = 0; j < count; j++) {
         double p = x[j], q = x[count + j], y, r;
         normal_law(p, mu, &y, &r);
@@ -136,13 +153,12 @@ void chosen_points(int count, double smallest, double mu, double log_mu_rate, do
         for (int k = 0; k < 2; k++) { /* p and q of a point change its own forces alone */
             double own[2], forces[2];
             split(of[2 + k], k_n, k_t, coupling, slope_of, c_n, c_t, carried[j], own, forces, 1);
-            double *slope = slopes + k * count + j;
-            for (int i = 0; i < 2 * count; i++) {
-                const double *answer = answers + 2 * count * i;
-                slope[i * width] = -(answer[j] * forces[0] + answer[count + j] * forces[1]);
-            }
-            slope[j * width] += own[0];
-            slope[(count + j) * width] += own[1];
+            double *slope = slopes + (k * count + j) * rows;
+            const double *to_normal = c + j * rows, *to_shear = c + (count + j) * rows;
+            for (int i = 0; i < rows; i++)
+                slope[i] = -(to_normal[i] * forces[0] + to_shear[i] * forces[1]);
+            slope[j] += own[0];
+            slope[count + j] += own[1];
         }
         sizes[j] = larger(r + y, smallest);
         sizes[count + j] = larger(gamma + fabs(w), smallest);
