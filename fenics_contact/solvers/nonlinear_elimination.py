@@ -688,12 +688,12 @@ class NonlinearElimination:
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
-        comm = self.problem.comm
+        rank = self.problem.comm.rank
         options = self.options
         place = np.flatnonzero(distances > min(options.chosen, options.allowed))
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
-        mine = [(-distances[k], comm.rank, k) for k in place]
-        worst = sorted(chain(*comm.allgather(mine)))[:most]
+        mine = [(-distances[k], rank, k) for k in place]
+        worst = sorted(chain(*self.problem.gather(mine)))[:most]
         return np.array([found[1:] for found in worst], dtype=np.int64).reshape(-1, 2)
 
     def _choose(self, chosen: Integers) -> None:
@@ -710,17 +710,18 @@ class NonlinearElimination:
 
     def _gathered(self) -> TangentModel:
         """Model of the chosen points, gathered from their ranks."""
-        comm = self.problem.comm
-        chosen = self._chosen
-        mine = np.flatnonzero(chosen[:, 0] == comm.rank)
-        order = np.argsort(np.concatenate(comm.allgather(mine)))
+        problem = self.problem
+        mine = np.flatnonzero(self._chosen[:, 0] == problem.comm.rank)
+        order = np.argsort(np.concatenate(problem.gather(mine)))
+        places = self._chosen[mine, 1]
 
         def whole(of: Any) -> Any:
             values = {field.name: getattr(of, field.name) for field in fields(of)}
-            arrays = {n: a[..., chosen[mine, 1]] for n, a in values.items() if np.ndim(a)}
-            parts = comm.allgather(arrays)
-            joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in arrays}
-            return replace(of, **{n: array[..., order] for n, array in joined.items()})
+            parts = problem.gather(
+                {n: a.take(places, axis=-1) for n, a in values.items() if np.ndim(a)}
+            )
+            joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in parts[0]}
+            return replace(of, **{n: a.take(order, axis=-1) for n, a in joined.items()})
 
         return replace(whole(self.model), laws=whole(self.model.laws))
 
@@ -798,21 +799,21 @@ def _answers_to(linear: Linearization, points: Integers) -> Array:
     """Answers of all to unit forces at some points, with the work of the live load held."""
     problem = linear.kkt.problem
     scales = linear.kkt.scales
-    maps = problem.normal.matrix, problem.tangential.matrix
+    maps = problem.normal, problem.tangential
     mine = {}
     for k, (rank, point) in enumerate(points):
         if rank == problem.comm.rank:
-            for side, matrix in enumerate(maps):
-                mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
-    columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
+            for side, rows in enumerate(maps):
+                mine[2 * k + side] = rows.row(int(point))
+    columns = {k: row for some in problem.gather(mine) for k, row in some.items()}
     solutions = linear.factor.solve_sparse([columns[k] for k in range(2 * len(points))])
     displacements = solutions.getDenseArray().T
     live = problem.live
     response = linear.live_response
-    works = problem.comm.allreduce(displacements @ live)
+    works = sum(problem.gather(displacements @ live))
     displacements -= np.outer(works / linear.flexibility, response)
     unit = scales.force / scales.displacement
-    products = [matrix.matMult(solutions) for matrix in maps]
+    products = [rows.matrix.matMult(solutions) for rows in maps]
     answers = np.array([unit * product.getDenseArray().T for product in products])
     for matrix in (solutions, *products):
         matrix.destroy()
