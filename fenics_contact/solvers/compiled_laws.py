@@ -63,6 +63,10 @@ class CompiledLaws:
         """Equations of chosen points, into the last four arguments; see `laws.c`."""
         self._lib.chosen_points(*map(self._passed, arguments))
 
+    def add_at(self, *arguments: Any) -> None:
+        """Add values at places of the last argument; see `laws.c`."""
+        self._lib.add_at(*map(self._passed, arguments))
+
     def trace(self, *arguments: Any) -> bool:
         """Follow a curve, of which all arrays become the end; see `curve.c`.
 
@@ -82,6 +86,8 @@ class CompiledLaws:
             return value
         if value.dtype == np.bool_:
             return self._ffi.from_buffer("unsigned char[]", value)
+        if value.dtype == np.int64:
+            return self._ffi.from_buffer("long long[]", value)
         return self._ffi.from_buffer("double[]", np.ascontiguousarray(value, dtype=float))
 
 

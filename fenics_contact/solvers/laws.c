@@ -165,3 +165,11 @@ void chosen_points(const points *of, const double *c, double part, double s, dou
     }
     sizes[2 * count] = 1.0;
 }
+
+/* Add values at places of others, -1: none. */
+void add_at(int count, const long long *place, const double *added, double *values)
+{
+    for (int i = 0; i < count; i++)
+        if (place[i] >= 0)
+            values[place[i]] += added[i];
+}
