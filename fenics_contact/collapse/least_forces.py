@@ -17,6 +17,7 @@ is a least distance program (C.L. Lawson, R.J. Hanson, Solving Least Squares Pro
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,8 +64,8 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     free = _free(laws, forces) & _rests(values)[:, None]
     rows = _nodal_rows(whole)
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
-    for points in _places(joints.nodes):
-        if np.any(free[points]) and (len(points) > 1 or held[points[0]]):
+    for points in _places(joints.nodes, np.any(free, axis=1)):
+        if len(points) > 1 or held[points[0]]:
             loops = _loops(rows.at(points), joints.length[points], free[points])
             if loops.shape[2]:
                 law = laws.at(points)
@@ -74,11 +75,12 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     return replace(values, normal_force=normal, shear_force=shear, **pressures)
 
 
-def _places(nodes: Indices) -> list[Indices]:
+def _places(nodes: Indices, wanted: Flags) -> list[Indices]:
     """Joint points of each place: those that have nodes in common, directly or through others.
 
     Args:
         nodes: Of both sides at every point, `GROUND` for none, shape (points, 2).
+        wanted: Points, shape (points,); places with none of them are left out.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -89,8 +91,11 @@ def _places(nodes: Indices) -> list[Indices]:
     size = count + int(nodes.max(initial=-1)) + 1
     graph = coo_matrix((np.ones(len(points)), ends), (size, size))
     place = connected_components(graph, directed=False)[1][:count]
+    chosen = np.bincount(place, wanted) > 0.0
     order = np.argsort(place, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(place[order])) + 1)
+    order = order[chosen[place[order]]]
+    begins = np.flatnonzero(np.diff(place[order], prepend=-1))
+    return [order[first:end] for first, end in pairwise([*begins, len(order)])]
 
 
 def _free(law: PointLaws, forces: Array) -> Flags:
@@ -158,8 +163,7 @@ def _least(law: PointLaws, length: Array, forces: Array, loops: Array) -> Array:
     amount = np.einsum("pc,pcl->l", forces / length[:, None], loops)
     least = forces - loops @ amount
     slack = law.distances(least[:, 0] + law.bond, least[:, 1])
-    rates = law.homogeneous()
-    change = np.stack([rates.distances(*loop) for loop in loops.transpose(2, 1, 0)], axis=-1)
+    change = law.homogeneous().distances(*loops.transpose(1, 2, 0)).transpose(0, 2, 1)
     moved = np.any(change != 0.0, axis=2)
     size = np.abs(forces).max()
     found = least + loops @ (size * _least_distance(change[moved], -slack[moved] / size))
