@@ -16,6 +16,7 @@ is a least distance program (C.L. Lawson, R.J. Hanson, Solving Least Squares Pro
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -64,12 +65,11 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     free = _free(laws, forces) & _rests(values)[:, None]
     rows = _nodal_rows(whole)
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
-    for points in _places(joints.nodes, np.any(free, axis=1)):
-        if len(points) > 1 or held[points[0]]:
-            loops = _loops(rows.at(points), joints.length[points], free[points])
-            if loops.shape[2]:
-                law = laws.at(points)
-                forces[points] = _least(law, joints.length[points], forces[points], loops)
+    places = _places(joints.nodes, np.any(free, axis=1))
+    places = [points for points in places if len(points) > 1 or held[points[0]]]
+    for points, loops in _loops(rows, joints.length, free, places):
+        law = laws.at(points)
+        forces[points] = _least(law, joints.length[points], forces[points], loops)
     normal, shear = forces.T
     pressures = {"pressure": normal / joints.length, "shear": shear / joints.length}
     return replace(values, normal_force=normal, shear_force=shear, **pressures)
@@ -126,13 +126,20 @@ class _NodalRows:
     dofs: Indices
     values: Array
 
-    def at(self, points: Indices) -> Array:
-        """B^T for the joint points of one place, shape (dofs, points, 2)."""
-        dofs, row = np.unique(self.dofs[points], return_inverse=True)
-        table = np.zeros((len(dofs), len(points), 2))
-        each = np.arange(len(points))[:, None]
-        np.add.at(table, (row.reshape(each.size, -1), each), self.values[points].transpose(0, 2, 1))
-        return table[dofs >= 0]
+    def at(self, places: Indices) -> Array:
+        """B^T for the joint points of several places, shape (places, dofs, points, 2).
+
+        `places` has the points of each place, shape (places, points).
+        """
+        dofs = self.dofs[places]
+        place, point, entry = np.nonzero(dofs >= 0)
+        key = np.stack([place, dofs[place, point, entry]])
+        found, row = np.unique(key, axis=1, return_inverse=True)
+        first = np.searchsorted(found[0], np.arange(len(places) + 1))
+        row = row.ravel() - first[place]
+        table = np.zeros((len(places), int(np.diff(first).max()), places.shape[1], 2))
+        np.add.at(table, (place, row, point), self.values[places[place, point], :, entry])
+        return table
 
 
 def _nodal_rows(whole: Discretization) -> _NodalRows:
@@ -142,20 +149,37 @@ def _nodal_rows(whole: Discretization) -> _NodalRows:
     return _NodalRows(dofs, np.stack([normal, tangential], axis=1))
 
 
-def _loops(nodal: Array, length: Array, free: Flags) -> Array:
-    """Forces of pressures of norm 1 that load no node, orthogonal, shape (points, 2, loops).
+def _loops(
+    rows: _NodalRows, length: Array, free: Flags, places: Sequence[Indices]
+) -> Iterator[tuple[Indices, Array]]:
+    """Places and forces there of pressures of norm 1 that load no node, where there are any.
+
+    These are orthogonal, of shape (points, 2, loops).
 
     Args:
-        nodal: B^T, shape (dofs, points, 2).
+        rows: Coefficients of all joint points.
         length: Length of joint that belongs to the points, m, shape (points,).
         free: Forces that may change, shape (points, 2).
+        places: Points of each place.
     """
-    root = np.sqrt(length)[:, None] * np.ones(2)
-    _, singular, basis = np.linalg.svd((nodal * root)[:, free])
-    rank = int(np.count_nonzero(singular > OPTIONS.rank * singular.max(initial=0.0)))
-    loops = np.zeros((*free.shape, len(basis) - rank))
-    loops[free] = root[free][:, None] * basis[rank:].T
-    return loops
+    alike: dict[tuple[int, int], list[Indices]] = {}
+    for points in places:
+        alike.setdefault((len(points), np.count_nonzero(free[points])), []).append(points)
+    for (_, count), some in alike.items():
+        points = np.array(some)
+        root = np.sqrt(length[points])[:, :, None] * np.ones(2)
+        nodal = np.moveaxis(rows.at(points) * root[:, None], 1, -1)
+        may = free[points]
+        forces = nodal[may].reshape(len(points), count, -1)
+        basis, singular, _ = np.linalg.svd(forces)
+        ranks = np.sum(
+            singular > OPTIONS.rank * singular.max(axis=1, keepdims=True, initial=0.0), axis=1
+        )
+        for k, rank in enumerate(ranks):
+            if rank < count:
+                loops = np.zeros((*may[k].shape, count - rank))
+                loops[may[k]] = root[k][may[k]][:, None] * basis[k, :, rank:]
+                yield some[k], loops
 
 
 def _least(law: PointLaws, length: Array, forces: Array, loops: Array) -> Array:

@@ -373,7 +373,7 @@ class Factor:
         matrix.matSolve(right, solution)
         return list(solution.getDenseArray().T.copy())
 
-    def solve_sparse(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
+    def solve_sparse(self, columns: Sequence[tuple[npt.NDArray[np.integer], Array]]) -> PETSc.Mat:
         """A^-1 B for columns of B with few entries: a dense matrix, which the caller frees.
 
         All its columns are on rank 0, its rows are those of A.

@@ -184,11 +184,13 @@ class TangentModel:
     def structure(self) -> Structure | None:
         """The points as the compiled laws take them; None where there are none."""
         compiled = compiled_laws()
+        if compiled is None:
+            return None
         names = "start", "correction", "tangent", "springs", "compliance"
         fields = {name: np.ascontiguousarray(getattr(self, name)) for name in names}
         fields |= {n: getattr(self.laws, n) for n in ("friction", "strength", "dilatancy")}
         numbers = {n: getattr(self, n) for n in ("mu", "log_mu_rate")}
-        return compiled and compiled.structure(
+        return compiled.structure(
             "points",
             count=len(self.laws.friction),
             smallest=self.laws.smallest,
