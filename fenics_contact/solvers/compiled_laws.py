@@ -78,6 +78,17 @@ class CompiledLaws:
             raise MemoryError("a curve of chosen points")
         return bool(bends)
 
+    def near(self, *arguments: Any) -> bool:
+        """Whether the point of a curve next to one was found, which becomes it; see `curve.c`.
+
+        Raises:
+            MemoryError: If there is not enough.
+        """
+        found = self._lib.near(*map(self._passed, arguments))
+        if found < 0:
+            raise MemoryError("a point of a curve of chosen points")
+        return bool(found)
+
     def _passed(self, value: Any) -> Any:
         """A number as it is, an array or a structure as its address."""
         if isinstance(value, Structure):

@@ -53,7 +53,7 @@ typedef struct {
     const curve *on;
     int rows, width; /* equations, unknowns */
     place here, new;
-    double *along, *forward, *change, *matrix, *motion;
+    double *along, *forward, *change, *row, *matrix, *motion;
     int *pivots;
     double *distances; /* of all points, those last asked for */
 } tracing;
@@ -121,14 +121,13 @@ static void hold_tau(const tracing *of, double *row)
     row[of->rows] = 1.0;
 }
 
-/* The point a step on, into new; Newton's steps, or -1 where it is not found: ChosenPoints.step. */
-static int step(tracing *of, double length, double *row)
+/* The point a step on; Newton's steps, or -1 where it is not found: ChosenPoints.step. */
+static int step(const tracing *of, double length, place *new)
 {
     const curve *on = of->on;
     int width = of->width, last = of->rows;
     const place *here = &of->here;
-    place *new = &of->new;
-    double tau = here->x[last], ahead = tau + length * of->along[last];
+    double *row = of->row, tau = here->x[last], ahead = tau + length * of->along[last];
     double end = within(ahead, on->low, on->high);
     double whole = end != ahead ? length * (end - tau) / (ahead - tau) : length;
     for (int i = 0; i < width; i++) {
@@ -181,14 +180,14 @@ static double distance(tracing *of, const place *at)
     return largest;
 }
 
-/* The step along the curve, into new, shortened until the other points stay near their laws: */
-/* ChosenPoints._step_near_laws. Newton's steps, or -1; its length, and the distance at its end. */
-static int step_near_laws(tracing *of, double *length, double *near, double *row)
+/* The step along the curve, into new, shortened until the other points stay near their laws:
+   ChosenPoints._step_near_laws. Newton's steps, or -1; its length, and the distance at its end. */
+static int step_near_laws(tracing *of, double *length, double *near)
 {
     const curve *on = of->on;
     double leaving = 0.0;
     while (*length > on->shortest) {
-        int corrections = step(of, *length, row);
+        int corrections = step(of, *length, &of->new);
         if (corrections < 0) {
             *length *= 0.4;
             leaving = 0.0;
@@ -206,13 +205,13 @@ static int step_near_laws(tracing *of, double *length, double *near, double *row
 }
 
 /* ChosenPoints.trace from x, which becomes the end, as forward does; whether a point bends there. */
-static int followed(tracing *of, double *row)
+static int followed(tracing *of)
 {
     const curve *on = of->on;
     double length = 1.0, near = 0.0;
     look_at(of, &of->here);
     for (int k = 0; k < on->curve_steps && direction(of); k++) {
-        int corrections = step_near_laws(of, &length, &near, row);
+        int corrections = step_near_laws(of, &length, &near);
         if (corrections < 0)
             return near > on->allowed;
         for (int i = 0; i < of->width; i++)
@@ -224,6 +223,27 @@ static int followed(tracing *of, double *row)
         double tau = of->here.x[of->rows];
         if (!(on->low < tau && tau < on->high))
             break;
+    }
+    return 0;
+}
+
+/* ChosenPoints.near from the x of new; whether a point of the curve was found, its x in new. */
+static int nearest(tracing *of)
+{
+    const curve *on = of->on;
+    place *new = &of->new;
+    hold_tau(of, of->row);
+    for (int k = 0; k < on->newton_steps; k++) {
+        look_at(of, new);
+        if (new->error <= on->solved)
+            return 1;
+        if (!solved(of, new, of->row, -1.0, 0.0, of->change))
+            return 0;
+        for (int i = 0; i < of->width; i++) {
+            if (!isfinite(of->change[i]))
+                return 0;
+            new->x[i] += of->change[i];
+        }
     }
     return 0;
 }
@@ -246,23 +266,54 @@ static place new_place(double **from, size_t rows)
     return at;
 }
 
-/* 1: a point that is not chosen bends beyond the end, 0: none does, -1: no memory. */
+/* Take room for all of it; 0: there is none. To be freed: the room. */
+static double *begin(tracing *of, const curve *on, double *forward, double *of_distances)
+{
+    size_t rows = 2 * on->chosen->count, width = rows + 1, all = on->all ? on->all->count : 0;
+    double *room = malloc((3 * width * width + 20 * width + 2 * all) * sizeof(double)), *from = room;
+    if (!room)
+        return 0;
+    of->on = on;
+    of->rows = rows;
+    of->width = width;
+    of->here = new_place(&from, rows);
+    of->new = new_place(&from, rows);
+    of->along = some(&from, width);
+    of->change = some(&from, width);
+    of->row = some(&from, width);
+    of->matrix = some(&from, width * width);
+    of->motion = some(&from, 2 * all);
+    of->pivots = (int *)some(&from, width);
+    of->forward = forward;
+    of->distances = of_distances;
+    return room;
+}
+
+/* ChosenPoints.trace from x, which becomes the end, as forward does. 1: a point that is not chosen
+   bends beyond, 0: none does, -1: no memory. */
 int trace(const curve *on, double *x, double *forward, double *of_distances)
 {
-    size_t rows = 2 * on->chosen->count, width = rows + 1, all = on->all->count;
-    double *room = malloc((3 * width * width + 20 * width + 2 * all) * sizeof(double)), *from = room;
-    int *pivots = malloc(width * sizeof(int)), bends = -1;
-    if (room && pivots) {
-        place here = new_place(&from, rows), new = new_place(&from, rows);
-        double *along = some(&from, width), *change = some(&from, width);
-        double *matrix = some(&from, width * width), *motion = some(&from, 2 * all);
-        tracing of = {on, rows, width, here, new, along, forward, change, matrix, motion, pivots,
-                      of_distances};
-        memcpy(here.x, x, width * sizeof(double));
-        bends = followed(&of, some(&from, width));
-        memcpy(x, of.here.x, width * sizeof(double));
-    }
+    tracing of;
+    double *room = begin(&of, on, forward, of_distances);
+    if (!room)
+        return -1;
+    memcpy(of.here.x, x, of.width * sizeof(double));
+    int bends = followed(&of);
+    memcpy(x, of.here.x, of.width * sizeof(double));
     free(room);
-    free(pivots);
     return bends;
+}
+
+/* ChosenPoints.near for x, which becomes that point. 1: found, 0: not found, -1: no memory. */
+int near(const curve *on, double *x)
+{
+    tracing of;
+    double *room = begin(&of, on, 0, 0);
+    if (!room)
+        return -1;
+    memcpy(of.new.x, x, of.width * sizeof(double));
+    int found = nearest(&of);
+    memcpy(x, of.new.x, of.width * sizeof(double));
+    free(room);
+    return found;
 }

@@ -381,6 +381,15 @@ class ChosenPoints:
         compiled.chosen_points(*given, moved, excess, sizes, columns)
         return moved, excess, sizes, columns.T
 
+    def structure(self, compiled: CompiledLaws, **others: Any) -> Structure:
+        """The curve as the compiled laws take it, with what they need of the other points."""
+        names = "allowed", "longest", "shortest", "solved", "curve_steps", "newton_steps"
+        numbers = {name: getattr(self.options, name) for name in names}
+        (part, s), (of_part, of_s) = self.line.begin, self.line.direction
+        line = {"part": part, "s": s, "of_part": of_part, "of_s": of_s}
+        chosen = {"chosen": self.model.structure, "c": self.model.flexibility.T}
+        return compiled.structure("curve", **chosen, **line, **numbers, **others)
+
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""
         along = _solved(here, forward, np.zeros(len(here.rest)), 1.0)
@@ -420,6 +429,10 @@ class ChosenPoints:
 
     def near(self, x: Array) -> CurvePoint | None:
         """Point of the curve next to x, with its tau; None where Newton's method finds none."""
+        compiled = compiled_laws()
+        if compiled is not None:
+            x = x.copy()
+            return self.at(x) if compiled.near(self.structure(compiled), x) else None
         here = self.at(x)
         fixed = _tau(x)
         for _ in range(self.options.newton_steps):
@@ -606,32 +619,12 @@ class NonlinearElimination:
             return curve.trace(begin, forward, reach, self._distance)
         x = begin.copy()
         forward = forward.copy()
-        bends = compiled.trace(self._structure(compiled, curve, reach), x, forward, self._distances)
-        return CurveEnd(curve.at(x), forward, bends)
-
-    def _structure(
-        self, compiled: CompiledLaws, curve: ChosenPoints, reach: tuple[float, float]
-    ) -> Structure:
-        """A curve and the other points as the compiled laws take them."""
-        options = curve.options
-        names = "allowed", "longest", "shortest", "solved", "curve_steps", "newton_steps"
-        (part, s), (of_part, of_s) = curve.line.begin, curve.line.direction
         low, high = reach
-        return compiled.structure(
-            "curve",
-            chosen=curve.model.structure,
-            all=self.model.structure,
-            c=curve.model.flexibility.T,
-            answers=self.model.answers,
-            others=self._others,
-            part=part,
-            s=s,
-            of_part=of_part,
-            of_s=of_s,
-            low=low,
-            high=high,
-            **{name: getattr(options, name) for name in names},
-        )
+        others = {"all": self.model.structure, "answers": self.model.answers}
+        others |= {"others": self._others}
+        followed = curve.structure(compiled, low=low, high=high, **others)
+        bends = compiled.trace(followed, x, forward, self._distances)
+        return CurveEnd(curve.at(x), forward, bends)
 
     def _distance(self, at: CurvePoint) -> float:
         """Largest distance of the points that are not chosen from their laws, on all ranks."""
@@ -685,8 +678,8 @@ class NonlinearElimination:
 
     def _too_many(self, distances: Array) -> bool:
         """Whether more points bend than may be chosen."""
-        bending = np.where(distances > self.options.chosen, 1.0, 0.0)
-        return self.problem.sum(bending) > self.options.points
+        bending = np.count_nonzero(distances > self.options.chosen)
+        return sum(self.problem.gather(bending)) > self.options.points
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
@@ -705,8 +698,11 @@ class NonlinearElimination:
             _answers_to(self.linear, chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
-        answers = np.concatenate([self.model.answers, *parts], axis=1)
-        self.model = replace(self.model, answers=answers)
+        if len(self._chosen):
+            parts = [self.model.answers, *parts]
+        if parts:
+            answers = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            self.model = replace(self.model, answers=answers)
         self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
@@ -816,7 +812,9 @@ def _answers_to(linear: Linearization, points: Integers) -> Array:
     displacements -= np.outer(works / linear.flexibility, response)
     unit = scales.force / scales.displacement
     products = [rows.matrix.matMult(solutions) for rows in maps]
-    answers = np.array([unit * product.getDenseArray().T for product in products])
+    answers = np.empty((2, len(displacements), problem.points))
+    for side, product in enumerate(products):
+        np.multiply(product.getDenseArray().T, unit, out=answers[side])
     for matrix in (solutions, *products):
         matrix.destroy()
     return answers
