@@ -30,7 +30,9 @@ FLAGS = ("-O3", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-ma
 SOURCES = [Path(__file__).with_name(name) for name in ("laws.c", "curve.c")]
 
 #: What a caller sees of them: structures and functions.
-_SEEN = re.compile(r"^(?:typedef struct \{[^}]*\} (?:points|curve);|(?:void|int) [^{;]*\))", re.M)
+_SEEN = re.compile(
+    r"^(?:typedef struct \{[^}]*\} (?:points|curve|linear);|(?:void|int) [^{;]*\))", re.M
+)
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,18 @@ class CompiledLaws:
     def chosen_points(self, *arguments: Any) -> None:
         """Equations of chosen points, into the last four arguments; see `laws.c`."""
         self._lib.chosen_points(*map(self._passed, arguments))
+
+    def slacks_of(self, *arguments: Any) -> None:
+        """Slacks with equal products, into the last argument; see `laws.c`."""
+        self._lib.slacks_of(*map(self._passed, arguments))
+
+    def asked_forces(self, *arguments: Any) -> None:
+        """Changes of forces that a step asks for, into the last argument; see `laws.c`."""
+        self._lib.asked_forces(*map(self._passed, arguments))
+
+    def changes(self, *arguments: Any) -> None:
+        """Changes of slacks, into the last argument; see `laws.c`."""
+        self._lib.changes(*map(self._passed, arguments))
 
     def add_at(self, *arguments: Any) -> None:
         """Add values at places of the last argument; see `laws.c`."""

@@ -42,11 +42,11 @@ static inline void normal_law(double p, double mu, double *y, double *r)
     *r = p > 0.0 ? large : small;
 }
 
-static inline double distance_from_bound(double q, double gamma, double mu)
+static inline double distance_from_bound(double q, double gamma, double mu, int newton_steps)
 {
     double rest = gamma - q, large = 0.5 * (sqrt(rest * rest + 4.0 * mu) + fabs(rest));
     double s = smaller(rest > 0.0 ? large : mu / large, gamma);
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0; k < newton_steps; k++) {
         double other = 2.0 * gamma - s, near = mu / s, far = mu / other;
         s = s - (s - near + far - rest) / (1.0 + near / s + far / other);
     }
@@ -86,7 +86,7 @@ void distances(const points *of, double part, double s, const double *motion,
         double y, q = at_shear - at_w;
         normal_law(at_r - at_y, mu, &y, &r);
         double bound = friction[i] * r + strength[i], gamma = carried[i] > 0.0 ? bound : 1.0;
-        double w = copysign(gamma - distance_from_bound(fabs(q), gamma, mu), q) - q;
+        double w = copysign(gamma - distance_from_bound(fabs(q), gamma, mu, 4), q) - q;
         double of_p = fabs(y - at_y) / larger(r + y, smallest);
         double of_q = fabs(w - at_w) / larger(gamma + fabs(w), smallest);
         double distance = larger(of_p, carried[i] > 0.0 ? of_q : 0.0);
@@ -125,7 +125,7 @@ void chosen_points(const points *of, const double *c, double part, double s, dou
         normal_law(p, mu, &y, &r);
         double root = y + r, gamma = carried[j] > 0.0 ? friction[j] * r + strength[j] : 1.0;
         double r_p = r / root, y_p = -y / root, r_mu = mu / root;
-        double near = distance_from_bound(fabs(q), gamma, mu), far = 2.0 * gamma - near;
+        double near = distance_from_bound(fabs(q), gamma, mu, 4), far = 2.0 * gamma - near;
         double of_near = mu / near, of_far = mu / far;
         double by_s = 1.0 + of_near / near + of_far / far;
         double by_gamma = -1.0 - 2.0 * of_far / far;
@@ -172,6 +172,103 @@ void chosen_points(const points *of, const double *c, double part, double s, dou
         sizes[count + j] = larger(gamma + fabs(w), smallest);
     }
     sizes[2 * count] = 1.0;
+}
+
+/* Slacks with all products equal to mu, from p and q: slacks_next_to. Slacks are y, r_N, r_T, s1,
+   s2, z1, z2, shape (7, count); displacements and forces in typical ones. */
+WIDE
+void slacks_of(int count, double mu, double displacement, double force, double nearest,
+               const double *friction, const double *strength, const unsigned char *frictional,
+               const double *p, const double *q, double *restrict slacks)
+{
+    double product = mu * force * displacement;
+    for (int i = 0; i < count; i++) {
+        double y, r;
+        normal_law(p[i], mu, &y, &r);
+        r *= force;
+        double gamma = frictional[i] ? (friction[i] * r + strength[i]) / force : 1.0;
+        double near = larger(distance_from_bound(fabs(q[i]), gamma, mu, 6), nearest * gamma);
+        double far = 2.0 * gamma - near;
+        double s1 = (q[i] > 0.0 ? near : far) * force, s2 = (q[i] > 0.0 ? far : near) * force;
+        slacks[i] = y * displacement;
+        slacks[count + i] = r;
+        slacks[2 * count + i] = frictional[i] ? 0.5 * (s2 - s1) : 0.0;
+        slacks[3 * count + i] = s1;
+        slacks[4 * count + i] = s2;
+        slacks[5 * count + i] = product / s1;
+        slacks[6 * count + i] = product / s2;
+    }
+}
+
+/* The laws linearised at some slacks: LinearLaws. */
+typedef struct {
+    int count;
+    double unit;
+    const double *friction, *dilatancy, *y, *s1, *s2, *z1, *z2;
+    const double *k_n, *k_t, *share_n, *share_t, *q, *slope, *compliance;
+    const unsigned char *frictional;
+} linear;
+
+/* Opening and slip that residuals and products ask for: LinearLaws._drives. */
+static inline void drives(const linear *at, int i, double opening, double slip, double lower,
+                          double upper, double *of_opening, double *of_slip)
+{
+    lower /= at->s1[i];
+    upper /= at->s2[i];
+    *of_slip = at->frictional[i] ? upper - lower + slip : 0.0;
+    *of_opening = opening + (at->dilatancy[i] * (lower + upper) + at->slope[i] * *of_slip);
+}
+
+/* Changes of r_N and r_T that a step asks for where nothing moves: LinearLaws.forces. */
+void asked_forces(const linear *at, const double *opening, const double *slip,
+                  const double *products, double *restrict forces)
+{
+    int count = at->count;
+    const double *of_lower = products + count, *of_upper = of_lower + count;
+    for (int i = 0; i < count; i++) {
+        double drive, opens;
+        drives(at, i, opening[i], slip[i], of_lower[i], of_upper[i], &opens, &drive);
+        double push = at->share_n[i] * (products[i] / at->y[i] + at->k_n[i] * opens);
+        forces[i] = push;
+        forces[count + i] = at->share_t[i] * (at->k_t[i] * drive + at->q[i] * push);
+    }
+}
+
+/* Changes of the slacks for openings and slips of the blocks: LinearLaws.changes. */
+void changes(const linear *at, const double *asked_opening, const double *asked_slip,
+             const double *products, const double *opening, const double *slip,
+             double *restrict slacks)
+{
+    int count = at->count;
+    const double *of_lower = products + count, *of_upper = of_lower + count;
+    const double *c_n = at->compliance, *c_t = c_n + count;
+    for (int i = 0; i < count; i++) {
+        double drive, opens, lower = at->z1[i] / at->s1[i], upper = at->z2[i] / at->s2[i];
+        drives(at, i, asked_opening[i], asked_slip[i], of_lower[i], of_upper[i], &opens, &drive);
+        double moved = opening[i] + at->slope[i] * slip[i];
+        double pressure = at->share_n[i] * (products[i] / at->y[i] - at->k_n[i] * (moved - opens));
+        double stuck = at->frictional[i] ? drive - slip[i] : 0.0;
+        double shear = at->share_t[i] * (at->k_t[i] * stuck + at->q[i] * pressure);
+        double slid = slip[i] + c_t[i] * shear - asked_slip[i];
+        double s1 = at->friction[i] * pressure - shear, s2 = at->friction[i] * pressure + shear;
+        double first = (of_lower[i] - at->z1[i] * s1) / at->s1[i];
+        double second = (of_upper[i] - at->z2[i] * s2) / at->s2[i];
+        int down = lower > larger(upper, at->unit), up = upper > larger(lower, at->unit);
+        double z1 = down ? second - slid : first, z2 = up ? first + slid : second;
+        s1 = down ? (of_lower[i] - at->s1[i] * z1) / at->z1[i] : s1;
+        s2 = up ? (of_upper[i] - at->s2[i] * z2) / at->z2[i] : s2;
+        int carries = at->frictional[i];
+        z1 = carries ? z1 : 0.0;
+        z2 = carries ? z2 : 0.0;
+        slacks[i] = opening[i] + c_n[i] * pressure - asked_opening[i]
+                    - at->dilatancy[i] * (z1 + z2);
+        slacks[count + i] = pressure;
+        slacks[2 * count + i] = shear;
+        slacks[3 * count + i] = carries ? s1 : 0.0;
+        slacks[4 * count + i] = carries ? s2 : 0.0;
+        slacks[5 * count + i] = z1;
+        slacks[6 * count + i] = z2;
+    }
 }
 
 /* Add values at places of others, -1: none. */
