@@ -444,9 +444,8 @@ def slacks_next_to(
     compiled = compiled_laws()
     if compiled is not None:
         found = np.empty((7, len(p)))
-        compiled.slacks_of(
-            len(p), mu, d, f, nearest, law.friction, law.strength, frictional, p, q, found
-        )
+        laws = law.friction, law.strength, frictional.astype(float)
+        compiled.slacks_of(len(p), mu, d, f, nearest, *laws, p, q, found)
         return Slacks(*found)
     y, pressure = normal_law(p, mu)
     y = y * d
@@ -627,9 +626,10 @@ class LinearLaws:
         compiled = compiled_laws()
         if compiled is None:
             return None
-        names = "k_n", "k_t", "share_n", "share_t", "q", "slope", "compliance", "frictional"
+        names = "k_n", "k_t", "share_n", "share_t", "q", "slope", "compliance"
         fields = {name: getattr(self, name) for name in names}
         fields |= {name: getattr(self.at, name) for name in ("y", "s1", "s2", "z1", "z2")}
+        fields["carried"] = self.frictional.astype(float)
         fields |= {"friction": self.law.friction, "dilatancy": self.law.dilatancy}
         return compiled.structure("linear", count=len(self.k_n), unit=self.unit, **fields)
 

@@ -178,7 +178,7 @@ void chosen_points(const points *of, const double *c, double part, double s, dou
    s2, z1, z2, shape (7, count); displacements and forces in typical ones. */
 WIDE
 void slacks_of(int count, double mu, double displacement, double force, double nearest,
-               const double *friction, const double *strength, const unsigned char *frictional,
+               const double *friction, const double *strength, const double *carried,
                const double *p, const double *q, double *restrict slacks)
 {
     double product = mu * force * displacement;
@@ -186,13 +186,14 @@ void slacks_of(int count, double mu, double displacement, double force, double n
         double y, r;
         normal_law(p[i], mu, &y, &r);
         r *= force;
-        double gamma = frictional[i] ? (friction[i] * r + strength[i]) / force : 1.0;
+        double bound = (friction[i] * r + strength[i]) / force;
+        double gamma = carried[i] > 0.0 ? bound : 1.0;
         double near = larger(distance_from_bound(fabs(q[i]), gamma, mu, 6), nearest * gamma);
         double far = 2.0 * gamma - near;
         double s1 = (q[i] > 0.0 ? near : far) * force, s2 = (q[i] > 0.0 ? far : near) * force;
         slacks[i] = y * displacement;
         slacks[count + i] = r;
-        slacks[2 * count + i] = frictional[i] ? 0.5 * (s2 - s1) : 0.0;
+        slacks[2 * count + i] = carried[i] > 0.0 ? 0.5 * (s2 - s1) : 0.0;
         slacks[3 * count + i] = s1;
         slacks[4 * count + i] = s2;
         slacks[5 * count + i] = product / s1;
@@ -205,8 +206,7 @@ typedef struct {
     int count;
     double unit;
     const double *friction, *dilatancy, *y, *s1, *s2, *z1, *z2;
-    const double *k_n, *k_t, *share_n, *share_t, *q, *slope, *compliance;
-    const unsigned char *frictional;
+    const double *k_n, *k_t, *share_n, *share_t, *q, *slope, *compliance, *carried;
 } linear;
 
 /* Opening and slip that residuals and products ask for: LinearLaws._drives. */
@@ -215,7 +215,7 @@ static inline void drives(const linear *at, int i, double opening, double slip, 
 {
     lower /= at->s1[i];
     upper /= at->s2[i];
-    *of_slip = at->frictional[i] ? upper - lower + slip : 0.0;
+    *of_slip = at->carried[i] > 0.0 ? upper - lower + slip : 0.0;
     *of_opening = opening + (at->dilatancy[i] * (lower + upper) + at->slope[i] * *of_slip);
 }
 
@@ -247,7 +247,7 @@ void changes(const linear *at, const double *asked_opening, const double *asked_
         drives(at, i, asked_opening[i], asked_slip[i], of_lower[i], of_upper[i], &opens, &drive);
         double moved = opening[i] + at->slope[i] * slip[i];
         double pressure = at->share_n[i] * (products[i] / at->y[i] - at->k_n[i] * (moved - opens));
-        double stuck = at->frictional[i] ? drive - slip[i] : 0.0;
+        double stuck = at->carried[i] > 0.0 ? drive - slip[i] : 0.0;
         double shear = at->share_t[i] * (at->k_t[i] * stuck + at->q[i] * pressure);
         double slid = slip[i] + c_t[i] * shear - asked_slip[i];
         double s1 = at->friction[i] * pressure - shear, s2 = at->friction[i] * pressure + shear;
@@ -257,7 +257,7 @@ void changes(const linear *at, const double *asked_opening, const double *asked_
         double z1 = down ? second - slid : first, z2 = up ? first + slid : second;
         s1 = down ? (of_lower[i] - at->s1[i] * z1) / at->z1[i] : s1;
         s2 = up ? (of_upper[i] - at->s2[i] * z2) / at->z2[i] : s2;
-        int carries = at->frictional[i];
+        int carries = at->carried[i] > 0.0;
         z1 = carries ? z1 : 0.0;
         z2 = carries ? z2 : 0.0;
         slacks[i] = opening[i] + c_n[i] * pressure - asked_opening[i]
