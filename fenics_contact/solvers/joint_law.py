@@ -27,7 +27,7 @@ nothing changes, so that r_N = 0. With the yield Y its tension is Y/2 - r_T, |r_
 forces Y/2 along B_T^T that belong to the dead load (`discretization.ties`).
 
 Solvers, linear programs and certificates ask this module and have no law of their own. `laws.c`
-says in C what `SmoothedLaws` says here.
+says in C what `SmoothedLaws`, `LinearLaws` and `slacks_next_to` say here.
 """
 
 from __future__ import annotations
