@@ -16,7 +16,9 @@ is a least distance program (C.L. Lawson, R.J. Hanson, Solving Least Squares Pro
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,22 +65,22 @@ def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     free = _free(laws, forces) & _rests(values)[:, None]
     rows = _nodal_rows(whole)
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
-    for points in _places(joints.nodes):
-        if np.any(free[points]) and (len(points) > 1 or held[points[0]]):
-            loops = _loops(rows.at(points), joints.length[points], free[points])
-            if loops.shape[2]:
-                law = laws.at(points)
-                forces[points] = _least(law, joints.length[points], forces[points], loops)
+    places = _places(joints.nodes, np.any(free, axis=1))
+    places = [points for points in places if len(points) > 1 or held[points[0]]]
+    for points, loops in _loops(rows, joints.length, free, places):
+        law = laws.at(points)
+        forces[points] = _least(law, joints.length[points], forces[points], loops)
     normal, shear = forces.T
     pressures = {"pressure": normal / joints.length, "shear": shear / joints.length}
     return replace(values, normal_force=normal, shear_force=shear, **pressures)
 
 
-def _places(nodes: Indices) -> list[Indices]:
+def _places(nodes: Indices, wanted: Flags) -> list[Indices]:
     """Joint points of each place: those that have nodes in common, directly or through others.
 
     Args:
         nodes: Of both sides at every point, `GROUND` for none, shape (points, 2).
+        wanted: Points, shape (points,); places with none of them are left out.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -89,8 +91,11 @@ def _places(nodes: Indices) -> list[Indices]:
     size = count + int(nodes.max(initial=-1)) + 1
     graph = coo_matrix((np.ones(len(points)), ends), (size, size))
     place = connected_components(graph, directed=False)[1][:count]
+    chosen = np.bincount(place, wanted) > 0.0
     order = np.argsort(place, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(place[order])) + 1)
+    order = order[chosen[place[order]]]
+    begins = np.flatnonzero(np.diff(place[order], prepend=-1))
+    return [order[first:end] for first, end in pairwise([*begins, len(order)])]
 
 
 def _free(law: PointLaws, forces: Array) -> Flags:
@@ -121,13 +126,20 @@ class _NodalRows:
     dofs: Indices
     values: Array
 
-    def at(self, points: Indices) -> Array:
-        """B^T for the joint points of one place, shape (dofs, points, 2)."""
-        dofs, row = np.unique(self.dofs[points], return_inverse=True)
-        table = np.zeros((len(dofs), len(points), 2))
-        each = np.arange(len(points))[:, None]
-        np.add.at(table, (row.reshape(each.size, -1), each), self.values[points].transpose(0, 2, 1))
-        return table[dofs >= 0]
+    def at(self, places: Indices) -> Array:
+        """B^T for the joint points of several places, shape (places, dofs, points, 2).
+
+        `places` has the points of each place, shape (places, points).
+        """
+        dofs = self.dofs[places]
+        place, point, entry = np.nonzero(dofs >= 0)
+        key = np.stack([place, dofs[place, point, entry]])
+        found, row = np.unique(key, axis=1, return_inverse=True)
+        first = np.searchsorted(found[0], np.arange(len(places) + 1))
+        row = row.ravel() - first[place]
+        table = np.zeros((len(places), int(np.diff(first).max()), places.shape[1], 2))
+        np.add.at(table, (place, row, point), self.values[places[place, point], :, entry])
+        return table
 
 
 def _nodal_rows(whole: Discretization) -> _NodalRows:
@@ -137,20 +149,37 @@ def _nodal_rows(whole: Discretization) -> _NodalRows:
     return _NodalRows(dofs, np.stack([normal, tangential], axis=1))
 
 
-def _loops(nodal: Array, length: Array, free: Flags) -> Array:
-    """Forces of pressures of norm 1 that load no node, orthogonal, shape (points, 2, loops).
+def _loops(
+    rows: _NodalRows, length: Array, free: Flags, places: Sequence[Indices]
+) -> Iterator[tuple[Indices, Array]]:
+    """Places and forces there of pressures of norm 1 that load no node, where there are any.
+
+    These are orthogonal, of shape (points, 2, loops).
 
     Args:
-        nodal: B^T, shape (dofs, points, 2).
+        rows: Coefficients of all joint points.
         length: Length of joint that belongs to the points, m, shape (points,).
         free: Forces that may change, shape (points, 2).
+        places: Points of each place.
     """
-    root = np.sqrt(length)[:, None] * np.ones(2)
-    _, singular, basis = np.linalg.svd((nodal * root)[:, free])
-    rank = int(np.count_nonzero(singular > OPTIONS.rank * singular.max(initial=0.0)))
-    loops = np.zeros((*free.shape, len(basis) - rank))
-    loops[free] = root[free][:, None] * basis[rank:].T
-    return loops
+    alike: dict[tuple[int, int], list[Indices]] = {}
+    for points in places:
+        alike.setdefault((len(points), np.count_nonzero(free[points])), []).append(points)
+    for (_, count), some in alike.items():
+        points = np.array(some)
+        root = np.sqrt(length[points])[:, :, None] * np.ones(2)
+        nodal = np.moveaxis(rows.at(points) * root[:, None], 1, -1)
+        may = free[points]
+        forces = nodal[may].reshape(len(points), count, -1)
+        basis, singular, _ = np.linalg.svd(forces)
+        ranks = np.sum(
+            singular > OPTIONS.rank * singular.max(axis=1, keepdims=True, initial=0.0), axis=1
+        )
+        for k, rank in enumerate(ranks):
+            if rank < count:
+                loops = np.zeros((*may[k].shape, count - rank))
+                loops[may[k]] = root[k][may[k]][:, None] * basis[k, :, rank:]
+                yield some[k], loops
 
 
 def _least(law: PointLaws, length: Array, forces: Array, loops: Array) -> Array:
@@ -158,8 +187,7 @@ def _least(law: PointLaws, length: Array, forces: Array, loops: Array) -> Array:
     amount = np.einsum("pc,pcl->l", forces / length[:, None], loops)
     least = forces - loops @ amount
     slack = law.distances(least[:, 0] + law.bond, least[:, 1])
-    rates = law.homogeneous()
-    change = np.stack([rates.distances(*loop) for loop in loops.transpose(2, 1, 0)], axis=-1)
+    change = law.homogeneous().distances(*loops.transpose(1, 2, 0)).transpose(0, 2, 1)
     moved = np.any(change != 0.0, axis=2)
     size = np.abs(forces).max()
     found = least + loops @ (size * _least_distance(change[moved], -slack[moved] / size))

@@ -109,7 +109,7 @@ def _compile(kind: _Kind) -> None:
         forms.stiffness(space, law)
         if kind.moved:
             forms.internal_forces(fem.Function(space), law)
-        forms.body_load(space, density, (0.0, 0.0))
+        forms.BodyLoad(space, density)
         if kind.profiled:
             force, up = (fem.Constant(domain, PETSc.ScalarType((0.0, 1.0))) for _ in range(2))
             forms.ramp_load(density, space, force, up, fem.Constant(domain, PETSc.ScalarType(0.0)))

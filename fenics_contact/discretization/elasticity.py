@@ -103,11 +103,14 @@ def with_loads(
     space = elasticity.space
     body = elasticity.node_body
     arm = elasticity.arm
-    density = material_field(scene, lambda material: material.density)
+    like = elasticity.law[0] if isinstance(elasticity.law, tuple) else None
+    body_load = forms.BodyLoad(
+        space, material_field(scene, lambda material: material.density, like)
+    )
     loads = []
     resultants = []
     for kind in ("dead", "live"):
-        force = nodal_forces(scene, space, boundary, kind, density)
+        force = nodal_forces(scene, space, boundary, kind, body_load)
         x, y = force.reshape(-1, 2).T
         resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
         first = space.dofmap.index_map.local_range[0]

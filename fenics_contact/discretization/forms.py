@@ -60,10 +60,24 @@ def internal_forces(displacement: fem.Function, law: Law) -> fem.Form:
     return fem.form(ufl.inner(stress_of(displacement, law), strain(v)) * ufl.dx)
 
 
-def body_load(space: Any, density: fem.Function, body: tuple[float, float]) -> fem.Form:
-    """Form of the nodal forces of an acceleration, m/s2, times a density by cell, kg/m3."""
-    force = fem.Constant(space.mesh, PETSc.ScalarType(body))
-    return fem.form(density * ufl.inner(force, ufl.TestFunction(space)) * ufl.dx)
+class BodyLoad:
+    """Nodal forces of accelerations times a density: one form for all of them.
+
+    Attributes:
+        density: By cell, kg/m3.
+    """
+
+    def __init__(self, space: Any, density: fem.Function) -> None:
+        """Make the form."""
+        self.density = density
+        self._force = fem.Constant(space.mesh, PETSc.ScalarType((0.0, 0.0)))
+        v = ufl.TestFunction(space)
+        self._form = fem.form(density * ufl.inner(self._force, v) * ufl.dx)
+
+    def form(self, acceleration: tuple[float, float]) -> fem.Form:
+        """The form with an acceleration, m/s2, until it is asked for another one."""
+        self._force.value = acceleration
+        return self._form
 
 
 def ramp_load(

@@ -61,7 +61,7 @@ class _Strips:
 
 
 def nodal_forces(
-    scene: Scene, space: Any, boundary: Boundary, kind: str, density: fem.Function
+    scene: Scene, space: Any, boundary: Boundary, kind: str, body_load: forms.BodyLoad
 ) -> Array:
     """Nodal forces, this rank's part, of the "dead" or the "live" load.
 
@@ -71,7 +71,7 @@ def nodal_forces(
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
-    add_body_force(forces, scene, load, density)
+    add_body_force(forces, scene, load, body_load)
     for name in (*load.traction, *load.earth):
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block

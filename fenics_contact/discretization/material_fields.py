@@ -33,12 +33,10 @@ def stress_law(scene: Scene) -> Law:
 def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
     """Lame's numbers of the materials."""
     nus = 2.0 if scene.plane == "strain" else 1.0
-    return (
-        material_field(
-            scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
-        ),
-        material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson))),
+    first = material_field(
+        scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
     )
+    return first, material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson)), first)
 
 
 def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
@@ -114,15 +112,22 @@ def law_matrices(law: Law) -> Array:
     return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
 
 
-def cell_field(mesh: BlockMesh, name: str, values: Array) -> fem.Function:
-    """Function that is constant in every cell, from the local cells' values."""
-    space = compat.function_space(mesh.domain, "DG", 0)
+def cell_field(
+    mesh: BlockMesh, name: str, values: Array, like: fem.Function | None = None
+) -> fem.Function:
+    """Function that is constant in every cell, from the local cells' values.
+
+    It is on the space of another one where one is given.
+    """
+    space = like.function_space if like else compat.function_space(mesh.domain, "DG", 0)
     field = fem.Function(space, name=name)
     field.x.array[compat.cell_dofs(space)[:, 0]] = values
     return field
 
 
-def material_field(scene: Scene, value: Callable[[Material], float]) -> fem.Function:
-    """A value of the materials, constant by cell."""
+def material_field(
+    scene: Scene, value: Callable[[Material], float], like: fem.Function | None = None
+) -> fem.Function:
+    """A value of the materials, constant by cell; see `cell_field`."""
     values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
-    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups])
+    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups], like)

@@ -29,18 +29,20 @@ from fenics_contact.scene.scene import Load, Scene
 Ramp = tuple[float, float]
 
 
-def add_body_force(forces: fem.Function, scene: Scene, load: Load, density: fem.Function) -> None:
+def add_body_force(
+    forces: fem.Function, scene: Scene, load: Load, body_load: forms.BodyLoad
+) -> None:
     """Add the nodal forces of a body force with its profile, those at ghosts too. Collective."""
     space = forces.function_space
     body = np.array(load.acceleration)
     if load.profile == "uniform":
-        _add(forces, forms.body_load(space, density, load.acceleration))
+        _add(forces, body_load.form(load.acceleration))
     elif isinstance(load.profile, str):
-        forces.x.array[:] += _triangular(scene, space, body, density)
+        forces.x.array[:] += _triangular(scene, space, body, body_load)
     else:
         first, ramps = _table(load.profile)
-        _add(forces, forms.body_load(space, density, (first * body[0], first * body[1])))
-        forces.x.array[:] += _ramps(scene, space, body, density, ramps)
+        _add(forces, body_load.form((first * body[0], first * body[1])))
+        forces.x.array[:] += _ramps(scene, space, body, body_load.density, ramps)
 
 
 def up_and_foot(scene: Scene) -> tuple[Array, float]:
@@ -65,11 +67,11 @@ def _table(pairs: Sequence[tuple[float, float]]) -> tuple[float, list[Ramp]]:
     return pairs[0][1], [(h, float(c)) for h, c in zip(levels, changes, strict=True) if c != 0.0]
 
 
-def _triangular(scene: Scene, space: Any, body: Array, density: fem.Function) -> Array:
+def _triangular(scene: Scene, space: Any, body: Array, body_load: forms.BodyLoad) -> Array:
     """Nodal forces that grow from the foot, with the total of the uniform body force."""
     uniform = fem.Function(space)
-    _add(uniform, forms.body_load(space, density, (body[0], body[1])))
-    rising = _ramps(scene, space, body, density, [(0.0, 1.0)])
+    _add(uniform, body_load.form((body[0], body[1])))
+    rising = _ramps(scene, space, body, body_load.density, [(0.0, 1.0)])
     along = np.array([values.reshape(-1, 2).sum(axis=0) for values in (uniform.x.array, rising)])
     total, per_slope = scene.comm.allreduce(along @ body)
     return rising * (total / per_slope) if per_slope > 0.0 else rising

@@ -32,6 +32,9 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
 
+#: Columns of a sparse matrix that are dense at once.
+AT_ONCE = 64
+
 
 def wedge_compliance(modulus: Array, angle: Array, bisector: Array) -> Array:
     """C of one halving at the apex of wedges, m per N/m, shape (wedges, 2, 2).
@@ -124,8 +127,8 @@ class HingeNodes:
 
     def _inner(self, between: PETSc.Mat, halvings: Array | float) -> Any:
         """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
-        from scipy.sparse import bsr_matrix, csr_matrix, identity, vstack
-        from scipy.sparse.linalg import spsolve
+        from scipy.sparse import bsr_matrix, csc_matrix, csr_matrix, hstack, identity, vstack
+        from scipy.sparse.linalg import splu
 
         start, columns, values = between.getValuesCSR()
         mine = csr_matrix((values, columns, start), (len(start) - 1, between.getSize()[1]))
@@ -134,8 +137,9 @@ class HingeNodes:
         each = np.broadcast_to(halvings, len(self.nodes))[:, None, None]
         compliance = bsr_matrix((each * self.compliance, place[:-1], place)).tocsc()
         # C (1 + K_hh C)^-1 is symmetric.
-        give = identity(2 * len(self.nodes)) + compliance @ between_nodes
-        inner = spsolve(give.tocsc(), compliance)
+        give = splu((identity(2 * len(self.nodes)) + compliance @ between_nodes).tocsc())
+        several = (compliance[:, k : k + AT_ONCE] for k in range(0, 2 * len(self.nodes), AT_ONCE))
+        inner = hstack([csc_matrix(give.solve(some.toarray())) for some in several])
         return (0.5 * (inner + inner.T)).tocsr()
 
 

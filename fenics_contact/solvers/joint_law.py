@@ -27,7 +27,7 @@ nothing changes, so that r_N = 0. With the yield Y its tension is Y/2 - r_T, |r_
 forces Y/2 along B_T^T that belong to the dead load (`discretization.ties`).
 
 Solvers, linear programs and certificates ask this module and have no law of their own. `laws.c`
-says in C what `SmoothedLaws` says here.
+says in C what `SmoothedLaws`, `LinearLaws` and `slacks_next_to` say here.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+
+from fenics_contact.solvers.compiled_laws import Structure, compiled_laws
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -439,6 +441,12 @@ def slacks_next_to(
     p = pressure / f - opening / d
     if np.any(law.dilatancy):
         p = law.smoothed(f, frictional, np.sqrt(mu)).p_of(p, q, mu)
+    compiled = compiled_laws()
+    if compiled is not None:
+        found = np.empty((7, len(p)))
+        laws = law.friction, law.strength, frictional.astype(float)
+        compiled.slacks_of(len(p), mu, d, f, nearest, *laws, p, q, found)
+        return Slacks(*found)
     y, pressure = normal_law(p, mu)
     y = y * d
     pressure = pressure * f
@@ -569,12 +577,24 @@ class LinearLaws:
 
     def forces(self, asked: Asked) -> tuple[Array, Array]:
         """Changes of r_N and r_T that a step asks for where nothing moves."""
+        compiled = compiled_laws()
+        if compiled is not None:
+            found = np.empty((2, len(self.k_n)))
+            given = asked.opening, asked.slip, asked.products
+            compiled.asked_forces(self._structure, *given, found)
+            return found[0], found[1]
         opening, drive = self._drives(asked)
         push = self.share_n * (asked.products[0] / self.at.y + self.k_n * opening)
         return push, self.share_t * (self.k_t * drive + self.q * push)
 
     def changes(self, asked: Asked, opening: Array, slip: Array) -> Slacks:
         """Changes of the slacks for openings and slips of the blocks: the eliminated equations."""
+        compiled = compiled_laws()
+        if compiled is not None:
+            found = np.empty((7, len(self.k_n)))
+            given = asked.opening, asked.slip, asked.products, opening, slip
+            compiled.changes(self._structure, *given, found)
+            return Slacks(*found)
         at = self.at
         c_n, c_t = self.compliance
         of_normal, of_lower, of_upper = asked.products
@@ -599,6 +619,19 @@ class LinearLaws:
         s1, s2, z1, z2 = (np.where(self.frictional, part, 0.0) for part in (s1, s2, z1, z2))
         y = opening + c_n * pressure - asked.opening - self.law.dilation(z1, z2)
         return Slacks(y, pressure, shear, s1, s2, z1, z2)
+
+    @cached_property
+    def _structure(self) -> Structure | None:
+        """The laws as the compiled ones take them; None where there are none."""
+        compiled = compiled_laws()
+        if compiled is None:
+            return None
+        names = "k_n", "k_t", "share_n", "share_t", "q", "slope", "compliance"
+        fields = {name: getattr(self, name) for name in names}
+        fields |= {name: getattr(self.at, name) for name in ("y", "s1", "s2", "z1", "z2")}
+        fields["carried"] = self.frictional.astype(float)
+        fields |= {"friction": self.law.friction, "dilatancy": self.law.dilatancy}
+        return compiled.structure("linear", count=len(self.k_n), unit=self.unit, **fields)
 
     def _drives(self, asked: Asked) -> tuple[Array, Array]:
         """Openings and slips that the residuals and products ask for."""

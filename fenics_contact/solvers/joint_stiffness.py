@@ -19,6 +19,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.solvers.compiled_laws import compiled_laws
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
@@ -121,6 +122,56 @@ class JointRows:
         return spread
 
 
+@dataclass(frozen=True)
+class _Entries:
+    """Entries of A on one rank, where the springs are added without a search for their places.
+
+    Attributes:
+        size: Of A.
+        start: Where every row begins among the entries.
+        columns: Of the entries.
+        elastic: Entries of K.
+        values: Entries of A.
+        places: Places of what springs add by sets of rows, -1: none.
+    """
+
+    size: tuple[int, int]
+    start: npt.NDArray[np.integer]
+    columns: npt.NDArray[np.integer]
+    elastic: Array
+    values: Array
+    places: list[npt.NDArray[np.int64]]
+
+    @classmethod
+    def of(cls, elastic: PETSc.Mat, rows: Sequence[JointRows]) -> _Entries:
+        """Entries with the sparsity of K, which has places for all springs."""
+        start, columns, values = elastic.getValuesCSR()
+        size = elastic.getSize()
+        first = np.repeat(np.arange(size[0], dtype=np.int64) * size[1], np.diff(start))
+        places = []
+        for some in rows:
+            row, column = some.dofs[:, :, None].astype(np.int64), some.dofs[:, None, :]
+            place = np.searchsorted(first + columns, row * size[1] + column)
+            places.append(np.where((row >= 0) & (column >= 0), place, -1))
+        return cls(size, start, columns, values, values.copy(), places)
+
+    def matrix(self, comm: Any) -> PETSc.Mat:
+        """A matrix that reads and writes these entries."""
+        csr = self.start, self.columns, self.values
+        return PETSc.Mat().createAIJWithArrays(self.size, csr, comm=comm)
+
+    def set(self, blocks: Sequence[Array]) -> None:
+        """Add what springs add to K."""
+        compiled = compiled_laws()
+        self.values[:] = self.elastic
+        for place, added in zip(self.places, blocks, strict=True):
+            if compiled is None:
+                kept = place >= 0
+                np.add.at(self.values, place[kept], added[kept])
+            else:
+                compiled.add_at(place.size, place, added, self.values)
+
+
 class JointStiffness(Closing):
     """A for any springs.
 
@@ -155,7 +206,10 @@ class JointStiffness(Closing):
         self.mean_diagonal = float(total / size)
         self._owner = Owner()
         self._elastic = self._owner.own(self._with_spring_pattern(stiffness.matrix))
-        self._matrix = self._owner.own(self._elastic.duplicate())
+        comm = self._elastic.comm
+        self._entries = _Entries.of(self._elastic, self._rows) if comm.size == 1 else None
+        made = self._entries.matrix(comm) if self._entries else self._elastic.duplicate()
+        self._matrix = self._owner.own(made)
         self._vectors = [self._owner.own(vector) for vector in self._matrix.createVecs()]
         self._dense: dict[int, list[PETSc.Mat]] = {}
         self._made = 0
@@ -177,8 +231,13 @@ class JointStiffness(Closing):
             SolverError: If A is numerically singular, or no more factorisations are allowed.
         """
         self.tally.add()
-        self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        self._add_springs(self._matrix, normal, tangential, coupling, dilation)
+        blocks = self._blocks(normal, tangential, coupling, dilation)
+        if self._entries is not None:
+            self._entries.set(blocks)
+            self._matrix.stateIncrease()
+        else:
+            self._elastic.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            self._add(self._matrix, blocks)
         self._matrix.setOption(PETSc.Mat.Option.SPD, self._kind == SYMMETRIC)
         preconditioner = self._solver.getPC()
         preconditioner.setUp()  # KSP's own set-up would leave it to the next solve
@@ -211,14 +270,15 @@ class JointStiffness(Closing):
                 table[f"mat_mumps_{name}"] = value
         return solver
 
-    def _add_springs(
+    def _blocks(
         self,
-        matrix: PETSc.Mat,
         normal: Array,
         tangential: Array,
         coupling: Array | None = None,
         dilation: Array | None = None,
-    ) -> None:
+    ) -> list[Array]:
+        """What springs add to A by sets of rows and groups, on the dofs of each group."""
+        made = []
         first = 0
         for rows in self._rows:
             here = slice(first, first + len(rows.place))
@@ -229,10 +289,15 @@ class JointStiffness(Closing):
             pressing = rows.spread(normal[here]) * rows.normal
             if dilation is not None:
                 pressing += rows.spread(dilation[here]) * rows.tangential
-            blocks = np.matmul(rows.transposed, np.concatenate([pressing, shear], axis=1))
-            if len(blocks):  # petsc4py divides by the number of blocks
-                added = PETSc.InsertMode.ADD_VALUES
-                matrix.setValuesRCV(rows.indices, rows.indices, blocks, addv=added)
+            made.append(np.matmul(rows.transposed, np.concatenate([pressing, shear], axis=1)))
+        return made
+
+    def _add(self, matrix: PETSc.Mat, blocks: Sequence[Array]) -> None:
+        """Add what springs add."""
+        for rows, added in zip(self._rows, blocks, strict=True):
+            if len(added):  # petsc4py divides by the number of blocks
+                mode = PETSc.InsertMode.ADD_VALUES
+                matrix.setValuesRCV(rows.indices, rows.indices, added, addv=mode)
         matrix.assemble()
 
     def _with_spring_pattern(self, stiffness: PETSc.Mat) -> PETSc.Mat:
@@ -242,7 +307,7 @@ class JointStiffness(Closing):
         springs = PETSc.Mat().createAIJ(stiffness.getSizes(), nnz=(most, most), comm=stiffness.comm)
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         zero = np.zeros(sum(len(rows.place) for rows in self._rows))
-        self._add_springs(springs, zero, zero)
+        self._add(springs, self._blocks(zero, zero))
         padded = stiffness.copy()
         padded.axpy(1.0, springs, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         springs.destroy()
@@ -291,10 +356,10 @@ class Factor:
 
     def solve(self, right: Array) -> Array:
         """A^-1 b, this rank's part."""
-        self._factor_matrix()
+        matrix = self._factor_matrix()
         x, b = self._stiffness._vectors
         b.array[:] = right
-        self._stiffness._solver.solve(b, x)
+        matrix.solve(b, x)
         return x.array_r.copy()
 
     def solve_all(self, rights: Sequence[Array]) -> list[Array]:
@@ -308,7 +373,7 @@ class Factor:
         matrix.matSolve(right, solution)
         return list(solution.getDenseArray().T.copy())
 
-    def solve_sparse(self, columns: Sequence[tuple[Integers, Array]]) -> PETSc.Mat:
+    def solve_sparse(self, columns: Sequence[tuple[npt.NDArray[np.integer], Array]]) -> PETSc.Mat:
         """A^-1 B for columns of B with few entries: a dense matrix, which the caller frees.
 
         All its columns are on rank 0, its rows are those of A.

@@ -278,7 +278,11 @@ class Linearization:
         """A^-1 f_L."""
         return self.factor.solve(self.kkt.problem.live)
 
-    @property
+    @cached_property
+    def _largest_response(self) -> float:
+        return self.kkt.problem.max(np.abs(self.live_response))
+
+    @cached_property
     def flexibility(self) -> float:
         """f_L.A^-1 f_L."""
         return self.kkt.problem.dot(self.kkt.problem.live, self.live_response)
@@ -319,9 +323,11 @@ class Linearization:
         Then A u = b + d lambda f_L is solved once more, with d lambda known.
         """
         held, factor = self.hold_work(u, excess)
+        cancellation = self.kkt.options.cancellation
+        if cancellation == np.inf:
+            return held, factor
         largest = self.kkt.problem.max
-        parts = abs(factor) * largest(np.abs(self.live_response))
-        if parts > self.kkt.options.cancellation * largest(np.abs(held)):
+        if abs(factor) * self._largest_response > cancellation * largest(np.abs(held)):
             again = self.factor.solve(right + factor * self.kkt.problem.live)
             held, more = self.hold_work(again, excess)
             factor += more

@@ -18,6 +18,7 @@ are a curve that may turn back, so that it is followed by its length too.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -27,12 +28,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws
+from fenics_contact.solvers.compiled_laws import CompiledLaws, Structure, compiled_laws
 from fenics_contact.solvers.joint_law import JointStates, SmoothedLaws
 from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT
 from fenics_contact.solvers.problem import Array
 
 Integers = npt.NDArray[np.int64]
+
+#: Of what a product grows by: no number is larger.
+_LARGEST_EXPONENT = 709.0
 
 _log = logging.getLogger("fenics_contact")
 
@@ -152,7 +156,7 @@ class TangentModel:
 
     def mu_at(self, s: float) -> float:
         """Product at s."""
-        return self.mu * float(np.exp(self.log_mu_rate * s))
+        return self.mu * math.exp(min(self.log_mu_rate * s, _LARGEST_EXPONENT))
 
     def moved(self, part: float, s: float) -> Array:
         """x0 + part c + s t."""
@@ -166,26 +170,41 @@ class TangentModel:
 
     def distances(self, part: float, s: float, forces: Array | None = None) -> Array:
         """Distances from the laws; infinite where a tangent leads nowhere."""
-        laws = self.laws
-        mu = self.mu_at(s)
         compiled = compiled_laws()
         if compiled is None:
-            distances = laws.distances(self.states(part, s, forces), mu)
+            distances = self.laws.distances(self.states(part, s, forces), self.mu_at(s))
             return np.where(np.isnan(distances), np.inf, distances)
-        found = np.empty(len(laws.friction))
-        numbers = len(found), laws.smallest, mu, part, s
+        found = np.empty(len(self.laws.friction))
         motion = self._motion(forces)
         motion = np.zeros((2, len(found))) if motion is None else motion
-        compiled.distances(*numbers, *self.contiguous, motion, found)
+        compiled.distances(self.structure, part, s, motion, found)
         return found
 
     @cached_property
-    def contiguous(self) -> tuple[Array, ...]:
-        """Laws, tangents and springs as the compiled laws take them."""
-        laws = self.laws
-        of_laws = laws.friction, laws.strength, laws.dilatancy, laws.carried[1]
-        of_points = self.start, self.correction, self.tangent, self.springs, self.compliance
-        return tuple(np.ascontiguousarray(array) for array in (*of_laws, *of_points))
+    def structure(self) -> Structure | None:
+        """The points as the compiled laws take them; None where there are none."""
+        compiled = compiled_laws()
+        if compiled is None:
+            return None
+        names = "start", "correction", "tangent", "springs", "compliance"
+        fields = {name: np.ascontiguousarray(getattr(self, name)) for name in names}
+        fields |= {n: getattr(self.laws, n) for n in ("friction", "strength", "dilatancy")}
+        numbers = {n: getattr(self, n) for n in ("mu", "log_mu_rate")}
+        return compiled.structure(
+            "points",
+            count=len(self.laws.friction),
+            smallest=self.laws.smallest,
+            carried=self.laws.carried[1],
+            **numbers,
+            **fields,
+        )
+
+    @cached_property
+    def flexibility(self) -> Array:
+        """C of chosen points: openings, then slips, for normal forces, then shear forces."""
+        opening, slip = self.answers
+        c = np.concatenate([opening.T, slip.T])
+        return np.asfortranarray(np.concatenate([c[:, 0::2], c[:, 1::2]], axis=1))
 
     def _motion(self, forces: Array | None) -> Array | None:
         """Openings and slips for forces at the chosen points, normal ones first."""
@@ -315,8 +334,8 @@ class ChosenPoints:
             if compiled is None
             else self._compiled_equations(compiled, x, part, s)
         )
-        rest = moved[0] - self._compliance @ excess[0]
-        slopes[:, -1] = moved[1] - self._compliance @ excess[1]
+        rest = moved[0] - self.model.flexibility @ excess[0]
+        slopes[:, -1] = moved[1] - self.model.flexibility @ excess[1]
         return CurvePoint(x, part, s, rest, excess[0], sizes, slopes)
 
     def _equations(self, x: Array, part: float, s: float) -> tuple[Array, Array, Array, Array]:
@@ -338,8 +357,8 @@ class ChosenPoints:
         moved = model.displacements(changes)
         excess = model.excess(changes, moved) * model.laws.carried[:, None]
         # A point's p and q change its own forces alone.
-        normal = self._compliance[:, None, :count]
-        shear = self._compliance[:, None, count:]
+        normal = model.flexibility[:, None, :count]
+        shear = model.flexibility[:, None, count:]
         by_pq = -(normal * excess[0, 2:] + shear * excess[1, 2:]).reshape(2, count, 2, count)
         np.einsum("skpk->spk", by_pq)[:] += moved[:, 2:]
         slopes = np.empty((2 * count, 2 * count + 1))
@@ -357,12 +376,19 @@ class ChosenPoints:
         moved = np.empty((2, 2 * count))
         excess = np.empty((2, 2 * count))
         sizes = np.empty(2 * count + 1)
-        slopes = np.empty((2 * count, 2 * count + 1))
-        numbers = count, model.laws.smallest, model.mu_at(s), model.log_mu_rate
-        line = part, s, *self.line.direction
-        given = x, *model.contiguous, self._compliance
-        compiled.chosen_points(*numbers, *line, *given, moved, excess, sizes, slopes)
-        return moved, excess, sizes, slopes
+        columns = np.empty((2 * count + 1, 2 * count))
+        given = model.structure, model.flexibility.T, part, s, *self.line.direction, x
+        compiled.chosen_points(*given, moved, excess, sizes, columns)
+        return moved, excess, sizes, columns.T
+
+    def structure(self, compiled: CompiledLaws, **others: Any) -> Structure:
+        """The curve as the compiled laws take it, with what they need of the other points."""
+        names = "allowed", "longest", "shortest", "solved", "curve_steps", "newton_steps"
+        numbers = {name: getattr(self.options, name) for name in names}
+        (part, s), (of_part, of_s) = self.line.begin, self.line.direction
+        line = {"part": part, "s": s, "of_part": of_part, "of_s": of_s}
+        chosen = {"chosen": self.model.structure, "c": self.model.flexibility.T}
+        return compiled.structure("curve", **chosen, **line, **numbers, **others)
 
     def direction(self, here: CurvePoint, forward: Array) -> Array | None:
         """Direction of the curve, largest relative change one; None where there is none."""
@@ -378,8 +404,7 @@ class ChosenPoints:
         ahead = here.tau + length * along[-1]
         end = _within(ahead, *reach)
         forward = along / here.sizes**2
-        fixed = np.zeros(len(along))
-        fixed[-1] = 1.0
+        fixed = _tau(along)
         x = here.x + length * along
         if end != ahead:
             x = here.x + length * (end - here.tau) / (ahead - here.tau) * along
@@ -404,9 +429,12 @@ class ChosenPoints:
 
     def near(self, x: Array) -> CurvePoint | None:
         """Point of the curve next to x, with its tau; None where Newton's method finds none."""
+        compiled = compiled_laws()
+        if compiled is not None:
+            x = x.copy()
+            return self.at(x) if compiled.near(self.structure(compiled), x) else None
         here = self.at(x)
-        fixed = np.zeros(len(x))
-        fixed[-1] = 1.0
+        fixed = _tau(x)
         for _ in range(self.options.newton_steps):
             if here.error <= self.options.solved:
                 return here
@@ -418,7 +446,7 @@ class ChosenPoints:
 
     def trace(
         self,
-        here: CurvePoint,
+        x: Array,
         forward: Array,
         reach: tuple[float, float],
         distance: Callable[[CurvePoint], float],
@@ -426,12 +454,13 @@ class ChosenPoints:
         """Follow the curve by its length, until it ends or a point that is not chosen bends.
 
         Args:
-            here: Where the curve begins.
+            x: Where the curve begins.
             forward: Row whose product with the direction there is positive.
             reach: Values of tau at which the curve ends.
             distance: Largest distance of the other points from their laws.
         """
         options = self.options
+        here = self.at(x)
         length = 1.0
         near = 0.0
         for _ in range(options.curve_steps):
@@ -483,13 +512,6 @@ class ChosenPoints:
             part = (options.allowed - near) / (leaving - near)
             length *= _within(part, 0.1, 0.5)
         return CurveStep(None, 0, length, leaving)
-
-    @cached_property
-    def _compliance(self) -> Array:
-        """C: openings, then slips, for normal forces, then shear forces."""
-        opening, slip = self.model.answers
-        c = np.concatenate([opening.T, slip.T])
-        return np.concatenate([c[:, 0::2], c[:, 1::2]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -551,10 +573,9 @@ class NonlinearElimination:
             reached = last.tau >= 1.0
             if reached and reach is not None:
                 curve = ChosenPoints(model, Line((1.0, 0.0), (0.0, 1.0)), options)
-                begin = curve.at(np.append(last.x[:-1], back))
-                forward = np.sign(ahead) * np.eye(len(begin.x))[-1]
+                begin = np.append(last.x[:-1], back)
                 reach = min(reach[0], back - options.room), max(reach[1], back + options.room)
-                last = curve.trace(begin, forward, reach, self._distance).point
+                last = self._trace(curve, begin, _tau(begin, float(np.sign(ahead))), reach).point
             return Step(*self._moved(model, last), last.s, reached)
 
     def _to_path(self) -> tuple[TangentModel, CurvePoint]:
@@ -566,8 +587,8 @@ class NonlinearElimination:
         line = Line((0.0, 0.0), (1.0, self.back))
         curve = ChosenPoints(self._gathered(), line, self.options)
         start = JointStates(curve.model.start)
-        begin = curve.at(np.concatenate([start.p, start.q, [0.0]]))
-        few = curve.trace(begin, np.eye(len(begin.x))[-1], (-1.0, 1.0), self._distance)
+        begin = np.concatenate([start.p, start.q, [0.0]])
+        few = self._trace(curve, begin, _tau(begin), (-1.0, 1.0))
         end = few
         model = curve.model
         kept = self.model, self._chosen, self._others.copy()
@@ -580,11 +601,30 @@ class NonlinearElimination:
             if near is None:
                 break
             forward = _longer(end.forward, len(near.x))
-            end = curve.trace(near, forward, (-1.0, 1.0), self._distance)
+            end = self._trace(curve, near.x, forward, (-1.0, 1.0))
             if end.point.tau >= 1.0:
                 return curve.model, end.point
         self.model, self._chosen, self._others = kept
         return model, few.point
+
+    def _trace(
+        self, curve: ChosenPoints, begin: Array, forward: Array, reach: tuple[float, float]
+    ) -> CurveEnd:
+        """Where a curve is left that begins somewhere; arguments as of `ChosenPoints.trace`.
+
+        It is compiled where all points are on this rank.
+        """
+        compiled = compiled_laws()
+        if compiled is None or self.problem.comm.size > 1:
+            return curve.trace(begin, forward, reach, self._distance)
+        x = begin.copy()
+        forward = forward.copy()
+        low, high = reach
+        others = {"all": self.model.structure, "answers": self.model.answers}
+        others |= {"others": self._others}
+        followed = curve.structure(compiled, low=low, high=high, **others)
+        bends = compiled.trace(followed, x, forward, self._distances)
+        return CurveEnd(curve.at(x), forward, bends)
 
     def _distance(self, at: CurvePoint) -> float:
         """Largest distance of the points that are not chosen from their laws, on all ranks."""
@@ -638,17 +678,17 @@ class NonlinearElimination:
 
     def _too_many(self, distances: Array) -> bool:
         """Whether more points bend than may be chosen."""
-        bending = np.where(distances > self.options.chosen, 1.0, 0.0)
-        return self.problem.sum(bending) > self.options.points
+        bending = np.count_nonzero(distances > self.options.chosen)
+        return sum(self.problem.gather(bending)) > self.options.points
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points of all ranks furthest from their laws: their ranks and places there."""
-        comm = self.problem.comm
+        rank = self.problem.comm.rank
         options = self.options
         place = np.flatnonzero(distances > min(options.chosen, options.allowed))
         place = place[np.argsort(-distances[place], kind="stable")[:most]]
-        mine = [(-distances[k], comm.rank, k) for k in place]
-        worst = sorted(chain(*comm.allgather(mine)))[:most]
+        mine = [(-distances[k], rank, k) for k in place]
+        worst = sorted(chain(*self.problem.gather(mine)))[:most]
         return np.array([found[1:] for found in worst], dtype=np.int64).reshape(-1, 2)
 
     def _choose(self, chosen: Integers) -> None:
@@ -658,24 +698,28 @@ class NonlinearElimination:
             _answers_to(self.linear, chosen[first : first + width])
             for first in range(0, len(chosen), width)
         ]
-        answers = np.concatenate([self.model.answers, *parts], axis=1)
-        self.model = replace(self.model, answers=answers)
+        if len(self._chosen):
+            parts = [self.model.answers, *parts]
+        if parts:
+            answers = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            self.model = replace(self.model, answers=answers)
         self._chosen = np.concatenate([self._chosen, chosen])
         self._others[chosen[chosen[:, 0] == self.problem.comm.rank, 1]] = False
 
     def _gathered(self) -> TangentModel:
         """Model of the chosen points, gathered from their ranks."""
-        comm = self.problem.comm
-        chosen = self._chosen
-        mine = np.flatnonzero(chosen[:, 0] == comm.rank)
-        order = np.argsort(np.concatenate(comm.allgather(mine)))
+        problem = self.problem
+        mine = np.flatnonzero(self._chosen[:, 0] == problem.comm.rank)
+        order = np.argsort(np.concatenate(problem.gather(mine)))
+        places = self._chosen[mine, 1]
 
         def whole(of: Any) -> Any:
             values = {field.name: getattr(of, field.name) for field in fields(of)}
-            arrays = {n: a[..., chosen[mine, 1]] for n, a in values.items() if np.ndim(a)}
-            parts = comm.allgather(arrays)
-            joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in arrays}
-            return replace(of, **{n: array[..., order] for n, array in joined.items()})
+            parts = problem.gather(
+                {n: a.take(places, axis=-1) for n, a in values.items() if np.ndim(a)}
+            )
+            joined = {n: np.concatenate([part[n] for part in parts], axis=-1) for n in parts[0]}
+            return replace(of, **{n: a.take(order, axis=-1) for n, a in joined.items()})
 
         return replace(whole(self.model), laws=whole(self.model.laws))
 
@@ -718,6 +762,13 @@ def _with_more(model: TangentModel, last: CurvePoint) -> Array:
     return np.concatenate([*more, last.x[-1:]])
 
 
+def _tau(x: Array, change: float = 1.0) -> Array:
+    """A row whose product with a change of x is that of tau."""
+    row = np.zeros(len(x))
+    row[-1] = change
+    return row
+
+
 def _longer(values: Array, size: int) -> Array:
     """Values of p and q, or r and shear, with zeros for more points; a last odd one stays last."""
     both = values[: len(values) // 2 * 2].reshape(2, -1)
@@ -746,22 +797,24 @@ def _answers_to(linear: Linearization, points: Integers) -> Array:
     """Answers of all to unit forces at some points, with the work of the live load held."""
     problem = linear.kkt.problem
     scales = linear.kkt.scales
-    maps = problem.normal.matrix, problem.tangential.matrix
+    maps = problem.normal, problem.tangential
     mine = {}
     for k, (rank, point) in enumerate(points):
         if rank == problem.comm.rank:
-            for side, matrix in enumerate(maps):
-                mine[2 * k + side] = matrix.getRow(matrix.getOwnershipRange()[0] + int(point))
-    columns = {k: row for some in problem.comm.allgather(mine) for k, row in some.items()}
+            for side, rows in enumerate(maps):
+                mine[2 * k + side] = rows.row(int(point))
+    columns = {k: row for some in problem.gather(mine) for k, row in some.items()}
     solutions = linear.factor.solve_sparse([columns[k] for k in range(2 * len(points))])
     displacements = solutions.getDenseArray().T
     live = problem.live
     response = linear.live_response
-    works = problem.comm.allreduce(displacements @ live)
+    works = sum(problem.gather(displacements @ live))
     displacements -= np.outer(works / linear.flexibility, response)
     unit = scales.force / scales.displacement
-    products = [matrix.matMult(solutions) for matrix in maps]
-    answers = np.array([unit * product.getDenseArray().T for product in products])
+    products = [rows.matrix.matMult(solutions) for rows in maps]
+    answers = np.empty((2, len(displacements), problem.points))
+    for side, product in enumerate(products):
+        np.multiply(product.getDenseArray().T, unit, out=answers[side])
     for matrix in (solutions, *products):
         matrix.destroy()
     return answers

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self, TypeVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from fenics_contact.solvers.joint_law import PointLaws
 
 Array = npt.NDArray[np.float64]
 _Item = TypeVar("_Item", bound=PETSc.Object)
+_Value = TypeVar("_Value")
 
 
 class Owner(ExitStack):
@@ -73,6 +75,18 @@ class SparseMap:
         self._right.array[:] = x
         self.matrix.mult(self._right, self._left)
         return self._left.array_r.copy()
+
+    @cached_property
+    def _rows(self) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Array]:
+        """This rank's rows: where each begins, columns and values."""
+        start, columns, values = self.matrix.getValuesCSR()
+        return start, columns, values
+
+    def row(self, place: int) -> tuple[npt.NDArray[np.integer], Array]:
+        """Columns and values of one of this rank's rows."""
+        start, columns, values = self._rows
+        here = slice(start[place], start[place + 1])
+        return columns[here], values[here]
 
     @property
     def T(self) -> _Transposed:
@@ -221,18 +235,26 @@ class ContactProblem:
         """
         return self.max(self.law.dissipative) > 0.0
 
+    def gather(self, value: _Value) -> list[_Value]:
+        """Values of all ranks, on all ranks. One rank alone packs nothing to send."""
+        return [value] if self.comm.size == 1 else self.comm.allgather(value)
+
     def sum(self, values: Array) -> float:
         """Sum of this rank's values over all ranks."""
-        return float(self.comm.allreduce(float(np.sum(values))))
+        return self._total(float(np.sum(values)))
 
     def dot(self, a: Array, b: Array) -> float:
         """Scalar product of two distributed arrays."""
-        return float(self.comm.allreduce(float(a @ b)))
+        return self._total(float(a @ b))
+
+    def _total(self, value: float) -> float:
+        """Sum over all ranks."""
+        return value if self.comm.size == 1 else float(self.comm.allreduce(value))
 
     def max(self, values: Array, initial: float = 0.0) -> float:
         """Maximum of this rank's values and `initial` over all ranks; nan where any is nan."""
         # MPI.MAX may drop a nan that one rank holds.
-        return float(np.max(self.comm.allgather(float(np.max(values, initial=initial)))))
+        return float(np.max(self.gather(float(np.max(values, initial=initial)))))
 
     def openings(self, u: Array) -> Array:
         """Openings of this rank's points, m."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,14 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.limit_load import limit_load_of
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws, use
-from fenics_contact.solvers.joint_law import PointLaws
+from fenics_contact.solvers.joint_law import (
+    Asked,
+    LinearLaws,
+    PointLaws,
+    Slacks,
+    Units,
+    slacks_next_to,
+)
 from fenics_contact.solvers.nonlinear_elimination import (
     ChosenPoints,
     EliminationOptions,
@@ -47,10 +55,15 @@ def some(random: np.random.Generator, extreme: bool, *shape: int) -> Array:
     return values
 
 
-def random_model(random: np.random.Generator, extreme: bool) -> TangentModel:
-    """Points with friction, a given strength, both or neither, all of them chosen."""
+def random_law(random: np.random.Generator) -> PointLaws:
+    """Points with friction, a given strength, both or neither."""
     friction, strength = random.random((2, POINTS)) * (random.random((2, POINTS)) < 0.5)
-    law = PointLaws(friction, strength, friction * random.choice([0.0, 0.5, 1.0], POINTS))
+    return PointLaws(friction, strength, friction * random.choice([0.0, 0.5, 1.0], POINTS))
+
+
+def random_model(random: np.random.Generator, extreme: bool) -> TangentModel:
+    """Points of all laws, all of them chosen."""
+    law = random_law(random)
     return TangentModel(
         law.smoothed(1.0, law.frictional, smallest=1e-3),
         *(some(random, extreme, 5, POINTS) for _ in range(3)),
@@ -80,6 +93,47 @@ def test_compiled_laws_are_those_in_python_bit_for_bit(seed, extreme, compiled):
     for python, c in zip(*found, strict=True):
         assert np.array_equal(python, c, equal_nan=True)
     assert not np.any(np.isnan(found[1][0]))
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_compiled_curves_are_those_in_python(seed, compiled):
+    """The end of a curve, and its point next to another one."""
+    random = np.random.default_rng(seed)
+    model = random_model(random, False)
+    root = random.normal(size=(2 * POINTS, 2 * POINTS))
+    c = 1e-6 * (root @ root.T).reshape(2, POINTS, 2, POINTS)
+    model = replace(model, answers=c.transpose(0, 3, 2, 1).reshape(2, -1, POINTS))
+    curve = ChosenPoints(model, Line((0.0, 0.0), (1.0, 0.1)), EliminationOptions())
+    x = some(random, False, 2 * POINTS + 1)
+    found = []
+    with np.errstate(all="ignore"):
+        for laws in (None, compiled):
+            use(laws)
+            near = curve.near(x)
+            found.append(None if near is None else near.x)
+    assert (found[0] is None) == (found[1] is None)
+    assert found[0] is None or np.array_equal(found[0], found[1])
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_compiled_linearised_laws_are_those_in_python_bit_for_bit(seed, compiled):
+    random = np.random.default_rng(seed)
+    law = random_law(random)
+    units = Units(1e-3, 1e4)
+    state = tuple(some(random, False, 4, POINTS) * [[1e-3], [1e-3], [1e4], [1e4]])
+    asked = Asked(*some(random, False, 2, POINTS), some(random, False, 3, POINTS))
+    moved = some(random, False, 2, POINTS)
+    compliance = 1e-7 * random.random((2, POINTS))
+    found = []
+    for laws in (None, compiled):
+        use(laws)
+        slacks = slacks_next_to(law, law.frictional, state, 1e-2, units, 1e-9)
+        linear = LinearLaws.of(law, slacks, law.frictional, compliance, 1e12, 1e-7)
+        changes = linear.changes(asked, *moved)
+        found.append([*vars(slacks).values(), *linear.forces(asked), *vars(changes).values()])
+    assert len(found[0]) == len(vars(Slacks(*np.zeros(7)))) * 2 + 2
+    for python, c in zip(*found, strict=True):
+        assert np.array_equal(python, c, equal_nan=True)
 
 
 def test_points_that_a_tangent_leads_nowhere_are_infinitely_far(compiled):

@@ -746,6 +746,8 @@ class _Tangents:
 
 def _resultants(joints: Joints, bodies: RigidBodies, force: Array, along: Array) -> Array:
     """Resultants on the bodies of forces along directions at joint points, shape (bodies, 3)."""
+    if not np.any(force):
+        return np.zeros((len(bodies.centre), 3))
     moved = relative_motions(joints, bodies, np.arange(len(force)), along)
     loaded = (moved.T @ force).reshape(-1, 3)
     return np.asarray(np.einsum("bmk,bk->bm", bodies.free, loaded))
