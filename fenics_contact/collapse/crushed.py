@@ -38,7 +38,6 @@ class CrushedOptions:
         cost: Factorisations at most of all states from one start, in units of the structure's.
         beyond: Moments beyond m(N) that count as none, in units of the largest force of a face
             times its length.
-        slowest: Least part of N - N0 by which N0 is renewed.
         inside: A face crushes no longer whose moment is less than m(N) by this part of N L.
     """
 
@@ -46,7 +45,6 @@ class CrushedOptions:
     cost: float = 500.0
     beyond: float = 1e-7
     inside: float = 1e-4
-    slowest: float = 0.05
 
 
 OPTIONS = CrushedOptions()
@@ -193,8 +191,7 @@ class _Renewal:
     def __init__(self, crushing: Crushing, first: CrushedEnds) -> None:
         self._crushing = crushing
         self._released = np.zeros(len(first.side), dtype=bool)
-        self._force = first.force
-        self._step = np.zeros_like(first.force)
+        self._brackets = _Brackets(len(first.side))
 
     def ends(self, before: CrushedEnds, force: Array, moment: Array) -> CrushedEnds | None:
         """Where faces crush by the N and M of a state; None if that is where they did before.
@@ -209,7 +206,8 @@ class _Renewal:
         idle &= (before.side != 0.0) & ~self._released
         if np.any(over):
             renewed = np.where(over, side, before.side)
-            carried = self._carried(before, renewed == before.side, np.maximum(force, 0.0))
+            same = renewed == before.side
+            carried = self._brackets.renewed(before.force, np.maximum(force, 0.0), same)
         elif np.any(idle):
             renewed = np.where(idle, 0.0, before.side)
             carried = before.force
@@ -218,16 +216,38 @@ class _Renewal:
             return None
         return CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
 
-    def _carried(self, before: CrushedEnds, same: Flags, force: Array) -> Array:
-        """N0 of the next state: by the secant of N - N0 where a face crushes on the same side."""
-        step = np.where(same, force - before.force, 0.0)
-        moved = before.force - self._force
-        change = step - self._step
-        secant = np.divide(-moved, change, out=np.ones_like(step), where=moved * change < 0.0)
-        part = np.clip(secant, OPTIONS.slowest, 1.0)
-        self._force = before.force
-        self._step = step
-        return np.where(same, before.force + part * step, force)
+
+class _Brackets:
+    """N0 of every face at which N > N0 and N < N0 was found, and N0 of the next state.
+
+    That is N, which converges quadratically where forces change little with N0. At a stiff corner a
+    small N0 lets a face open that carries much without: between two such N0 the next one is that of
+    the regula falsi, with the Illinois weights (M. Dowell, P. Jarratt, BIT 11 (1971) 168).
+    """
+
+    def __init__(self, faces: int) -> None:
+        """Begin without any."""
+        self._ends = np.full((2, faces), np.nan)
+        self._steps = np.zeros((2, faces))
+        self._last = np.zeros(faces)
+
+    def renewed(self, before: Array, force: Array, same: Flags) -> Array:
+        """N0 of the next state, by that of the last one and its N; `same`: on the same side."""
+        faces = np.arange(len(before))
+        step = force - before
+        end = (step < 0.0).astype(int)
+        again = same & (step * self._last > 0.0)
+        # An end at which other faces have changed the forces since is none.
+        stale = ~same | (again & (np.abs(step) >= np.abs(self._last)))
+        self._ends[1 - end, faces] = np.where(stale, np.nan, self._ends[1 - end, faces])
+        self._steps[1 - end, faces] *= np.where(again, 0.5, 1.0)
+        self._ends[end, faces] = np.where(same, before, np.nan)
+        self._steps[end, faces] = step
+        self._last = np.where(same, step, 0.0)
+        (low, high), (rises, falls) = self._ends, self._steps
+        inside = low < high
+        slope = np.where(inside, falls - rises, 1.0)
+        return np.where(inside, (low * falls - high * rises) / slope, force)
 
 
 def strengths(case: LoadCase) -> Crushing:

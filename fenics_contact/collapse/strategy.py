@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
+from itertools import product
 from typing import Concatenate, ParamSpec
 
 import numpy as np
@@ -57,6 +58,8 @@ class PathOptions:
     Attributes:
         rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
             larger ones miss low collapse states.
+        rising_parts: Parts of that with which paths are followed, one after the other where none
+            leads to a state.
         few: Blocks from which on products are larger: paths of large walls turn back more often.
         many: They grow like this power of the number of blocks.
         ends: Where the interior point method is tried; the first is where block modes are left.
@@ -70,6 +73,7 @@ class PathOptions:
     """
 
     rising_work: float = 1e-2
+    rising_parts: tuple[float, ...] = (1.0, 0.1)
     few: int = 100
     many: float = 0.8
     ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
@@ -268,21 +272,31 @@ def _ends_of_modes(
     """Points in block modes where the structure may take over, the best first.
 
     The work rises to T and the products fall: the end of that path, and where it began. Then the
-    same at more work. In the record the paths have a name.
+    same with smaller products, which lead past other folds, and both at more work. In the record
+    the paths have a name.
 
     Raises:
-        SolverError: If the path of rising work is lost.
+        SolverError: If the paths of rising work are lost.
     """
     case = task.case
     kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
     start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
     on_the_way = partial(case.record.along, prolonged=modes.prolonged)
     rise = rising(kkt, passed=on_the_way(f"{name}, rising work"))
-    point = rise.begin(start, rising_mu(task))
-    work = task.work
-    for _ in range(OPTIONS.falls):
-        point = rise.follow(point, work)
-        fall = falling(kkt, passed=on_the_way(f"{name}, falling products"))
+    fall = falling(kkt, passed=on_the_way(f"{name}, falling products"))
+    points = {part: rise.begin(start, part * rising_mu(task)) for part in OPTIONS.rising_parts}
+    works = task.work * OPTIONS.further ** np.arange(OPTIONS.falls)
+    for work, part in product(works, OPTIONS.rising_parts):
+        if part not in points:
+            continue
+        try:
+            point = points[part] = rise.follow(points.pop(part), float(work))
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  %s: %s", name, error)
+            failed = error
+            continue
         try:
             yield fall.follow(point, task.mu(OPTIONS.ends[0]))
         except EffortError:
@@ -290,7 +304,8 @@ def _ends_of_modes(
         except SolverError as error:
             _log.info("  %s: %s", name, error)
         yield point
-        work *= OPTIONS.further
+    if not points:
+        raise failed
 
 
 def _followed(task: Task, start: State, iterations: int) -> Solution:
