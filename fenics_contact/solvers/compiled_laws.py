@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cython_blas, cython_lapack
 
 #: Plain IEEE arithmetic: no operation is joined with another one or moved.
 FLAGS = ("-O3", "-g0", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
@@ -118,6 +117,8 @@ class CompiledLaws:
 
 def _lapack_addresses() -> list[int]:
     """Addresses of dgemv and dgesv, those that numpy calls as well."""
+    from scipy.linalg import cython_blas, cython_lapack
+
     name = ctypes.pythonapi.PyCapsule_GetName
     name.restype = ctypes.c_char_p
     name.argtypes = [ctypes.py_object]

@@ -36,9 +36,9 @@ def pdf_of(writer: Any, page: str) -> bytes:
 
 def _data_fetcher(writer: Any) -> Any:
     """What WeasyPrint reads addresses with: those that are data themselves, and no other."""
-    fetcher = getattr(writer.urls, "URLFetcher", None)
+    fetcher = getattr(writer, "URLFetcher", None)
     if fetcher is not None:  # from WeasyPrint 68 on
-        return fetcher(allowed_protocols=["data"])
+        return fetcher(allowed_protocols=("data",))
 
     def fetch(address: str) -> Any:
         if not address.startswith("data:"):
