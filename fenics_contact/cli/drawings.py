@@ -12,6 +12,7 @@ from mpi4py import MPI
 from fenics_contact.errors import raised_together
 from fenics_contact.geometry.dxf.command import MeshedDrawing, MeshOrder, mesh_drawing
 from fenics_contact.geometry.dxf.roles import LayerRoles
+from fenics_contact.geometry.dxf.starter import Starter
 
 
 def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -41,8 +42,6 @@ def _next(order: MeshOrder, made: MeshedDrawing) -> list[str]:
     if order.scene is None or made.roles is None:
         write = f'write a scene with mesh.file = "{order.mesh.name}"'
         return [f"next: {write}, or let --scene FILE.toml do it; then: fenics-contact check SCENE"]
-    from fenics_contact.scene.starter import Starter
-
     read = made.read
     starter = Starter(
         order.drawing.stem,

@@ -175,9 +175,9 @@ def test_gaps_between_blocks_are_warned_of(folder, capsys):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_mesh_command_as_a_user_runs_it(ranks, tmp_path):
     write_dxf(tmp_path / "block.dxf", [(SQUARE, "stone")])
-    found = run(["mesh", "block.dxf", "-q"], tmp_path, ranks)
+    found = run(["mesh", "block.dxf", "--scene", "wall.toml", "-q"], tmp_path, ranks)
     assert (found.code, found.out) == (0, ""), found.err
-    assert files(tmp_path) == {"block.dxf", "block.msh"}
+    assert files(tmp_path) == {"block.dxf", "block.msh", "wall.toml"}
     found = run(["mesh", "nowhere.dxf"], tmp_path, ranks)
     assert found.code == 2
     assert found.err.count("fenics-contact: ") == 1
