@@ -191,14 +191,7 @@ def _parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
     _add_report(report)
     mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
-    _add_layers(mesh)
-    mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
-    mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
-    mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
-    mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
-    mesh.add_argument(
-        "--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml"
-    )
+    _add_mesh(mesh)
     sweep = commands.add_parser(
         "sweep", help="compute the limit load over values of a scene's keys"
     )
@@ -247,6 +240,18 @@ def _add_report(report: argparse.ArgumentParser) -> None:
     report.add_argument("--pdf", type=Path, metavar="FILE", help="PDF too (needs WeasyPrint)")
     report.add_argument("--project", default="", metavar="TEXT", help="project, on page 1")
     report.add_argument("--author", default="", metavar="TEXT", help="author, on page 1")
+
+
+def _add_mesh(mesh: argparse.ArgumentParser) -> None:
+    """Options of the command that meshes a drawing."""
+    _add_layers(mesh)
+    mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
+    mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
+    mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
+    mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
+    mesh.add_argument(
+        "--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml"
+    )
 
 
 def _add_layers(mesh: argparse.ArgumentParser) -> None:

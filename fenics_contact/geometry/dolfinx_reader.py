@@ -11,8 +11,7 @@ from dolfinx.mesh import Mesh
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.geometry.gmsh_mesh import CELL_TYPES
-from fenics_contact.geometry.gmsh_reader import GmshContents
+from fenics_contact.geometry.gmsh_reader import CELL_TYPES, GmshContents
 
 Indices = npt.NDArray[np.int64]
 #: Names by number of a tag, or by dimension and number.

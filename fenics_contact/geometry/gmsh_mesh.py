@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_like
-from fenics_contact.geometry.gmsh_reader import GmshContents, Tags, contents, read
+from fenics_contact.geometry.gmsh_reader import CELL_TYPES, GmshContents, Tags, contents, read
 from fenics_contact.geometry.msh_text import text_contents
 from fenics_contact.geometry.planar_cells import (
     Array,
@@ -34,8 +34,6 @@ from fenics_contact.requirements import GMSH_WAYS
 Labels = npt.NDArray[np.int32]
 Names = frozenset[str]
 
-#: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
-CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
 #: What a block is: connected cells, or connected cells of one gmsh surface.
 BLOCKS = ("connected", "surfaces")
 

@@ -21,6 +21,9 @@ import numpy.typing as npt
 
 Tags = npt.NDArray[np.uint64]
 
+#: Cell name and nodes of a cell, by gmsh's element type, for the straight-sided planar cells.
+CELL_TYPES = {2: ("triangle", 3), 3: ("quadrilateral", 4)}
+
 
 @dataclass(frozen=True)
 class ReadLimits:
