@@ -38,6 +38,9 @@ class CrushedOptions:
         cost: Factorisations at most of all states from one start, in units of the structure's.
         beyond: Moments beyond m(N) that count as none, in units of the largest force of a face
             times its length.
+        slow: Part of the last N - N0 from which on one of the same sign is no progress: those of
+            the regula falsi fall by half.
+        narrow: Part of such an N - N0 below which the length of a bracket does not explain it.
         inside: A face crushes no longer whose moment is less than m(N) by this part of N L.
     """
 
@@ -45,6 +48,8 @@ class CrushedOptions:
     cost: float = 500.0
     beyond: float = 1e-7
     inside: float = 1e-4
+    slow: float = 0.75
+    narrow: float = 0.2
 
 
 OPTIONS = CrushedOptions()
@@ -191,7 +196,7 @@ class _Renewal:
     def __init__(self, crushing: Crushing, first: CrushedEnds) -> None:
         self._crushing = crushing
         self._released = np.zeros(len(first.side), dtype=bool)
-        self._brackets = _Brackets(len(first.side))
+        self._brackets = Brackets(len(first.side))
 
     def ends(self, before: CrushedEnds, force: Array, moment: Array) -> CrushedEnds | None:
         """Where faces crush by the N and M of a state; None if that is where they did before.
@@ -217,7 +222,7 @@ class _Renewal:
         return CrushedEnds(renewed, np.where(renewed != 0.0, carried, 0.0))
 
 
-class _Brackets:
+class Brackets:
     """N0 of every face at which N > N0 and N < N0 was found, and N0 of the next state.
 
     That is N, which converges quadratically where forces change little with N0. At a stiff corner a
@@ -238,7 +243,10 @@ class _Brackets:
         end = (step < 0.0).astype(int)
         again = same & (step * self._last > 0.0)
         # An end at which other faces have changed the forces since is none.
-        stale = ~same | (again & (np.abs(step) >= np.abs(self._last)))
+        size = np.abs(step)
+        slow = size >= OPTIONS.slow * np.abs(self._last)
+        narrow = np.abs(self._ends[1 - end, faces] - before) < OPTIONS.narrow * size
+        stale = ~same | (again & slow & narrow)
         self._ends[1 - end, faces] = np.where(stale, np.nan, self._ends[1 - end, faces])
         self._steps[1 - end, faces] *= np.where(again, 0.5, 1.0)
         self._ends[end, faces] = np.where(same, before, np.nan)

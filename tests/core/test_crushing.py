@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
-from fenics_contact.collapse.crushed import CrushedJoints, certified
+from fenics_contact.collapse.crushed import Brackets, CrushedJoints, certified
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import strategy_of
@@ -246,3 +246,35 @@ def test_joint_forces_are_within_the_strength():
     beyond, _ = crushing.excess(force, moment)
     assert np.all(beyond <= 1e-6 * force.max() * crushing.length)
     assert np.sum(beyond > -1e-6 * force.max() * crushing.length) == 4  # hinges
+
+
+def renewals(force_at: Callable[[float], float], count: int) -> list[float]:
+    """N0 of one face after another state, from N0 = 1000, where N depends on N0."""
+    brackets = Brackets(1)
+    now = [1000.0]
+    for _ in range(count):
+        at = np.array([now[-1]])
+        now.append(float(brackets.renewed(at, np.array([force_at(now[-1])]), np.array([True]))[0]))
+    return now
+
+
+def test_force_of_a_corner_that_opens_at_a_small_force_is_enclosed():
+    """The face carries 2000 without a block of pressure, and nothing from N0 = 20 on."""
+    found = renewals(lambda force: 2000.0 * max(1.0 - force / 20.0, 0.0), 15)
+    assert found[-1] == pytest.approx(2000.0 / 101.0, rel=5e-2)
+
+
+def test_force_that_hardly_depends_on_that_of_the_tangent_settles_at_once():
+    found = renewals(lambda force: 700.0 - 1e-3 * force, 3)
+    assert found[-1] == pytest.approx(700.0 / 1.001, rel=1e-8)
+
+
+def test_force_that_other_faces_have_changed_leaves_its_bracket():
+    """What was found at either side of N0 = 500 is forgotten where it no longer holds."""
+    brackets = Brackets(1)
+    for at, force in [(400.0, 600.0), (600.0, 400.0)]:
+        brackets.renewed(np.array([at]), np.array([force]), np.array([True]))
+    now = 500.0
+    for _ in range(4):
+        now = float(brackets.renewed(np.array([now]), np.array([900.0]), np.array([True]))[0])
+    assert now == pytest.approx(900.0)
