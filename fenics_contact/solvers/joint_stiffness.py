@@ -127,7 +127,9 @@ class _Entries:
     """Entries of A on one rank, where the springs are added without a search for their places.
 
     Attributes:
+        comm: Of A, one rank.
         size: Of A.
+        block: Unknowns in a row that are coupled alike, and equations.
         start: Where every row begins among the entries.
         columns: Of the entries.
         elastic: Entries of K.
@@ -135,7 +137,9 @@ class _Entries:
         places: Places of what springs add by sets of rows, -1: none.
     """
 
+    comm: Any
     size: tuple[int, int]
+    block: tuple[int, int]
     start: npt.NDArray[np.integer]
     columns: npt.NDArray[np.integer]
     elastic: Array
@@ -153,12 +157,15 @@ class _Entries:
             row, column = some.dofs[:, :, None].astype(np.int64), some.dofs[:, None, :]
             place = np.searchsorted(first + columns, row * size[1] + column)
             places.append(np.where((row >= 0) & (column >= 0), place, -1))
-        return cls(size, start, columns, values, values.copy(), places)
+        layout = elastic.comm, size, elastic.getBlockSizes()
+        return cls(*layout, start, columns, values, values.copy(), places)
 
-    def matrix(self, comm: Any) -> PETSc.Mat:
-        """A matrix that reads and writes these entries."""
+    def matrix(self) -> PETSc.Mat:
+        """A matrix that reads and writes these entries; blocks help MUMPS to order the unknowns."""
         csr = self.start, self.columns, self.values
-        return PETSc.Mat().createAIJWithArrays(self.size, csr, comm=comm)
+        made = PETSc.Mat().createAIJWithArrays(self.size, csr, comm=self.comm)
+        made.setBlockSizes(*self.block)
+        return made
 
     def set(self, blocks: Sequence[Array]) -> None:
         """Add what springs add to K."""
@@ -206,9 +213,9 @@ class JointStiffness(Closing):
         self.mean_diagonal = float(total / size)
         self._owner = Owner()
         self._elastic = self._owner.own(self._with_spring_pattern(stiffness.matrix))
-        comm = self._elastic.comm
-        self._entries = _Entries.of(self._elastic, self._rows) if comm.size == 1 else None
-        made = self._entries.matrix(comm) if self._entries else self._elastic.duplicate()
+        alone = self._elastic.comm.size == 1
+        self._entries = _Entries.of(self._elastic, self._rows) if alone else None
+        made = self._entries.matrix() if self._entries else self._elastic.duplicate()
         self._matrix = self._owner.own(made)
         self._vectors = [self._owner.own(vector) for vector in self._matrix.createVecs()]
         self._dense: dict[int, list[PETSc.Mat]] = {}
