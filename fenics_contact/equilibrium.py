@@ -111,12 +111,6 @@ class Equilibrium(ServiceState, ForForms, Pictured):
         view = self._view() if self.state is not None else None
         write_service_state(self, self.layout, view, numbers, Path(folder))
 
-    def _elastic(self) -> Array:
-        """Displacement of the state, this rank's part."""
-        if self.state is None:
-            raise SolverError(f"there is no state to draw: the status is '{self.status}'")
-        return self.state.elastic
-
     def _view(self) -> View:
         """Displacements and joint forces, or the blocks that fall. Collective."""
         if self.fall is not None:

@@ -168,12 +168,6 @@ class LimitLoad(Result, ForForms, Pictured):
         draw_capacity(axes, curve, limit, peak)
         return axes
 
-    def _elastic(self) -> Array:
-        """Displacement of the collapse state without a large motion, this rank's part."""
-        if self.collapse is None or self.collapse.state is None:
-            raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
-        return self.collapse.state.elastic
-
     def _view(self) -> View:
         """Collapse mode and joint forces, or the blocks that fall. Collective."""
         if self.fall is not None:

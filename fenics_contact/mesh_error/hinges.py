@@ -23,9 +23,9 @@ from fenics_contact.mesh_error.nearby import (
     Start,
     collapse_and_rate,
     from_afar,
-    near,
     rates,
     same_mode,
+    softer,
 )
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.mesh_error import StateChange
@@ -50,11 +50,11 @@ class HingeOptions:
     """
 
     ways: tuple[tuple[tuple[float, Start], ...], ...] = (
-        ((30.0, near), (4.0, near), (30.0, near)),
+        ((30.0, softer), (4.0, softer), (30.0, softer)),
         (
-            *((30.0, near), (4.0, near), (30.0, near), (30.0, from_afar), (4.0, from_afar)),
-            *((30.0, near), (100.0, near), (100.0, from_afar), (100.0, near)),
-            *((1000.0, near), (1e4, near), (1e4, from_afar), (1e4, near)),
+            *((30.0, softer), (4.0, softer), (30.0, softer), (30.0, from_afar), (4.0, from_afar)),
+            *((30.0, softer), (100.0, softer), (100.0, from_afar), (100.0, softer)),
+            *((1000.0, softer), (1e4, softer), (1e4, from_afar), (1e4, softer)),
         ),
     )
     enough: tuple[float, float] = (30.0, 100.0)
@@ -161,8 +161,7 @@ def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
         new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
-        same = abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size
-        if same and halvings >= OPTIONS.enough[0]:
+        if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
             return replace(way, ended=True)
         way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
         way = replace(way, ended=independent(case, new))

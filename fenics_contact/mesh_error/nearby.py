@@ -44,6 +44,7 @@ class NearbyOptions:
     Attributes:
         near: Where the interior point method starts, how exact its states are, and when it stops:
             it succeeds soon or not at all.
+        hinges: The same with more compliant hinges: products that fit these are larger.
         work: How the work grows: where no state is near, none is looked for.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
         from_afar: The same from the bonded structure: paths to less work are shorter.
@@ -55,7 +56,12 @@ class NearbyOptions:
 
     near: WarmStart = field(
         default_factory=lambda: WarmStart(
-            (0.2,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=4)
+            (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
+        )
+    )
+    hinges: WarmStart = field(
+        default_factory=lambda: WarmStart(
+            (3e-3, 0.2), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=4)
         )
     )
     work: WorkOptions = field(
@@ -76,9 +82,18 @@ Start = Callable[[Collapse], Attempt]
 
 def near(last: Collapse) -> Attempt:
     """The interior point method from the collapse."""
+    return _from_state(last, OPTIONS.near)
+
+
+def softer(last: Collapse) -> Attempt:
+    """The same where hinges are more compliant: given up sooner, and begun once more."""
+    return _from_state(last, OPTIONS.hinges)
+
+
+def _from_state(last: Collapse, warm: WarmStart) -> Attempt:
     if last.state is None:
         raise SolverError("no state to start from")
-    return next_to(last.state, last.mode, OPTIONS.near)
+    return next_to(last.state, last.mode, warm)
 
 
 def from_afar(_: Collapse) -> Attempt:
@@ -175,7 +190,7 @@ def collapse_and_rate(
 
 def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, in a case with more compliant hinges."""
-    more = OPTIONS.more_work if start is near else OPTIONS.from_afar
+    more = OPTIONS.from_afar if start is from_afar else OPTIONS.more_work
     first = OPTIONS.work.first * (1.0 + more * soft.most)
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
     found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)

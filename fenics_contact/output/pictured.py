@@ -46,12 +46,8 @@ class Pictured(ABC):
         """
 
     @abstractmethod
-    def _elastic(self) -> Array:
-        """Displacement of the state without a large motion, this rank's part.
-
-        Raises:
-            SolverError: If there is no state.
-        """
+    def _elastic(self) -> Array | None:
+        """Displacements that strain the blocks, this rank's part; None if there is no state."""
 
     @checked
     def plot(self, axes: Any = None, scale: float = 1.0) -> Any:
@@ -83,7 +79,10 @@ class Pictured(ABC):
         """Draw the principal stresses; as `plot`."""
         check_axes(axes)
         view = self._view()
-        raster = stress_raster(self.layout, self._elastic())
+        elastic = self._elastic()
+        if elastic is None:
+            raise SolverError("there are no stresses to draw: no state was found")
+        raster = stress_raster(self.layout, elastic)
         return self._drawn(partial(draw_stress, raster=raster), axes, view)
 
     @checked

@@ -126,7 +126,7 @@ VALUES = {
     "plane": value("plane.state", "bent", "bent", "strain"),
     "no thickness": value("plane.thickness", 0.0, "plane.thickness = 0.0 must be a number above 0"),
     "thickness without number": value("plane.thickness", "thin"),
-    "units": value("output.units", "inch", "SI, m, mm"),
+    "units": value("output.units", "inch", "one of SI (N, Pa, m), m (kN, MPa, m), mm"),
     "support": value("supports.left", "glued", "glued", "roller"),
     "young too long": value("materials.default.young", 10**400),
 }  # fmt: skip
