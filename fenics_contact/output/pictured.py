@@ -81,7 +81,7 @@ class Pictured(ABC):
         view = self._view()
         elastic = self._elastic()
         if elastic is None:
-            raise SolverError("there are no stresses to draw: no state was found")
+            raise SolverError("no stresses to draw: the blocks fall")
         raster = stress_raster(self.layout, elastic)
         return self._drawn(partial(draw_stress, raster=raster), axes, view)
 
