@@ -179,7 +179,7 @@ def summary(result: Result) -> str:
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), units)
         lines += tension_lines(tie_arrays(result.layout, end.joints), units)
         if direction in result.seismic:
-            lines.append(seismic_line(vars(result.seismic[direction])))
+            lines.append(seismic_line(vars(result.seismic[direction]), units))
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
     if result.inaccurate:

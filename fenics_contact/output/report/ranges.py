@@ -29,7 +29,8 @@ def load_factors(content: Content) -> Iterator[str]:
         yield table(_rows(direction, end, content))
         yield _ties(content, direction)
         yield _crushing(content, direction)
-        yield table(seismic_rows((record.get("seismic") or {}).get(direction)), title=TITLE)
+        check = (record.get("seismic") or {}).get(direction)
+        yield table(seismic_rows(check, content.units), title=TITLE)
     if not record["ends"]:
         yield paragraph(f"Reason: {record['reason']}.")
 
