@@ -300,36 +300,37 @@ class _OnPath(ABC):
 
 
 def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
-    """Whether a path of block modes, known with larger products, stays below the collapse.
-
-    Past the onset the collapse goes on as it is: from its plateau on, nothing is above.
-    """
-    if not above(way.last) >= -OPTIONS.another:
-        return False  # it led elsewhere
-    modes = case.discretization.block_modes.changed(case.problem)
+    """Whether a path of block modes, known with larger products, stays below the collapse."""
+    if len(way.states) < 2 or not above(way.last) >= -OPTIONS.another:
+        return False  # nothing was seen of it, or it led elsewhere
     try:
-        with (
-            case.discretization.effort.at_most(limits.seen),
-            modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness,
-        ):
-            for state in way.states[1:]:  # the first is where the path begins
-                scales = case.scales_at(state.work, above.load_factor)
-                kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
-                mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
-                height = above(_load_factor(kkt, state, mu))
-                if height > ABOVE and state.work < above.work:
-                    return False
-                if height > ABOVE:
-                    settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
-                    height = above(settled.state.load_factor)
-                if state.work >= above.work and abs(height) <= OPTIONS.another:
-                    return True
-                if height > ABOVE:
-                    return False
-            return True
+        with case.discretization.effort.at_most(limits.seen):
+            return all(height <= ABOVE for height in _heights(case, above, way))
     except SolverError as error:
         _log.info("  peak: %s", error)
         return False
+
+
+def _heights(case: LoadCase, above: Above, way: Way) -> Iterator[float]:
+    """How much higher than the collapse the states of a way are with products zero, relative.
+
+    They end on the plateau, which lasts: past the onset the collapse goes on as it is. There alone
+    the interior point method takes products to zero; before, it may lead past a narrow peak.
+    """
+    modes = case.discretization.block_modes.changed(case.problem)
+    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
+        for state in way.states[1:]:  # the first is where the path begins
+            scales = case.scales_at(state.work, above.load_factor)
+            kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
+            mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
+            height = above(_load_factor(kkt, state, mu))
+            past_onset = state.work >= above.work
+            if past_onset and height > ABOVE:
+                settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
+                height = above(settled.state.load_factor)
+            if past_onset and abs(height) <= OPTIONS.another:
+                return
+            yield height
 
 
 def _load_factor(kkt: PerturbedKKT, state: State, mu: float) -> float:
