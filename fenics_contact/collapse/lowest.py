@@ -74,13 +74,14 @@ class LowestOptions:
         closely: where several states are asked for (those of W3, 0.356 and 0.384, have 0.9995).
         iterations: Of the fixed point at most, and
         tolerance: its tolerance on bound and load factor, relative: states below are finished.
-        exact: How exact a state next to the end of a search is, and
-        directly: when the interior point method gives it up; its steps cost less than those of a
-            path.
+        products: With which the interior point method begins at the end of a search, in units of
+            those there: what is tried. Where it stalls with those it often ends with larger ones.
+        exact: How exact that state is, and
+        directly: when the method gives it up; its steps cost less than half of those of a path.
     """
 
-    search: float = 0.5
-    follow: float = 0.5
+    search: float = 0.8
+    follow: float = 0.25
     searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
@@ -92,9 +93,10 @@ class LowestOptions:
     closely: float = 0.9999
     iterations: int = 30
     tolerance: float = 1e-3
+    products: tuple[float, ...] = (1.0, 30.0)
     exact: Tolerances = field(default_factory=lambda: Tolerances(1e-5, 1e-4))
     directly: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-4)
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=3e-4)
     )
 
 
@@ -159,7 +161,7 @@ def _rigid(task: Task, end: Collapse, limit: float, budget: tuple[float, float])
     """A state next to that of rigid blocks, as `_other`; None if theirs is not low."""
     case = task.case
     whole = task.case.discretization
-    rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure))
+    rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure), limit)
     _log.info("second opinion: rigid blocks settle at %.8g", rigid.load_factor)
     if rigid.load_factor >= limit:
         return None
@@ -384,13 +386,15 @@ def _other(
 
 def _directly(kkt: PerturbedKKT, state: State, mu: float) -> Solution | None:
     """The state next to one near the central path; None if the interior point method stalls."""
-    try:
-        return solve_interior_point(kkt, state, mu, LOWEST.exact, LOWEST.directly)
-    except EffortError:
-        raise
-    except SolverError as error:
-        _log.info("  next to the end of a search: %s", error)
-        return None
+    for larger in LOWEST.products:
+        products = min(larger * mu, 1.0)
+        try:
+            return solve_interior_point(kkt, state, products, LOWEST.exact, LOWEST.directly)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  next to the end of a search: %s", error)
+    return None
 
 
 def _low_point(path: Continuation, start: PathPoint, end: float, below: float) -> PathPoint | None:
