@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -330,13 +329,12 @@ def _task(case: LoadCase, ratio: float, tolerance: float, path: Collapse) -> Tas
     return Task(case, work, case.scales_at(work, factor if factor < np.inf else 0.0), tolerance)
 
 
-@contextmanager
-def _on_block_modes(task: Task) -> Iterator[tuple[BlockModes, PerturbedKKT]]:
+def _on_block_modes(task: Task) -> tuple[BlockModes, PerturbedKKT]:
     """Block modes of the task's structure, and the conditions of its state on them."""
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        yield modes, PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    return modes, PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
 
 
 def _other(
@@ -361,27 +359,27 @@ def _other(
         SolverError: If there is none, or the budget does not suffice.
     """
     effort = task.case.discretization.effort
-    with _on_block_modes(task) as (modes, kkt):
-        known = None if mode is None else modes.motion(mode)
+    modes, kkt = _on_block_modes(task)
+    known = None if mode is None else modes.motion(mode)
 
-        def recognised(u: Array) -> bool:
-            return known is not None and _aligned(kkt.problem, u, known, aligned)
+    def recognised(u: Array) -> bool:
+        return known is not None and _aligned(kkt.problem, u, known, aligned)
 
-        with effort.at_most(budget[0]):
-            state, mu = search(modes, kkt, task, recognised)
-            if recognised(state.displacement):
+    with effort.at_most(budget[0]):
+        state, mu = search(modes, kkt, task, recognised)
+        if recognised(state.displacement):
+            return None
+        found = _directly(kkt, state, mu)
+    if found is None:
+        with effort.at_most(budget[1]):
+            path = falling(kkt, passed=partial(_end_at_known, recognised, below))
+            point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
+            if point is None:
                 return None
-            found = _directly(kkt, state, mu)
-        if found is None:
-            with effort.at_most(budget[1]):
-                path = falling(kkt, passed=partial(_end_at_known, recognised, below))
-                point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
-                if point is None:
-                    return None
-                # The products that are left may have lowered the load factor.
-                found = to_end(task, point.state, point.mu, kkt)
-        low = found.state.load_factor < below and not recognised(found.state.displacement)
-        return modes.prolonged(found.state) if low else None
+            # The products that are left may have lowered the load factor.
+            found = to_end(task, point.state, point.mu, kkt)
+    low = found.state.load_factor < below and not recognised(found.state.displacement)
+    return modes.prolonged(found.state) if low else None
 
 
 def _directly(kkt: PerturbedKKT, state: State, mu: float) -> Solution | None:

@@ -246,11 +246,11 @@ def find_peak(
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
+    if way is not None and _stays_below(case, above, way, limits):
+        return Peak("none")
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
     if above(upper) <= ABOVE:
-        return Peak("none")
-    if way is not None and _stays_below(case, above, way, limits):
         return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
@@ -318,19 +318,19 @@ def _heights(case: LoadCase, above: Above, way: Way) -> Iterator[float]:
     the interior point method takes products to zero; before, it may lead past a narrow peak.
     """
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for state in way.states[1:]:  # the first is where the path begins
-            scales = case.scales_at(state.work, above.load_factor)
-            kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
-            mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
-            height = above(_load_factor(kkt, state, mu))
-            past_onset = state.work >= above.work
-            if past_onset and height > ABOVE:
-                settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
-                height = above(settled.state.load_factor)
-            if past_onset and abs(height) <= OPTIONS.another:
-                return
-            yield height
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    for state in way.states[1:]:  # the first is where the path begins
+        scales = case.scales_at(state.work, above.load_factor)
+        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
+        mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
+        height = above(_load_factor(kkt, state, mu))
+        past_onset = state.work >= above.work
+        if past_onset and height > ABOVE:
+            settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
+            height = above(settled.state.load_factor)
+        if past_onset and abs(height) <= OPTIONS.another:
+            return
+        yield height
 
 
 def _load_factor(kkt: PerturbedKKT, state: State, mu: float) -> float:
@@ -351,14 +351,14 @@ def _seed(case: LoadCase, above: Above) -> State | None:
         SolverError: If the path is lost, or ends elsewhere.
     """
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for products in OPTIONS.products:
-            path = _ModesPath(case, modes, stiffness, above, products)
-            try:
-                return path.first_above()
-            except SolverError as error:
-                case.discretization.effort.require(1.0)
-                failed = error
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    for products in OPTIONS.products:
+        path = _ModesPath(case, modes, stiffness, above, products)
+        try:
+            return path.first_above()
+        except SolverError as error:
+            case.discretization.effort.require(1.0)
+            failed = error
     raise failed
 
 
