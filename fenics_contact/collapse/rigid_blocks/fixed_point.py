@@ -39,8 +39,8 @@ class RigidFixedPointOptions:
 
     relaxation: float = 0.5
     programs: int = 30
-    pivots: int = 60_000
-    each: float = 1.5
+    pivots: int = 50_000
+    each: float = 2.0
     settled: float = 1e-3
     last: int = 3
     stays: int = 2
