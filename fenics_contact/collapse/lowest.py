@@ -37,7 +37,7 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.history import CollapseState, Lowest
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.arclength import Continuation, PathPoint
+from fenics_contact.solvers.arclength import ArclengthOptions, Continuation, PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.growing_friction import GROWTH, FrictionGrowth, with_growing_friction
 from fenics_contact.solvers.interior_point import (
@@ -48,6 +48,7 @@ from fenics_contact.solvers.interior_point import (
 )
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
@@ -77,10 +78,12 @@ class LowestOptions:
             those there: what is tried. Where it stalls with those it often ends with larger ones.
         exact: How exact that state is, and
         directly: when the method gives it up; its steps cost less than half of those of a path.
+        path: Of the path that is followed where it does. Choosing points more often in one step
+            costs more than it saves: a path that needs it is lost all the same.
     """
 
     search: float = 0.8
-    follow: float = 0.25
+    follow: float = 0.4
     searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
@@ -96,6 +99,9 @@ class LowestOptions:
     exact: Tolerances = field(default_factory=lambda: Tolerances(1e-5, 1e-4))
     directly: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=3e-4)
+    )
+    path: ArclengthOptions = field(
+        default_factory=lambda: ArclengthOptions(elimination=EliminationOptions(rounds=2))
     )
 
 
@@ -372,7 +378,8 @@ def _other(
         found = _directly(kkt, state, mu)
     if found is None:
         with effort.at_most(budget[1]):
-            path = falling(kkt, passed=partial(_end_at_known, recognised, below))
+            passed = partial(_end_at_known, recognised, below)
+            path = falling(kkt, passed=passed, options=LOWEST.path)
             point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
             if point is None:
                 return None
