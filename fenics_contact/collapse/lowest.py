@@ -65,8 +65,11 @@ class LowestOptions:
         searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
-        growths: Products at the start and power with which friction grows: the first for a second
-            opinion, all where several states are asked for.
+        growths: Products at the start and power with which friction grows, where several states
+            are asked for.
+        second: The same for a second opinion. The second has more friction at the start, for where
+            the first ends with products of more than
+        stuck: this: many arches have no equilibrium with a quarter of their friction.
         below: A load factor on block modes is lower by this part of its size at least.
         same: Load factors of one state differ by less, relative.
         small: Load factors are judged relative to themselves, or this part of the typical one.
@@ -88,6 +91,8 @@ class LowestOptions:
     finish: float = 2.0
     start: float = 1.0
     growths: tuple[tuple[float, float], ...] = ((1.0, 0.2), (0.3, 0.2), (1.0, 0.1), (1.0, 0.0))
+    second: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.0, 0.05))
+    stuck: float = 1e-2
     below: float = 2e-3
     same: float = 1e-4
     small: float = 1e-3
@@ -157,9 +162,7 @@ def _grown(task: Task, end: Collapse, limit: float, budget: tuple[float, float])
 
     `budget` is the cost of the search and of following where it leads, at most.
     """
-    begin, power = LOWEST.growths[0]
-    search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
-    return _other(task, search, end.mode, budget, limit)
+    return _other(task, by_enough_friction, end.mode, budget, limit)
 
 
 def _rigid(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
@@ -251,6 +254,18 @@ def by_growing_friction(
     """State near the central path on block modes, met with growing friction."""
     start = modes.restricted(task.case.bonded_state(task.work))
     return with_growing_friction(kkt, start, growth, known)
+
+
+def by_enough_friction(
+    modes: BlockModes, kkt: PerturbedKKT, task: Task, known: Callable[[Array], bool]
+) -> tuple[State, float]:
+    """As `by_growing_friction`, with more friction where there is no state with less."""
+    for begin, power in LOWEST.second:
+        growth = replace(GROWTH, begin=begin, power=power)
+        state, mu = by_growing_friction(modes, kkt, task, known, growth)
+        if mu <= LOWEST.stuck or known(state.displacement):
+            break
+    return state, mu
 
 
 def by_fixed_point(
