@@ -81,6 +81,8 @@ class LowestOptions:
             those there: what is tried. Where it stalls with those it often ends with larger ones.
         exact: How exact that state is, and
         directly: when the method gives it up; its steps cost less than half of those of a path.
+        bracket: Equations of rigid blocks up to which the bracket is asked where no search comes to
+            an end: its programs take longer than the solve on larger structures, and seldom tell.
         path: Of the path that is followed where it does. Choosing points more often in one step
             costs more than it saves: a path that needs it is lost all the same.
     """
@@ -105,6 +107,7 @@ class LowestOptions:
     directly: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=3e-4)
     )
+    bracket: int = 100
     path: ArclengthOptions = field(
         default_factory=lambda: ArclengthOptions(elimination=EliminationOptions(rounds=2))
     )
@@ -150,7 +153,8 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
             lower[name] = state
             break
     if not lower and next(iter(SECOND)) not in ended:  # rigid blocks alone tell too little
-        proved = case.blocks.proved_lower() if end.load_factor > 0.0 else None
+        small = case.blocks.equations <= LOWEST.bracket
+        proved = case.blocks.proved_lower() if small and end.load_factor > 0.0 else None
         if proved is not None and proved >= limit:
             return replace(end, lowest=Lowest("none", end.load_factor, 0))
         return replace(end, lowest=Lowest("not_known", reason=NO_STATE))

@@ -69,9 +69,7 @@ class RigidState:
     pressure: Array
 
 
-def rigid_fixed_point(
-    programs: PointPrograms, pressure: Array, low: float = np.inf
-) -> RigidState:
+def rigid_fixed_point(programs: PointPrograms, pressure: Array, low: float = np.inf) -> RigidState:
     """The fixed point from normal forces at all joint points, N/m; on this rank alone.
 
     It ends early, above `low`, where the load factor begins above that and stays there.
