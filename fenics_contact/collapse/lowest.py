@@ -83,8 +83,8 @@ class LowestOptions:
         directly: when the method gives it up; its steps cost less than half of those of a path.
         bracket: Equations of rigid blocks up to which the bracket is asked where no search comes to
             an end: its programs take longer than the solve on larger structures, and seldom tell.
-        path: Of the path that is followed where it does. Choosing points more often in one step
-            costs more than it saves: a path that needs it is lost all the same.
+        path: Of the path that is followed where it does. Fewer points are chosen, and less often,
+            than on the path to the collapse: of paths that lead somewhere, most need no more.
     """
 
     search: float = 0.8
@@ -109,7 +109,9 @@ class LowestOptions:
     )
     bracket: int = 100
     path: ArclengthOptions = field(
-        default_factory=lambda: ArclengthOptions(elimination=EliminationOptions(rounds=2))
+        default_factory=lambda: ArclengthOptions(
+            elimination=EliminationOptions(points=8, late=8, rounds=2)
+        )
     )
 
 
