@@ -8,12 +8,12 @@ two changes of contact the structure is linear, so lambda(T) is made of straight
 
 and a peak is where the slope changes its sign, or where the path turns back.
 
-1. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
-   (1954) 71): where the collapse reaches it there is no peak.
-2. Else the path is followed on block modes with small products, settled at rising works, and where
-   the tangent at one of these crosses the collapse before the next: a peak may be narrow. Where
-   the path that led to the collapse is known, with larger products, these are taken to zero at
-   some of its states first; if none is above then, the path is not followed once more.
+1. Where the path that led to the collapse is known, with larger products than here, these are taken
+   to zero at some of its states: if none is above the collapse then, there is no peak.
+2. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
+   (1954) 71): where the collapse reaches it there is no peak. Else the path is followed on block
+   modes with small products, settled at rising works, and where the tangent at one of these
+   crosses the collapse before the next: a peak may be narrow.
 3. A point above the collapse is finished with products zero. If it stays there, the path of the
    structure is followed from there until it has fallen or turned back. From the highest point the
    products go to zero, and slopes on both sides lead to the summit.
