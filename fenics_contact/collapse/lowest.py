@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -38,7 +37,7 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.history import CollapseState, Lowest
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.arclength import Continuation, PathPoint
+from fenics_contact.solvers.arclength import ArclengthOptions, Continuation, PathPoint
 from fenics_contact.solvers.block_modes import BlockModes
 from fenics_contact.solvers.growing_friction import GROWTH, FrictionGrowth, with_growing_friction
 from fenics_contact.solvers.interior_point import (
@@ -49,6 +48,7 @@ from fenics_contact.solvers.interior_point import (
 )
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
@@ -65,8 +65,11 @@ class LowestOptions:
         searches: Cost of all of that.
         finish: Cost of finishing and verifying another state on the structure.
         start: Cost of one search where several states are asked for.
-        growths: Products at the start and power with which friction grows: the first for a second
-            opinion, all where several states are asked for.
+        growths: Products at the start and power with which friction grows, where several states
+            are asked for.
+        second: The same for a second opinion. The second has more friction at the start, for where
+            the first ends with products of more than
+        stuck: this: many arches have no equilibrium with a quarter of their friction.
         below: A load factor on block modes is lower by this part of its size at least.
         same: Load factors of one state differ by less, relative.
         small: Load factors are judged relative to themselves, or this part of the typical one.
@@ -74,17 +77,24 @@ class LowestOptions:
         closely: where several states are asked for (those of W3, 0.356 and 0.384, have 0.9995).
         iterations: Of the fixed point at most, and
         tolerance: its tolerance on bound and load factor, relative: states below are finished.
-        exact: How exact a state next to the end of a search is, and
-        directly: when the interior point method gives it up; its steps cost less than those of a
-            path.
+        products: With which the interior point method begins at the end of a search, in units of
+            those there: what is tried. Where it stalls with those it often ends with larger ones.
+        exact: How exact that state is, and
+        directly: when the method gives it up; its steps cost less than half of those of a path.
+        bracket: Equations of rigid blocks up to which the bracket is asked where no search comes to
+            an end: its programs take longer than the solve on larger structures, and seldom tell.
+        path: Of the path that is followed where it does. Fewer points are chosen, and less often,
+            than on the path to the collapse: of paths that lead somewhere, most need no more.
     """
 
-    search: float = 0.5
-    follow: float = 0.5
+    search: float = 0.8
+    follow: float = 0.4
     searches: float = 1.0
     finish: float = 2.0
     start: float = 1.0
     growths: tuple[tuple[float, float], ...] = ((1.0, 0.2), (0.3, 0.2), (1.0, 0.1), (1.0, 0.0))
+    second: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.0, 0.05))
+    stuck: float = 1e-2
     below: float = 2e-3
     same: float = 1e-4
     small: float = 1e-3
@@ -92,9 +102,16 @@ class LowestOptions:
     closely: float = 0.9999
     iterations: int = 30
     tolerance: float = 1e-3
+    products: tuple[float, ...] = (1.0, 30.0)
     exact: Tolerances = field(default_factory=lambda: Tolerances(1e-5, 1e-4))
     directly: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-4)
+        default_factory=lambda: InteriorPointOptions(window=4, acceptable=3e-4)
+    )
+    bracket: int = 100
+    path: ArclengthOptions = field(
+        default_factory=lambda: ArclengthOptions(
+            elimination=EliminationOptions(points=8, late=8, rounds=2)
+        )
     )
 
 
@@ -138,7 +155,8 @@ def second_opinion(case: LoadCase, end: Collapse, tolerance: float, cost: float)
             lower[name] = state
             break
     if not lower and next(iter(SECOND)) not in ended:  # rigid blocks alone tell too little
-        proved = case.blocks.proved_lower() if end.load_factor > 0.0 else None
+        small = case.blocks.equations <= LOWEST.bracket
+        proved = case.blocks.proved_lower() if small and end.load_factor > 0.0 else None
         if proved is not None and proved >= limit:
             return replace(end, lowest=Lowest("none", end.load_factor, 0))
         return replace(end, lowest=Lowest("not_known", reason=NO_STATE))
@@ -150,16 +168,14 @@ def _grown(task: Task, end: Collapse, limit: float, budget: tuple[float, float])
 
     `budget` is the cost of the search and of following where it leads, at most.
     """
-    begin, power = LOWEST.growths[0]
-    search = partial(by_growing_friction, growth=replace(GROWTH, begin=begin, power=power))
-    return _other(task, search, end.mode, budget, limit)
+    return _other(task, by_enough_friction, end.mode, budget, limit)
 
 
 def _rigid(task: Task, end: Collapse, limit: float, budget: tuple[float, float]) -> State | None:
     """A state next to that of rigid blocks, as `_other`; None if theirs is not low."""
     case = task.case
     whole = task.case.discretization
-    rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure))
+    rigid = case.blocks.rigid_state(whole.all_points(case.first_pressure), limit)
     _log.info("second opinion: rigid blocks settle at %.8g", rigid.load_factor)
     if rigid.load_factor >= limit:
         return None
@@ -246,6 +262,18 @@ def by_growing_friction(
     return with_growing_friction(kkt, start, growth, known)
 
 
+def by_enough_friction(
+    modes: BlockModes, kkt: PerturbedKKT, task: Task, known: Callable[[Array], bool]
+) -> tuple[State, float]:
+    """As `by_growing_friction`, with more friction where there is no state with less."""
+    for begin, power in LOWEST.second:
+        growth = replace(GROWTH, begin=begin, power=power)
+        state, mu = by_growing_friction(modes, kkt, task, known, growth)
+        if mu <= LOWEST.stuck or known(state.displacement):
+            break
+    return state, mu
+
+
 def by_fixed_point(
     modes: BlockModes,
     kkt: PerturbedKKT,
@@ -328,13 +356,12 @@ def _task(case: LoadCase, ratio: float, tolerance: float, path: Collapse) -> Tas
     return Task(case, work, case.scales_at(work, factor if factor < np.inf else 0.0), tolerance)
 
 
-@contextmanager
-def _on_block_modes(task: Task) -> Iterator[tuple[BlockModes, PerturbedKKT]]:
+def _on_block_modes(task: Task) -> tuple[BlockModes, PerturbedKKT]:
     """Block modes of the task's structure, and the conditions of its state on them."""
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        yield modes, PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    return modes, PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
 
 
 def _other(
@@ -359,38 +386,41 @@ def _other(
         SolverError: If there is none, or the budget does not suffice.
     """
     effort = task.case.discretization.effort
-    with _on_block_modes(task) as (modes, kkt):
-        known = None if mode is None else modes.motion(mode)
+    modes, kkt = _on_block_modes(task)
+    known = None if mode is None else modes.motion(mode)
 
-        def recognised(u: Array) -> bool:
-            return known is not None and _aligned(kkt.problem, u, known, aligned)
+    def recognised(u: Array) -> bool:
+        return known is not None and _aligned(kkt.problem, u, known, aligned)
 
-        with effort.at_most(budget[0]):
-            state, mu = search(modes, kkt, task, recognised)
-            if recognised(state.displacement):
+    with effort.at_most(budget[0]):
+        state, mu = search(modes, kkt, task, recognised)
+        if recognised(state.displacement):
+            return None
+        found = _directly(kkt, state, mu)
+    if found is None:
+        with effort.at_most(budget[1]):
+            passed = partial(_end_at_known, recognised, below)
+            path = falling(kkt, passed=passed, options=LOWEST.path)
+            point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
+            if point is None:
                 return None
-            found = _directly(kkt, state, mu)
-        if found is None:
-            with effort.at_most(budget[1]):
-                path = falling(kkt, passed=partial(_end_at_known, recognised, below))
-                point = _low_point(path, path.begin(state, mu), task.mu(OPTIONS.ends[0]), below)
-                if point is None:
-                    return None
-                # The products that are left may have lowered the load factor.
-                found = to_end(task, point.state, point.mu, kkt)
-        low = found.state.load_factor < below and not recognised(found.state.displacement)
-        return modes.prolonged(found.state) if low else None
+            # The products that are left may have lowered the load factor.
+            found = to_end(task, point.state, point.mu, kkt)
+    low = found.state.load_factor < below and not recognised(found.state.displacement)
+    return modes.prolonged(found.state) if low else None
 
 
 def _directly(kkt: PerturbedKKT, state: State, mu: float) -> Solution | None:
     """The state next to one near the central path; None if the interior point method stalls."""
-    try:
-        return solve_interior_point(kkt, state, mu, LOWEST.exact, LOWEST.directly)
-    except EffortError:
-        raise
-    except SolverError as error:
-        _log.info("  next to the end of a search: %s", error)
-        return None
+    for larger in LOWEST.products:
+        products = min(larger * mu, 1.0)
+        try:
+            return solve_interior_point(kkt, state, products, LOWEST.exact, LOWEST.directly)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  next to the end of a search: %s", error)
+    return None
 
 
 def _low_point(path: Continuation, start: PathPoint, end: float, below: float) -> PathPoint | None:

@@ -8,12 +8,12 @@ two changes of contact the structure is linear, so lambda(T) is made of straight
 
 and a peak is where the slope changes its sign, or where the path turns back.
 
-1. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
-   (1954) 71): where the collapse reaches it there is no peak.
-2. Else the path is followed on block modes with small products, settled at rising works, and where
-   the tangent at one of these crosses the collapse before the next: a peak may be narrow. Where
-   the path that led to the collapse is known, with larger products, these are taken to zero at
-   some of its states first; if none is above then, the path is not followed once more.
+1. Where the path that led to the collapse is known, with larger products than here, these are taken
+   to zero at some of its states: if none is above the collapse then, there is no peak.
+2. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
+   (1954) 71): where the collapse reaches it there is no peak. Else the path is followed on block
+   modes with small products, settled at rising works, and where the tangent at one of these
+   crosses the collapse before the next: a peak may be narrow.
 3. A point above the collapse is finished with products zero. If it stays there, the path of the
    structure is followed from there until it has fallen or turned back. From the highest point the
    products go to zero, and slopes on both sides lead to the summit.
@@ -246,11 +246,11 @@ def find_peak(
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
+    if way is not None and _stays_below(case, above, way, limits):
+        return Peak("none")
     upper = case.blocks.limit()
     upper = math.inf if upper is None else upper
     if above(upper) <= ABOVE:
-        return Peak("none")
-    if way is not None and _stays_below(case, above, way, limits):
         return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
@@ -318,19 +318,19 @@ def _heights(case: LoadCase, above: Above, way: Way) -> Iterator[float]:
     the interior point method takes products to zero; before, it may lead past a narrow peak.
     """
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for state in way.states[1:]:  # the first is where the path begins
-            scales = case.scales_at(state.work, above.load_factor)
-            kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
-            mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
-            height = above(_load_factor(kkt, state, mu))
-            past_onset = state.work >= above.work
-            if past_onset and height > ABOVE:
-                settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
-                height = above(settled.state.load_factor)
-            if past_onset and abs(height) <= OPTIONS.another:
-                return
-            yield height
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    for state in way.states[1:]:  # the first is where the path begins
+        scales = case.scales_at(state.work, above.load_factor)
+        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
+        mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
+        height = above(_load_factor(kkt, state, mu))
+        past_onset = state.work >= above.work
+        if past_onset and height > ABOVE:
+            settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
+            height = above(settled.state.load_factor)
+        if past_onset and abs(height) <= OPTIONS.another:
+            return
+        yield height
 
 
 def _load_factor(kkt: PerturbedKKT, state: State, mu: float) -> float:
@@ -351,14 +351,14 @@ def _seed(case: LoadCase, above: Above) -> State | None:
         SolverError: If the path is lost, or ends elsewhere.
     """
     modes = case.discretization.block_modes.changed(case.problem)
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for products in OPTIONS.products:
-            path = _ModesPath(case, modes, stiffness, above, products)
-            try:
-                return path.first_above()
-            except SolverError as error:
-                case.discretization.effort.require(1.0)
-                failed = error
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    for products in OPTIONS.products:
+        path = _ModesPath(case, modes, stiffness, above, products)
+        try:
+            return path.first_above()
+        except SolverError as error:
+            case.discretization.effort.require(1.0)
+            failed = error
     raise failed
 
 

@@ -210,15 +210,15 @@ def along_block_modes(task: Task) -> Solution:
     case = task.case
     modes = case.discretization.block_modes.changed(case.problem)
     failed = SolverError("block modes: no end of a path")
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        for point in _ends_of_modes(task, modes, stiffness, "block modes"):
-            try:
-                return to_end(task, modes.prolonged(point.state), point.mu)
-            except EffortError:
-                raise
-            except SolverError as error:
-                _log.info("  structure: %s", error)
-                failed = error
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    for point in _ends_of_modes(task, modes, stiffness, "block modes"):
+        try:
+            return to_end(task, modes.prolonged(point.state), point.mu)
+        except EffortError:
+            raise
+        except SolverError as error:
+            _log.info("  structure: %s", error)
+            failed = error
     raise failed
 
 
@@ -246,10 +246,10 @@ def through_lower_friction(task: Task) -> Solution:
         raise SolverError(f"no friction is above {options.lower:g}")
     modes = case.discretization.block_modes.changed(problem)
     lower = modes.changed(replace(problem, law=problem.law.at_most(options.lower)))
-    with modes.stiffness(GENERAL, case.discretization.mode_tally) as stiffness:
-        start = next(_ends_of_modes(task, lower, stiffness, "block modes, lower friction")).state
-        of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
-        start = _followed(replace(task, case=of_modes), start, options.on_modes).state
+    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
+    start = next(_ends_of_modes(task, lower, stiffness, "block modes, lower friction")).state
+    of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
+    start = _followed(replace(task, case=of_modes), start, options.on_modes).state
     start = modes.prolonged(start)
     try:
         with case.discretization.effort.at_most(options.direct):

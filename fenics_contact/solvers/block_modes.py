@@ -152,6 +152,7 @@ class BlockModes(Closing):
         self._point_indentation = _point_compliance(problem, self._indentation)
         maps = self._projected(problem, unknowns, is_mode[np.argsort(unknowns)])
         self.reduced = self._loaded(problem, problem, **maps)
+        self._stiffnesses: dict[str, JointStiffness] = {}
         self._owner = Owner()
         for item in (*maps.values(), self._basis):
             self._owner.callback(item.close)
@@ -197,12 +198,20 @@ class BlockModes(Closing):
         )
 
     def stiffness(self, kind: str, tally: Tally) -> JointStiffness:
-        """K_P with joint springs, arguments as of `JointStiffness`; the caller closes it."""
-        rows = _rows(self.reduced, self._blocks.sides, self._modes)
-        return JointStiffness(self.reduced.stiffness, [rows], kind, tally)
+        """K_P with joint springs, made when first asked for; arguments as of `JointStiffness`.
+
+        It is the same one under other loads and laws, and has the tally that was given last.
+        """
+        made = self._stiffnesses
+        if kind not in made:
+            rows = _rows(self.reduced, self._blocks.sides, self._modes)
+            stiffness = JointStiffness(self.reduced.stiffness, [rows], kind, tally)
+            made[kind] = self._owner.enter_context(stiffness)
+        made[kind].tally = tally
+        return made[kind]
 
     def changed(self, problem: ContactProblem) -> BlockModes:
-        """The same modes under other loads and laws; this object keeps the maps."""
+        """The same modes under other loads and laws; this object keeps maps and stiffnesses."""
         new = copy(self)
         new.full = problem
         new.reduced = self._loaded(self.reduced, problem)

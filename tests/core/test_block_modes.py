@@ -150,11 +150,11 @@ def test_springs_of_the_reduced_structure_are_those_of_the_formula(case, kind):
     reduced, tally = case.discretization.block_modes.reduced, Tally()
     count = reduced.points
     right = random.normal(size=reduced.size)
-    with case.discretization.block_modes.stiffness(kind, tally) as stiffness:
-        springs = stiffness.mean_diagonal * 10.0 ** random.uniform(-3, 3, (3, count))
-        springs[2] = (kind == GENERAL) * 0.5 * np.minimum(springs[0], springs[1])
-        factor = stiffness.factor(*springs[: 3 if kind == GENERAL else 2])
-        found = factor.solve(right)
+    stiffness = case.discretization.block_modes.stiffness(kind, tally)
+    springs = stiffness.mean_diagonal * 10.0 ** random.uniform(-3, 3, (3, count))
+    springs[2] = (kind == GENERAL) * 0.5 * np.minimum(springs[0], springs[1])
+    factor = stiffness.factor(*springs[: 3 if kind == GENERAL else 2])
+    found = factor.solve(right)
     assert sprung(reduced, *springs) @ found == pytest.approx(right, abs=1e-8)
     assert tally.count == 1
 
@@ -167,10 +167,10 @@ def test_structure_of_single_triangles_is_reproduced_exactly(friction):
         made, kkt, exact = case.discretization.block_modes, conditions(case), solved(case).state
         assert case.problem.size == 2 * 3 * 3
         assert np.all(made.reduced.compliance == 0.0)
-        with made.stiffness(GENERAL, Tally()) as stiffness:
-            reduced = PerturbedKKT.coulomb(made.reduced, stiffness, kkt.scales, kkt.work)
-            start = made.restricted(case.bonded_state(kkt.work))
-            found = solve_interior_point(reduced, start, 1.0, Tolerances(load_factor=1e-9))
+        stiffness = made.stiffness(GENERAL, Tally())
+        reduced = PerturbedKKT.coulomb(made.reduced, stiffness, kkt.scales, kkt.work)
+        start = made.restricted(case.bonded_state(kkt.work))
+        found = solve_interior_point(reduced, start, 1.0, Tolerances(load_factor=1e-9))
         state = made.prolonged(found.state)
     assert state.load_factor == pytest.approx(exact.load_factor, rel=1e-9)
     for name in ("displacement", "pressure", "shear"):

@@ -54,8 +54,8 @@ def test_what_is_made_once_is_counted_and_arrays_outlive_it():
         assert made.stiffness(GENERAL) is made.stiffness(GENERAL) is not made.stiffness(SYMMETRIC)
         assert made.block_modes is made.block_modes
         none = np.ones(made.problem.points)
-        with made.block_modes.stiffness(GENERAL, made.mode_tally) as stiffness:
-            stiffness.factor(none, none)
+        stiffness = made.block_modes.stiffness(GENERAL, made.mode_tally)
+        stiffness.factor(none, none)
         assert (made.tally.count, made.mode_tally.count, made.factorizations()) == (2, 1, 3)
     for name in ("dead", "live", "dead_pressure", "live_pressure"):
         expected = getattr(one, name)

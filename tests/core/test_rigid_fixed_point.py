@@ -29,10 +29,27 @@ def test_a_block_that_slides_needs_one_value_of_its_normal_force():
 def test_what_does_not_settle_is_no_state(monkeypatch):
     with Discretization(BANK["W1 coulomb 0.65"].scene()) as made:
         blocks = RigidBlocks.of(made)
-        options = rigid_fixed_point.RigidFixedPointOptions(programs=2)
+        options = rigid_fixed_point.RigidFixedPointOptions(programs=2, pivots=1_000_000)
         monkeypatch.setattr(rigid_fixed_point, "OPTIONS", options)
         with pytest.raises(SolverError, match="not settled by 2 programs"):
             blocks.rigid_state(made.joints.length)
+
+
+def test_a_structure_too_large_for_it_is_refused_at_once():
+    with Discretization(BANK["W1 coulomb 0.65"].scene()) as made:
+        with pytest.raises(SolverError, match="too dear with 99 equations"):
+            RigidBlocks.of(made).rigid_state(made.joints.length)
+
+
+def test_it_ends_where_the_load_factor_stays_above_what_is_asked_for():
+    """The load factor rises from 0.15 towards 0.3: it stays above 0.1, but not above 0.2."""
+    with Discretization(block_recipe(0.4, 1.0, 0.3).scene(2)) as made:
+        blocks = RigidBlocks.of(made)
+        points = len(made.joints.length)
+        weight = abs(made.bodies.dead[0, 1])
+        first = np.full(points, 0.5 * weight / points)
+        ends = [blocks.rigid_state(first, low).load_factor for low in (0.1, 0.2)]
+    assert ends == pytest.approx([0.225, 0.3], rel=2e-3)
 
 
 def test_a_state_that_only_rigid_blocks_lead_to():

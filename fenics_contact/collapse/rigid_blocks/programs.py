@@ -121,6 +121,11 @@ class _Program:
         """Motions that supports leave free, among three of every body."""
         return np.any(self.bodies.free != 0.0, axis=1).ravel()
 
+    @property
+    def equations(self) -> int:
+        """Number of equations of equilibrium."""
+        return int(np.count_nonzero(self._used))
+
     @cached_property
     def forces(self) -> Any:
         """E, sparse."""
@@ -436,13 +441,15 @@ class RigidBlocks:
         faces = self._program.faces
         return np.bincount(faces.of_point, values, len(faces.ends)).astype(float)
 
-    def rigid_state(self, pressure: Array) -> RigidState:
+    def rigid_state(self, pressure: Array, low: float = np.inf) -> RigidState:
         """Where `rigid_fixed_point` leads from normal forces at all joint points, N/m.
 
+        It is not taken to its end where the load factor stays above `low`.
+
         Raises:
-            SolverError: If it does not settle.
+            SolverError: If it does not settle, or the structure is too large.
         """
-        return self._on_root(lambda: rigid_fixed_point(self, pressure))
+        return self._on_root(lambda: rigid_fixed_point(self, pressure, low))
 
     @property
     def unit(self) -> float:
@@ -452,7 +459,7 @@ class RigidBlocks:
     @property
     def equations(self) -> int:
         """Number of equations of equilibrium."""
-        return int(self._program.forces.shape[0])
+        return self._program.equations
 
     def given_friction(self, strength: Array, iterations: int) -> GivenFriction:
         """Limit load where the shear forces of the faces have given bounds, on this rank alone.
