@@ -324,13 +324,17 @@ def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> At
 
     @monolithic
     def next_to_another_state(task: Task) -> Solution:
-        if direction is None:
-            raise SolverError("no direction in which to go on")
-        u = state.displacement + (task.work - state.work) * direction
-        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
-        return _warm(task, task.kkt, moved, warm)
+        return _warm(task, task.kkt, moved_on(task, state, direction), warm)
 
     return next_to_another_state
+
+
+def moved_on(task: Task, state: State, direction: Array | None) -> State:
+    """A state moved on to the work of a task by displacements with f_L.v = 1, or `SolverError`."""
+    if direction is None:
+        raise SolverError("no direction in which to go on")
+    u = state.displacement + (task.work - state.work) * direction
+    return task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
 
 
 def coulomb_equilibrium(

@@ -50,7 +50,7 @@ class HingeOptions:
     """
 
     ways: tuple[tuple[tuple[float, Start], ...], ...] = (
-        ((30.0, softer), (4.0, softer), (30.0, softer)),
+        ((30.0, softer),),
         (
             *((30.0, softer), (4.0, softer), (30.0, softer), (30.0, from_afar), (4.0, from_afar)),
             *((30.0, softer), (100.0, softer), (100.0, from_afar), (100.0, softer)),
@@ -59,7 +59,7 @@ class HingeOptions:
     )
     enough: tuple[float, float] = (30.0, 100.0)
     own: float = 2.0
-    unchanged: float = 1e-6
+    unchanged: float = 1e-5
 
 
 OPTIONS = HingeOptions()

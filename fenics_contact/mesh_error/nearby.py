@@ -10,15 +10,19 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import Attempt, LoadCase
+from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
 from fenics_contact.collapse.strategy import (
     Strategy,
     WarmStart,
     WorkOptions,
     along_block_modes,
+    falling,
+    monolithic,
+    moved_on,
     next_to,
 )
 from fenics_contact.collapse.work_control import find_collapse
@@ -29,12 +33,50 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.mesh_error.hinge_nodes import HingeNodes
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
+from fenics_contact.solvers.arclength import ArclengthOptions
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import COLD, Residual
-from fenics_contact.solvers.problem import Owner
+from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
+from fenics_contact.solvers.problem import Owner, State
 
 _log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class Settling:
+    """Numbers of the way to more compliant hinges.
+
+    Joints go to the central path with large products, a few at a time on their laws (`arclength`):
+    which of them open and slide changes at once. From there the interior point method is short.
+
+    Attributes:
+        products: Of that path, in units of force times elastic displacement.
+        give: Displacements that change joint forces by their own size, in units of those at the
+            work: those of hinges. In larger units they would look settled from the start.
+        path: Steps to the path: most joints stay as they are, few have to be followed.
+        close: Distance from the path that may be left, relative to p and q.
+        tolerances: How exact the state has to be: an estimate needs three digits.
+        finish: When the interior point method stops: it succeeds soon or not at all.
+    """
+
+    products: float = 3e-2
+    give: float = 3e-3
+    path: ArclengthOptions = field(
+        default_factory=lambda: ArclengthOptions(
+            elimination=EliminationOptions(points=12, late=8, rounds=4)
+        )
+    )
+    close: float = 0.1
+    tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-9, 1e-5))
+    finish: InteriorPointOptions = field(
+        default_factory=lambda: InteriorPointOptions(40, window=4)
+    )
 
 
 @dataclass(frozen=True)
@@ -44,7 +86,7 @@ class NearbyOptions:
     Attributes:
         near: Where the interior point method starts, how exact its states are, and when it stops:
             it succeeds soon or not at all.
-        hinges: The same with more compliant hinges: products that fit these are larger.
+        hinges: How joints settle where hinges are more compliant.
         work: How the work grows: where no state is near, none is looked for.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
         from_afar: The same from the bonded structure: paths to less work are shorter.
@@ -59,17 +101,13 @@ class NearbyOptions:
             (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
-    hinges: WarmStart = field(
-        default_factory=lambda: WarmStart(
-            (3e-3, 0.2), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=4)
-        )
-    )
+    hinges: Settling = field(default_factory=lambda: Settling())
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
+        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=1.0, missing=1)
     )
     more_work: float = 1.0
     from_afar: float = 0.1
-    tolerance: float = 1e-6
+    tolerance: float = 1e-5
     same_mode: float = 0.9999
     rate: float = 1e-10
 
@@ -82,18 +120,29 @@ Start = Callable[[Collapse], Attempt]
 
 def near(last: Collapse) -> Attempt:
     """The interior point method from the collapse."""
-    return _from_state(last, OPTIONS.near)
+    if last.state is None:
+        raise SolverError("no state to start from")
+    return next_to(last.state, last.mode, OPTIONS.near)
 
 
 def softer(last: Collapse) -> Attempt:
-    """The same where hinges are more compliant: given up sooner, and begun once more."""
-    return _from_state(last, OPTIONS.hinges)
-
-
-def _from_state(last: Collapse, warm: WarmStart) -> Attempt:
+    """The same where hinges are more compliant: joints settle first."""
     if last.state is None:
         raise SolverError("no state to start from")
-    return next_to(last.state, last.mode, warm)
+    return partial(_settled_next_to, state=last.state, direction=last.mode)
+
+
+@monolithic
+def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solution:
+    """The state next to another one, from the central path with large products."""
+    options = OPTIONS.hinges
+    kkt = task.kkt
+    give = replace(kkt.scales, displacement=options.give * kkt.scales.displacement)
+    path = falling(replace(kkt, scales=give), options=options.path)
+    mu = task.mu(options.products)
+    point = path.begin(moved_on(task, state, direction), mu / options.give)
+    point = path.settled(point, options.close)
+    return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
 
 def from_afar(_: Collapse) -> Attempt:
