@@ -73,9 +73,9 @@ class Settling:
         )
     )
     close: float = 0.1
-    tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-9, 1e-5))
+    tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
     finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(40, window=4)
+        default_factory=lambda: InteriorPointOptions(40, window=2)
     )
 
 
