@@ -519,7 +519,8 @@ class WorkOptions:
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
         change: Of the load factor of one state with more work, at most, in units of its gap.
-        unlimited: A load factor that grows like this power of the work is not limited.
+        unlimited: A load factor that grows like this power of the work is not limited; infinite: it
+            is known to be limited, and no program asks.
         on_line: Nor is one of this part of that under the live load alone, at the same work: limit
             loads are far below it, as works are many times that on the bonded structure.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.

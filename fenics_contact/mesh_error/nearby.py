@@ -103,7 +103,9 @@ class NearbyOptions:
     )
     hinges: Settling = field(default_factory=lambda: Settling())
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=1.0, missing=1)
+        default_factory=lambda: WorkOptions(
+            first_of_many=0.0, largest=1.0, missing=1, unlimited=np.inf
+        )
     )
     more_work: float = 1.0
     from_afar: float = 0.1
