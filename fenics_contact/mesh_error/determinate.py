@@ -67,6 +67,6 @@ def is_determinate(
     live = np.einsum("bmk,bm->bk", bodies.free, bodies.live).ravel()[used]
     resisted = vstack(rows).tocsc()[:, used]
     resists = resisted.T @ resisted + OPTIONS.soft * identity(len(live), format="csc")
-    motion = splu(resists).solve(live / np.linalg.norm(live))
+    motion = splu(resists.tocsc()).solve(live / np.linalg.norm(live))
     moves = float(np.abs(resisted @ motion).max(initial=0.0))
     return moves <= OPTIONS.still * float(np.abs(motion).max())

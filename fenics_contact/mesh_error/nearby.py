@@ -62,18 +62,20 @@ class Settling:
         path: Steps to the path: most joints stay as they are, few have to be followed.
         close: Distance from the path that may be left, relative to p and q.
         tolerances: How exact the state has to be: an estimate needs three digits.
+        equilibrium: Weight of its residual: with this it is as exact as the certificate asks.
         finish: When the interior point method stops: it succeeds soon or not at all.
     """
 
-    products: float = 3e-2
+    products: float = 1e-2
     give: float = 3e-3
     path: ArclengthOptions = field(
         default_factory=lambda: ArclengthOptions(
             elimination=EliminationOptions(points=12, late=8, rounds=4)
         )
     )
-    close: float = 0.1
+    close: float = 0.3
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
+    equilibrium: float = 2e-2
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(40, window=2)
     )
@@ -144,6 +146,7 @@ def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solut
     mu = task.mu(options.products)
     point = path.begin(moved_on(task, state, direction), mu / options.give)
     point = path.settled(point, options.close)
+    kkt = replace(kkt, options=replace(kkt.options, equilibrium_weight=options.equilibrium))
     return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
 
