@@ -170,7 +170,8 @@ def _with_algebraic_error(
     size = way.states[0].size
     degree = case.discretization.scene.degree
     slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
-    if not np.any(slides) or independent(case, last):
+    asked = len(way.states) > 1
+    if not np.any(slides) or (way.independent if asked else independent(case, last)):
         return replace(error, algebraic_error=0.0)
     try:
         other = with_other_degree(case, last, Softened(points, halvings), OPTIONS.large * size)

@@ -76,6 +76,8 @@ class Way:
         rate: d(lambda)/dm of the last state.
         changes: Changes of state.
         ended: Whether shorter hinges change nothing any more.
+        independent: Whether that is known of the last state by statics, see `independent`; False
+            also where it was not asked.
     """
 
     states: tuple[Collapse, ...]
@@ -84,6 +86,7 @@ class Way:
     rate: float = math.nan
     changes: tuple[StateChange, ...] = ()
     ended: bool = False
+    independent: bool = False
 
     @property
     def complete(self) -> bool:
@@ -164,7 +167,8 @@ def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
         if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
             return replace(way, ended=True)
         way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
-        way = replace(way, ended=independent(case, new))
+        alone = independent(case, new)
+        way = replace(way, ended=alone, independent=alone)
     return way
 
 

@@ -76,9 +76,7 @@ class Settling:
     close: float = 0.3
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
     equilibrium: float = 2e-2
-    finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(40, window=2)
-    )
+    finish: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(40, window=2))
 
 
 @dataclass(frozen=True)
@@ -185,13 +183,19 @@ def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
     if not soft.most > 0.0:
         yield silent
         return
-    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with _with_nodes(silent, *_nodes_of(case.discretization, soft)) as softer:
+        yield softer
+
+
+@contextmanager
+def _with_nodes(case: LoadCase, hinge_nodes: HingeNodes, halvings: Array) -> Iterator[LoadCase]:
+    """A load case with the compliance of so many halvings at nodes."""
     with Owner() as owner:
         problem = hinge_nodes.soften(case.problem, halvings, owner)
         stiffness = owner.enter_context(
             case.discretization.stiffness_with(problem.stiffness, GENERAL)
         )
-        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+        yield replace(case, kind=GENERAL, problem=problem, stiffness=stiffness)
 
 
 def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
@@ -230,13 +234,19 @@ def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Star
 def collapse_and_rate(
     case: LoadCase, last: Collapse, soft: Softened, start: Start
 ) -> tuple[Collapse, float]:
-    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there; nan if not known."""
-    with softened(case, soft) as softer:
+    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there.
+
+    The rate is nan where the load factor does not change, and where it is not known.
+    """
+    silent = replace(case, monitor=lambda step: None)
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with _with_nodes(silent, hinge_nodes, halvings) as softer:
         found = _next_to(softer, last, soft, start)
-        if found.status != "limit":
+        change = abs(found.load_factor - last.load_factor)
+        if found.status != "limit" or change <= OPTIONS.tolerance * last.size:
             return found, np.nan
         try:
-            return found, _rate(case, softer, found, soft)
+            return found, _rate(case, softer, found, hinge_nodes)
         except SolverError as error:
             _log.info("  no rate: %s", error)
             return found, np.nan
@@ -255,7 +265,7 @@ def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> 
     return found
 
 
-def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> float:
+def _rate(case: LoadCase, softer: LoadCase, found: Collapse, hinge_nodes: HingeNodes) -> float:
     """d(lambda)/dm of a collapse for m halvings of the elements at all its hinges.
 
     One halving more indents the nodes of hinges by C f, f the joint forces on them. That opens and
@@ -271,7 +281,6 @@ def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> 
     problem = softer.problem
     if state is None or mode is None:
         return np.nan
-    hinge_nodes, _ = _nodes_of(case.discretization, soft)
     forces = case.problem.acting_forces(state)
     give = hinge_nodes.indentation(forces, 1.0, problem.stiffness.first_row // 2)
     work = found.work_ratio * softer.bonded_work
