@@ -60,7 +60,9 @@ class Settling:
         give: Displacements that change joint forces by their own size, in units of those at the
             work: those of hinges. In larger units they would look settled from the start.
         path: Steps to the path: most joints stay as they are, few have to be followed.
-        close: Distance from the path that may be left, relative to p and q.
+        close: Distance from the path that is near enough, relative to p and q.
+        lost: Distance after the last step from which on no state is near: the step did not reach
+            the path.
         tolerances: How exact the state has to be: an estimate needs three digits.
         equilibrium: Weight of its residual: with this it is as exact as the certificate asks.
         finish: When the interior point method stops: it succeeds soon or not at all.
@@ -70,13 +72,14 @@ class Settling:
     give: float = 3e-3
     path: ArclengthOptions = field(
         default_factory=lambda: ArclengthOptions(
-            elimination=EliminationOptions(points=12, late=8, rounds=4)
+            corrections=2, elimination=EliminationOptions(points=12, late=8, rounds=4)
         )
     )
-    close: float = 0.3
+    close: float = 0.2
+    lost: float = 0.28
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
     equilibrium: float = 2e-2
-    finish: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(40, window=2))
+    finish: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(40, window=3))
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,8 @@ def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solut
     mu = task.mu(options.products)
     point = path.begin(moved_on(task, state, direction), mu / options.give)
     point = path.settled(point, options.close)
+    if path.distance(point) > options.lost:
+        raise SolverError("joints do not settle next to the state")
     kkt = replace(kkt, options=replace(kkt.options, equilibrium_weight=options.equilibrium))
     return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
