@@ -46,7 +46,8 @@ class HingeOptions:
             1 / (m + own). The second, where the scene asks for the estimate.
         own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
-            this up to the next m, relative, or than the tolerance.
+            this up to the next m, relative, or than the tolerance, and if that is `enough`: up to
+            less, other points may not be loaded yet.
     """
 
     ways: tuple[tuple[tuple[float, Start], ...], ...] = (
@@ -164,7 +165,8 @@ def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
         new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
-        if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
+        change = abs(new.load_factor - last.load_factor)
+        if halvings >= OPTIONS.enough[0] and change <= unchanged * way.states[0].size:
             return replace(way, ended=True)
         way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
         alone = independent(case, new)

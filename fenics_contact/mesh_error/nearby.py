@@ -41,7 +41,7 @@ from fenics_contact.solvers.interior_point import (
     solve_interior_point,
 )
 from fenics_contact.solvers.joint_stiffness import GENERAL
-from fenics_contact.solvers.kkt import COLD, Residual
+from fenics_contact.solvers.kkt import COLD, KKTOptions, Residual
 from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import Owner, State
 
@@ -64,7 +64,8 @@ class Settling:
         lost: Distance after the last step from which on no state is near: the step did not reach
             the path.
         tolerances: How exact the state has to be: an estimate needs three digits.
-        equilibrium: Weight of its residual: with this it is as exact as the certificate asks.
+        kkt: Of the Newton steps. Equilibrium is as exact as the certificate asks; five digits that
+            a direction loses are left to the next one.
         finish: When the interior point method stops: it succeeds soon or not at all.
     """
 
@@ -78,7 +79,9 @@ class Settling:
     close: float = 0.2
     lost: float = 0.28
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
-    equilibrium: float = 2e-2
+    kkt: KKTOptions = field(
+        default_factory=lambda: KKTOptions(cancellation=1e5, equilibrium_weight=2e-2)
+    )
     finish: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(40, window=3))
 
 
@@ -149,7 +152,7 @@ def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solut
     point = path.settled(point, options.close)
     if path.distance(point) > options.lost:
         raise SolverError("joints do not settle next to the state")
-    kkt = replace(kkt, options=replace(kkt.options, equilibrium_weight=options.equilibrium))
+    kkt = replace(kkt, options=options.kkt)
     return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
 
