@@ -46,7 +46,7 @@ class ErrorOptions:
         settled: They end where the load factor changes by less than this, relative.
     """
 
-    share: float = 0.4
+    share: float = 0.6
     asked: float = 3.0
     usual_solve: float = 40.0
     large: float = 1e-3
