@@ -12,7 +12,13 @@ from fenics_contact import Load, limit_load
 from fenics_contact.collapse.strategy import COULOMB
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
-from fenics_contact.mesh_error.nearby import Softened, collapse_and_rate, from_afar, near
+from fenics_contact.mesh_error.nearby import (
+    Softened,
+    collapse_and_rate,
+    near,
+    rates,
+    same_mode,
+)
 from fenics_contact.output.files import result_record
 from tests.bank import BANK, WEIGHT, Variant, coulomb, wall_recipe
 from tests.core.problems import load_case
@@ -98,19 +104,21 @@ def test_another_state_of_w3_is_told_apart_from_the_error(elements):
 
 
 @pytest.mark.parametrize("elements", [2, 4])
-def test_another_state_of_w2_that_no_mesh_of_usual_size_shows(elements):
-    """Up to some halvings nothing changes; from then on the state from afar is another one, too."""
+def test_w2_changes_from_more_halvings_on_than_meshes_show(elements):
+    """Up to six nothing changes; a chain of states next to each other then rises to 0.56407."""
     load_factor, error = wall_error("W2", elements)
     (change,) = error.state_changes
     assert change.before == load_factor == pytest.approx(0.56288, abs=1e-5)
+    assert change.after == pytest.approx(0.56407, abs=2e-5)
+    assert error.load_factor_point_hinges == pytest.approx(0.56446, abs=3e-5)
     with load_case(wall_recipe("W2", coulomb(0.65)).scene(elements)) as case:
         end = find_collapse(case, COULOMB["auto"], 1e-6)
         points = end.joints.hinges(case.discretization.joints.neighbours)
-        few, many = (
-            collapse_and_rate(case, end, Softened(points, m), from_afar)[0] for m in (4.0, 30.0)
-        )
+        few = collapse_and_rate(case, end, Softened(points, 4.0), near)[0]
+        more = collapse_and_rate(case, few, Softened(points, 8.0), near)[0]
     assert few.load_factor == pytest.approx(load_factor, rel=1e-5)
-    assert change.after == pytest.approx(many.load_factor, rel=3e-5)
+    assert same_mode(rates(end.joints), rates(more.joints))
+    assert load_factor + 2e-4 < more.load_factor < change.after
 
 
 @pytest.mark.parametrize(
