@@ -64,6 +64,7 @@ class Settling:
         lost: Distance after the last step from which on no state is near: the step did not reach
             the path.
         tolerances: How exact the state has to be: an estimate needs three digits.
+        tolerance: On its load factor, relative; changes below it are none. One work is enough.
         kkt: Of the Newton steps. Equilibrium is as exact as the certificate asks; five digits that
             a direction loses are left to the next one.
         finish: When the interior point method stops: it succeeds soon or not at all.
@@ -79,6 +80,7 @@ class Settling:
     close: float = 0.2
     lost: float = 0.28
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
+    tolerance: float = 1e-5
     kkt: KKTOptions = field(
         default_factory=lambda: KKTOptions(cancellation=1e5, equilibrium_weight=2e-2)
     )
@@ -110,12 +112,12 @@ class NearbyOptions:
     hinges: Settling = field(default_factory=lambda: Settling())
     work: WorkOptions = field(
         default_factory=lambda: WorkOptions(
-            first_of_many=0.0, largest=1.0, missing=1, unlimited=np.inf
+            first_of_many=0.0, largest=10.0, missing=1, unlimited=np.inf
         )
     )
     more_work: float = 1.0
     from_afar: float = 0.1
-    tolerance: float = 1e-5
+    tolerance: float = 1e-6
     same_mode: float = 0.9999
     rate: float = 1e-10
 
@@ -251,7 +253,7 @@ def collapse_and_rate(
     with _with_nodes(silent, hinge_nodes, halvings) as softer:
         found = _next_to(softer, last, soft, start)
         change = abs(found.load_factor - last.load_factor)
-        if found.status != "limit" or change <= OPTIONS.tolerance * last.size:
+        if found.status != "limit" or change <= OPTIONS.hinges.tolerance * last.size:
             return found, np.nan
         try:
             return found, _rate(case, softer, found, hinge_nodes)
@@ -260,14 +262,18 @@ def collapse_and_rate(
             return found, np.nan
 
 
-def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+def _next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, in a case with more compliant hinges."""
     more = OPTIONS.from_afar if start is from_afar else OPTIONS.more_work
     first = OPTIONS.work.first * (1.0 + more * soft.most)
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
-    found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)
+    tolerance = OPTIONS.tolerance
+    if start is softer:
+        work = replace(work, largest=1.0)
+        tolerance = OPTIONS.hinges.tolerance
+    found = find_collapse(case, Strategy((start(last),), GENERAL, work=work), tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
-    degree = softer.discretization.scene.degree
+    degree = case.discretization.scene.degree
     name = start.__name__
     _log.info(text, soft.most, degree, name, found.status, found.load_factor)
     return found
