@@ -324,13 +324,17 @@ def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> At
 
     @monolithic
     def next_to_another_state(task: Task) -> Solution:
-        if direction is None:
-            raise SolverError("no direction in which to go on")
-        u = state.displacement + (task.work - state.work) * direction
-        moved = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
-        return _warm(task, task.kkt, moved, warm)
+        return _warm(task, task.kkt, moved_on(task, state, direction), warm)
 
     return next_to_another_state
+
+
+def moved_on(task: Task, state: State, direction: Array | None) -> State:
+    """A state moved on to the work of a task by displacements with f_L.v = 1, or `SolverError`."""
+    if direction is None:
+        raise SolverError("no direction in which to go on")
+    u = state.displacement + (task.work - state.work) * direction
+    return task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
 
 
 def coulomb_equilibrium(
@@ -515,7 +519,8 @@ class WorkOptions:
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
         change: Of the load factor of one state with more work, at most, in units of its gap.
-        unlimited: A load factor that grows like this power of the work is not limited.
+        unlimited: A load factor that grows like this power of the work is not limited; infinite: it
+            is known to be limited, and no program asks.
         on_line: Nor is one of this part of that under the live load alone, at the same work: limit
             loads are far below it, as works are many times that on the bonded structure.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.

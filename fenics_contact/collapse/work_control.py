@@ -214,6 +214,8 @@ class _Search:
         Then a large load does without the dead load, if no state was found; and a load factor that
         follows that line is on it.
         """
+        if self.options.unlimited == np.inf:
+            return False
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.limit() == np.inf

@@ -47,7 +47,7 @@ def is_determinate(
     All points that do not open count as `loaded` unless others are given: on another mesh they may
     be.
     """
-    from scipy.sparse import identity
+    from scipy.sparse import identity, vstack
     from scipy.sparse.linalg import splu
 
     closed = ~values.opens if loaded is None else loaded
@@ -58,18 +58,15 @@ def is_determinate(
     along = joints.normal + friction[:, None] * joints.tangent
     # Without pressure, a joint with a given strength carries any shear up to that.
     holds = ~closed & ~slips & (joints.point_laws.strength > 0.0)
-    resisted = (
-        *((sticks, joints.normal), (sticks | holds, joints.tangent)),
-        (slides, along),
-    )
+    along = np.where(slides[:, None], along, joints.normal)
     rows = [
-        relative_motions(joints, bodies, np.flatnonzero(points), direction)
-        for points, direction in resisted
+        relative_motions(joints, bodies, np.flatnonzero(closed), along),
+        relative_motions(joints, bodies, np.flatnonzero(sticks | holds), joints.tangent),
     ]
     used = np.any(bodies.free != 0.0, axis=1).ravel()
     live = np.einsum("bmk,bm->bk", bodies.free, bodies.live).ravel()[used]
-    rows = [one[:, used] for one in rows]
-    resists = sum(one.T @ one for one in rows) + OPTIONS.soft * identity(len(live))
+    resisted = vstack(rows).tocsc()[:, used]
+    resists = resisted.T @ resisted + OPTIONS.soft * identity(len(live), format="csc")
     motion = splu(resists.tocsc()).solve(live / np.linalg.norm(live))
-    moves = max((float(np.abs(one @ motion).max(initial=0.0)) for one in rows), default=0.0)
+    moves = float(np.abs(resisted @ motion).max(initial=0.0))
     return moves <= OPTIONS.still * float(np.abs(motion).max())

@@ -134,10 +134,11 @@ def _largest_cost(case: LoadCase, end: Collapse) -> float:
 def _why(case: LoadCase, error: MeshError, left: float, largest: float) -> str:
     """Why an error is not known, and what to do, for people."""
     by_hinges = math.isnan(error.hinge_error)
+    asked = case.discretization.scene.solve.error
     if left >= (1.0 if by_hinges else first_look_cost(case)):
         what = "shorter hinges" if by_hinges else "displacements of the other degree"
-        return f"no collapse state next to this one was found with {what}; a finer mesh may tell"
-    asked = case.discretization.scene.solve.error
+        more = "a finer mesh may tell" if asked else "solve.error = true looks farther"
+        return f"no collapse state next to this one was found with {what}; {more}"
     more = "solve.accuracy sets none" if asked else "solve.error = true sets a higher one"
     return f"the estimate ended at its limit of {largest:.3g} factorisations; {more}"
 
@@ -170,7 +171,8 @@ def _with_algebraic_error(
     size = way.states[0].size
     degree = case.discretization.scene.degree
     slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
-    if not np.any(slides) or independent(case, last):
+    asked = len(way.states) > 1
+    if not np.any(slides) or (way.independent if asked else independent(case, last)):
         return replace(error, algebraic_error=0.0)
     try:
         other = with_other_degree(case, last, Softened(points, halvings), OPTIONS.large * size)

@@ -46,11 +46,12 @@ class HingeOptions:
             1 / (m + own). The second, where the scene asks for the estimate.
         own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
         unchanged: The load factor does not depend on hinges any more if it changes by less than
-            this up to the next m, relative, or than the tolerance.
+            this up to the next m, relative, or than the tolerance, and if that is `enough`: up to
+            less, other points may not be loaded yet.
     """
 
     ways: tuple[tuple[tuple[float, Start], ...], ...] = (
-        ((30.0, softer), (4.0, softer), (30.0, softer)),
+        ((30.0, softer),),
         (
             *((30.0, softer), (4.0, softer), (30.0, softer), (30.0, from_afar), (4.0, from_afar)),
             *((30.0, softer), (100.0, softer), (100.0, from_afar), (100.0, softer)),
@@ -59,7 +60,7 @@ class HingeOptions:
     )
     enough: tuple[float, float] = (30.0, 100.0)
     own: float = 2.0
-    unchanged: float = 1e-6
+    unchanged: float = 1e-5
 
 
 OPTIONS = HingeOptions()
@@ -76,6 +77,8 @@ class Way:
         rate: d(lambda)/dm of the last state.
         changes: Changes of state.
         ended: Whether shorter hinges change nothing any more.
+        independent: Whether that is known of the last state by statics, see `independent`; False
+            also where it was not asked.
     """
 
     states: tuple[Collapse, ...]
@@ -84,6 +87,7 @@ class Way:
     rate: float = math.nan
     changes: tuple[StateChange, ...] = ()
     ended: bool = False
+    independent: bool = False
 
     @property
     def complete(self) -> bool:
@@ -161,10 +165,12 @@ def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
         new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
         if new.status != "limit" or new.joints is None:
             continue
-        if abs(new.load_factor - last.load_factor) <= unchanged * way.states[0].size:
+        change = abs(new.load_factor - last.load_factor)
+        if halvings >= OPTIONS.enough[0] and change <= unchanged * way.states[0].size:
             return replace(way, ended=True)
         way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
-        way = replace(way, ended=independent(case, new))
+        alone = independent(case, new)
+        way = replace(way, ended=alone, independent=alone)
     return way
 
 

@@ -10,15 +10,19 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import Attempt, LoadCase
+from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
 from fenics_contact.collapse.strategy import (
     Strategy,
     WarmStart,
     WorkOptions,
     along_block_modes,
+    falling,
+    monolithic,
+    moved_on,
     next_to,
 )
 from fenics_contact.collapse.work_control import find_collapse
@@ -29,12 +33,58 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.mesh_error.hinge_nodes import HingeNodes
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
+from fenics_contact.solvers.arclength import ArclengthOptions
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
 from fenics_contact.solvers.joint_stiffness import GENERAL
-from fenics_contact.solvers.kkt import COLD, Residual
-from fenics_contact.solvers.problem import Owner
+from fenics_contact.solvers.kkt import COLD, KKTOptions, Residual
+from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
+from fenics_contact.solvers.problem import Owner, State
 
 _log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class Settling:
+    """Numbers of the way to more compliant hinges.
+
+    Joints go to the central path with large products, a few at a time on their laws (`arclength`):
+    which of them open and slide changes at once. From there the interior point method is short.
+
+    Attributes:
+        products: Of that path, in units of force times elastic displacement.
+        give: Displacements that change joint forces by their own size, in units of those at the
+            work: those of hinges. In larger units they would look settled from the start.
+        path: Steps to the path: most joints stay as they are, few have to be followed.
+        close: Distance from the path that is near enough, relative to p and q.
+        lost: Distance after the last step from which on no state is near: the step did not reach
+            the path.
+        tolerances: How exact the state has to be: an estimate needs three digits.
+        tolerance: On its load factor, relative; changes below it are none. One work is enough.
+        kkt: Of the Newton steps. Equilibrium is as exact as the certificate asks; five digits that
+            a direction loses are left to the next one.
+        finish: When the interior point method stops: it succeeds soon or not at all.
+    """
+
+    products: float = 1e-2
+    give: float = 3e-3
+    path: ArclengthOptions = field(
+        default_factory=lambda: ArclengthOptions(
+            corrections=2, elimination=EliminationOptions(points=12, late=8, rounds=4)
+        )
+    )
+    close: float = 0.2
+    lost: float = 0.28
+    tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
+    tolerance: float = 1e-5
+    kkt: KKTOptions = field(
+        default_factory=lambda: KKTOptions(cancellation=1e5, equilibrium_weight=2e-2)
+    )
+    finish: InteriorPointOptions = field(default_factory=lambda: InteriorPointOptions(40, window=3))
 
 
 @dataclass(frozen=True)
@@ -44,7 +94,7 @@ class NearbyOptions:
     Attributes:
         near: Where the interior point method starts, how exact its states are, and when it stops:
             it succeeds soon or not at all.
-        hinges: The same with more compliant hinges: products that fit these are larger.
+        hinges: How joints settle where hinges are more compliant.
         work: How the work grows: where no state is near, none is looked for.
         more_work: The first work grows by this for each halving: hinges store elastic energy.
         from_afar: The same from the bonded structure: paths to less work are shorter.
@@ -59,13 +109,11 @@ class NearbyOptions:
             (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
-    hinges: WarmStart = field(
-        default_factory=lambda: WarmStart(
-            (3e-3, 0.2), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=4)
-        )
-    )
+    hinges: Settling = field(default_factory=lambda: Settling())
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1)
+        default_factory=lambda: WorkOptions(
+            first_of_many=0.0, largest=10.0, missing=1, unlimited=np.inf
+        )
     )
     more_work: float = 1.0
     from_afar: float = 0.1
@@ -82,18 +130,32 @@ Start = Callable[[Collapse], Attempt]
 
 def near(last: Collapse) -> Attempt:
     """The interior point method from the collapse."""
-    return _from_state(last, OPTIONS.near)
+    if last.state is None:
+        raise SolverError("no state to start from")
+    return next_to(last.state, last.mode, OPTIONS.near)
 
 
 def softer(last: Collapse) -> Attempt:
-    """The same where hinges are more compliant: given up sooner, and begun once more."""
-    return _from_state(last, OPTIONS.hinges)
-
-
-def _from_state(last: Collapse, warm: WarmStart) -> Attempt:
+    """The same where hinges are more compliant: joints settle first."""
     if last.state is None:
         raise SolverError("no state to start from")
-    return next_to(last.state, last.mode, warm)
+    return partial(_settled_next_to, state=last.state, direction=last.mode)
+
+
+@monolithic
+def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solution:
+    """The state next to another one, from the central path with large products."""
+    options = OPTIONS.hinges
+    kkt = task.kkt
+    give = replace(kkt.scales, displacement=options.give * kkt.scales.displacement)
+    path = falling(replace(kkt, scales=give), options=options.path)
+    mu = task.mu(options.products)
+    point = path.begin(moved_on(task, state, direction), mu / options.give)
+    point = path.settled(point, options.close)
+    if path.distance(point) > options.lost:
+        raise SolverError("joints do not settle next to the state")
+    kkt = replace(kkt, options=options.kkt)
+    return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
 
 def from_afar(_: Collapse) -> Attempt:
@@ -131,13 +193,19 @@ def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
     if not soft.most > 0.0:
         yield silent
         return
-    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with _with_nodes(silent, *_nodes_of(case.discretization, soft)) as softer:
+        yield softer
+
+
+@contextmanager
+def _with_nodes(case: LoadCase, hinge_nodes: HingeNodes, halvings: Array) -> Iterator[LoadCase]:
+    """A load case with the compliance of so many halvings at nodes."""
     with Owner() as owner:
         problem = hinge_nodes.soften(case.problem, halvings, owner)
         stiffness = owner.enter_context(
             case.discretization.stiffness_with(problem.stiffness, GENERAL)
         )
-        yield replace(silent, kind=GENERAL, problem=problem, stiffness=stiffness)
+        yield replace(case, kind=GENERAL, problem=problem, stiffness=stiffness)
 
 
 def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
@@ -176,32 +244,42 @@ def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Star
 def collapse_and_rate(
     case: LoadCase, last: Collapse, soft: Softened, start: Start
 ) -> tuple[Collapse, float]:
-    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there; nan if not known."""
-    with softened(case, soft) as softer:
+    """The collapse as `collapse_next_to` finds it, and d(lambda)/dm there.
+
+    The rate is nan where the load factor does not change, and where it is not known.
+    """
+    silent = replace(case, monitor=lambda step: None)
+    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
+    with _with_nodes(silent, hinge_nodes, halvings) as softer:
         found = _next_to(softer, last, soft, start)
-        if found.status != "limit":
+        change = abs(found.load_factor - last.load_factor)
+        if found.status != "limit" or change <= OPTIONS.hinges.tolerance * last.size:
             return found, np.nan
         try:
-            return found, _rate(case, softer, found, soft)
+            return found, _rate(case, softer, found, hinge_nodes)
         except SolverError as error:
             _log.info("  no rate: %s", error)
             return found, np.nan
 
 
-def _next_to(softer: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
+def _next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, in a case with more compliant hinges."""
     more = OPTIONS.from_afar if start is from_afar else OPTIONS.more_work
     first = OPTIONS.work.first * (1.0 + more * soft.most)
     work = replace(OPTIONS.work, first=max(last.work_ratio, first))
-    found = find_collapse(softer, Strategy((start(last),), GENERAL, work=work), OPTIONS.tolerance)
+    tolerance = OPTIONS.tolerance
+    if start is softer:
+        work = replace(work, largest=1.0)
+        tolerance = OPTIONS.hinges.tolerance
+    found = find_collapse(case, Strategy((start(last),), GENERAL, work=work), tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
-    degree = softer.discretization.scene.degree
+    degree = case.discretization.scene.degree
     name = start.__name__
     _log.info(text, soft.most, degree, name, found.status, found.load_factor)
     return found
 
 
-def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> float:
+def _rate(case: LoadCase, softer: LoadCase, found: Collapse, hinge_nodes: HingeNodes) -> float:
     """d(lambda)/dm of a collapse for m halvings of the elements at all its hinges.
 
     One halving more indents the nodes of hinges by C f, f the joint forces on them. That opens and
@@ -217,7 +295,6 @@ def _rate(case: LoadCase, softer: LoadCase, found: Collapse, soft: Softened) -> 
     problem = softer.problem
     if state is None or mode is None:
         return np.nan
-    hinge_nodes, _ = _nodes_of(case.discretization, soft)
     forces = case.problem.acting_forces(state)
     give = hinge_nodes.indentation(forces, 1.0, problem.stiffness.first_row // 2)
     work = found.work_ratio * softer.bonded_work

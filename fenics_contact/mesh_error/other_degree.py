@@ -55,13 +55,11 @@ class OtherDegreeOptions:
         cost: Of a factorisation for the other degree, in those for the given one, 1 and 2.
         products: Where the first look starts, in units of force times elastic displacement.
         steps: Of the interior point method, in the first look.
-        fewest: Of them, where the effort does not allow all.
     """
 
     cost: tuple[float, float] = (3.0, 1.0 / 3.0)
     products: float = 3e-3
     steps: int = 8
-    fewest: int = 4
 
 
 OPTIONS = OtherDegreeOptions()
@@ -81,8 +79,8 @@ class OtherDegree:
 
 
 def first_look_cost(case: LoadCase) -> float:
-    """Least cost of the first look, in factorisations of the structure."""
-    return OPTIONS.fewest * OPTIONS.cost[case.discretization.scene.degree - 1]
+    """Cost of the first look, in factorisations of the structure."""
+    return OPTIONS.steps * OPTIONS.cost[case.discretization.scene.degree - 1]
 
 
 def with_other_degree(case: LoadCase, end: Collapse, soft: Softened, large: float) -> OtherDegree:
@@ -97,16 +95,15 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened, large: floa
     given = case.discretization
     effort = given.effort
     cost = OPTIONS.cost[given.scene.degree - 1]
-    if first_look_cost(case) > effort.left:
+    if first_look_cost(case) > effort.left + ROUNDING:
         raise EffortError("the other degree is beyond the limit of the estimate")
-    steps = int(min(OPTIONS.steps, effort.left / cost + ROUNDING))
     with _other_case(case) as other:
         counterparts = Counterparts.of(given, other.discretization)
         soft = replace(soft, points=counterparts.points(soft.points))
         start = counterparts.start(end, other)
-        rough = _first_look(other, start, soft, steps)
-        _log.info("  the other degree: load factor %.8g after %d steps", rough, steps)
-        if abs(rough - end.load_factor) <= large or effort.left < OPTIONS.steps * cost:
+        rough = _first_look(other, start, soft)
+        _log.info("  the other degree: load factor %.8g at a first look", rough)
+        if abs(rough - end.load_factor) <= large or effort.left < first_look_cost(case):
             return OtherDegree(rough, math.isnan(rough))
         found = collapse_next_to(other, start, soft, near)
         if found.status != "limit" and effort.left < cost and not math.isnan(rough):
@@ -118,9 +115,9 @@ def with_other_degree(case: LoadCase, end: Collapse, soft: Softened, large: floa
         return OtherDegree(found.load_factor, not same)
 
 
-def _first_look(case: LoadCase, start: Collapse, soft: Softened, steps: int) -> float:
+def _first_look(case: LoadCase, start: Collapse, soft: Softened) -> float:
     """Load factor after steps of the interior point method; nan where they lead nowhere."""
-    options = InteriorPointOptions(steps, acceptable=np.inf)
+    options = InteriorPointOptions(OPTIONS.steps, acceptable=np.inf)
     warm = WarmStart((OPTIONS.products,), (), Tolerances(), options)
     with softened(case, soft) as softer:
         work = start.work_ratio * softer.bonded_work

@@ -220,7 +220,7 @@ class Continuation:
         """The point after steps across the path alone, until it is close, relative to p and q."""
         allowed = self.options.elimination.allowed
         for _ in range(self.options.corrections):
-            if self._distance(point) <= close:
+            if self.distance(point) <= close:
                 break
             point, _ = self._next(point, None, allowed, self.options.elimination.rounds)
         return point
@@ -229,8 +229,8 @@ class Continuation:
         """Logarithm of what varies, rising along the path."""
         return self.path.progress(point.mu, point.work)
 
-    def _distance(self, point: PathPoint) -> float:
-        """Largest distance from the path, relative to p and q."""
+    def distance(self, point: PathPoint) -> float:
+        """Largest distance of a point from the path, relative to p and q."""
         kkt = replace(self.kkt, work=point.work)
         now = point.iterate
         least = self.options.smallest
