@@ -248,14 +248,14 @@ def find_peak(
         return Peak("not_known", reason=OTHER_METHOD)
     if way is not None and _stays_below(case, above, way, limits):
         return Peak("none")
-    upper = case.blocks.limit()
-    upper = math.inf if upper is None else upper
-    if above(upper) <= ABOVE:
-        return Peak("none")
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
     begun = effort.spent
     try:
+        upper = case.blocks.limit()
+        upper = math.inf if upper is None else upper
+        if above(upper) <= ABOVE:
+            return Peak("none")
         with effort.at_most(limits.seen):
             seed = _seed(case, above)
         if seed is None:

@@ -218,10 +218,10 @@ class _Search:
             return False
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
-            return blocks.limit() == np.inf
-        if blocks.frictionless.limit() == np.inf:
+            return blocks.is_unlimited()
+        if blocks.frictionless.is_unlimited():
             return True
-        if blocks.limit() != np.inf:
+        if not blocks.is_unlimited():
             return False
         if self._line is not None:
             last = self.found[-1] if self._last_found else None

@@ -32,7 +32,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
 
-#: Columns of a sparse matrix that are dense at once; up to so many, all of it is.
+#: Columns of a sparse matrix that are dense at once.
 AT_ONCE = 64
 
 
@@ -127,41 +127,20 @@ class HingeNodes:
 
     def _inner(self, between: PETSc.Mat, halvings: Array | float) -> Any:
         """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
-        from scipy.sparse import csr_matrix, vstack
+        from scipy.sparse import bsr_matrix, csc_matrix, csr_matrix, hstack, identity, vstack
+        from scipy.sparse.linalg import splu
 
-        count = 2 * len(self.nodes)
         start, columns, values = between.getValuesCSR()
         mine = csr_matrix((values, columns, start), (len(start) - 1, between.getSize()[1]))
         between_nodes = vstack(between.comm.tompi4py().allgather(mine))
-        each = np.broadcast_to(halvings, len(self.nodes))[:, None, None] * self.compliance
+        place = np.arange(len(self.nodes) + 1)
+        each = np.broadcast_to(halvings, len(self.nodes))[:, None, None]
+        compliance = bsr_matrix((each * self.compliance, place[:-1], place)).tocsc()
         # C (1 + K_hh C)^-1 is symmetric.
-        inner = _few(between_nodes, each) if count <= AT_ONCE else _many(between_nodes, each)
+        give = splu((identity(2 * len(self.nodes)) + compliance @ between_nodes).tocsc())
+        several = (compliance[:, k : k + AT_ONCE] for k in range(0, 2 * len(self.nodes), AT_ONCE))
+        inner = hstack([csc_matrix(give.solve(some.toarray())) for some in several])
         return (0.5 * (inner + inner.T)).tocsr()
-
-
-def _few(between: Any, compliance: Array) -> Any:
-    """(1 + C K_hh)^-1 C for few nodes: scipy's sparse matrices take longer than dense ones."""
-    from scipy.sparse import csr_matrix
-
-    count = 2 * len(compliance)
-    blocks = np.zeros((count // 2, 2, count // 2, 2))
-    node = np.arange(count // 2)
-    blocks[node, :, node, :] = compliance
-    dense = blocks.reshape(count, count)
-    return csr_matrix(np.linalg.solve(np.eye(count) + dense @ between.toarray(), dense))
-
-
-def _many(between: Any, compliance: Array) -> Any:
-    """The same for any number of nodes."""
-    from scipy.sparse import bsr_matrix, csc_matrix, hstack, identity
-    from scipy.sparse.linalg import splu
-
-    count = 2 * len(compliance)
-    place = np.arange(len(compliance) + 1)
-    blocks = bsr_matrix((compliance, place[:-1], place)).tocsc()
-    give = splu((identity(count) + blocks @ between).tocsc())
-    several = (blocks[:, k : k + AT_ONCE] for k in range(0, count, AT_ONCE))
-    return hstack([csc_matrix(give.solve(some.toarray())) for some in several])
 
 
 def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult
 
 from fenics_contact import Load, SolverError
 from fenics_contact.collapse.live_load import slope_without_dead_load
 from fenics_contact.collapse.load_case import Task
+from fenics_contact.collapse.rigid_blocks import linear_program
 from fenics_contact.collapse.strategy import (
     COULOMB,
     WorkOptions,
@@ -63,6 +65,18 @@ def test_unbounded_is_said_at_once_where_no_state_is_found():
         assert case.discretization.effort.spent <= 40.0
     assert (found.status, found.load_factor) == ("unbounded", np.inf)
     assert found.wedging is not None
+
+
+def test_a_program_without_an_answer_proves_nothing(monkeypatch):
+    """HiGHS may answer that it does not know, as on meshes with tiny elements."""
+    unknown = OptimizeResult(status=4, message="unknown")
+    monkeypatch.setattr(linear_program, "solved", lambda *arguments: unknown)
+    strategy = replace(COULOMB["auto"], attempts=(no_state,), once=())
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        with pytest.raises(SolverError, match="linear program failed: unknown"):
+            case.blocks.limit()
+        found = find_collapse(case, strategy, TOLERANCE)
+    assert found.status == "not_converged"
 
 
 @pytest.mark.parametrize("live", [ASIDE, Load((0.6 * GRAVITY, -GRAVITY))])

@@ -297,6 +297,14 @@ class RigidBlocks:
         """
         return self._on_root(lambda: self._limit)
 
+    def is_unlimited(self) -> bool:
+        """Whether it is proved that nothing limits the load; HiGHS may find no answer at all."""
+        try:
+            return self.limit() == np.inf
+        except SolverError as error:
+            _log.info("  not proved unlimited: %s", error)
+            return False
+
     def begin(self) -> None:
         """Begin to solve for the limit beside other work, if the program is large; on rank 0."""
         if self._comm.rank == 0 and self._is_large:
