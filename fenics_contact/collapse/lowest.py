@@ -67,9 +67,10 @@ class LowestOptions:
         start: Cost of one search where several states are asked for.
         growths: Products at the start and power with which friction grows, where several states
             are asked for.
-        second: The same for a second opinion. The second has more friction at the start, for where
-            the first ends with products of more than
-        stuck: this: many arches have no equilibrium with a quarter of their friction.
+        second: The same for a second opinion, the next one where the one before is stuck: it has
+            more friction at the start. Many arches do not stand with a quarter of theirs.
+        stuck: Products at the end of a growth above which it is stuck, in units of force times
+            displacement.
         below: A load factor on block modes is lower by this part of its size at least.
         same: Load factors of one state differ by less, relative.
         small: Load factors are judged relative to themselves, or this part of the typical one.
@@ -459,7 +460,8 @@ def _finished(case: LoadCase, state: State, tolerance: float) -> Collapse:
 
     ratio = state.work / case.bonded_work
     work = WorkOptions(first=ratio, first_of_many=0.0, missing=1)
-    return find_collapse(case, replace(COULOMB["auto"], attempts=(attempt,), work=work), tolerance)
+    strategy = replace(COULOMB["auto"], attempts=(attempt,), once=(), work=work)
+    return find_collapse(case, strategy, tolerance)
 
 
 def _grouped(
