@@ -171,8 +171,8 @@ def _with_algebraic_error(
     size = way.states[0].size
     degree = case.discretization.scene.degree
     slides = last.joints is not None and np.delete(last.joints.contact == Contact.SLIP, points)
-    asked = len(way.states) > 1
-    if not np.any(slides) or (way.independent if asked else independent(case, last)):
+    known = len(way.states) > 1  # statics were asked of the last state on the way
+    if not np.any(slides) or (way.independent if known else independent(case, last)):
         return replace(error, algebraic_error=0.0)
     try:
         other = with_other_degree(case, last, Softened(points, halvings), OPTIONS.large * size)

@@ -59,10 +59,9 @@ class Settling:
         products: Of that path, in units of force times elastic displacement.
         give: Displacements that change joint forces by their own size, in units of those at the
             work: those of hinges. In larger units they would look settled from the start.
-        path: Steps to the path: most joints stay as they are, few have to be followed.
+        path: Steps to the path: most joints stay as they are, few have to be followed. Where one
+            is left farther from its law than a step allows, no state is near.
         close: Distance from the path that is near enough, relative to p and q.
-        lost: Distance after the last step from which on no state is near: the step did not reach
-            the path.
         tolerances: How exact the state has to be: an estimate needs three digits.
         tolerance: On its load factor, relative; changes below it are none. One work is enough.
         kkt: Of the Newton steps. Equilibrium is as exact as the certificate asks; five digits that
@@ -78,7 +77,6 @@ class Settling:
         )
     )
     close: float = 0.2
-    lost: float = 0.28
     tolerances: Tolerances = field(default_factory=lambda: Tolerances(1e-8, 1e-5))
     tolerance: float = 1e-5
     kkt: KKTOptions = field(
@@ -96,9 +94,6 @@ class NearbyOptions:
             it succeeds soon or not at all.
         hinges: How joints settle where hinges are more compliant.
         work: How the work grows: where no state is near, none is looked for.
-        more_work: The first work grows by this for each halving: hinges store elastic energy.
-        from_afar: The same from the bonded structure: paths to less work are shorter.
-        tolerance: On the load factor, relative.
         same_mode: Cosine of the angle between two modes that are those of one collapse state.
         rate: Products with which a state changes with its hinges, in units of force times
             displacement.
@@ -109,33 +104,46 @@ class NearbyOptions:
             (3e-3,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(40, window=8)
         )
     )
-    hinges: Settling = field(default_factory=lambda: Settling())
+    hinges: Settling = field(default_factory=Settling)
     work: WorkOptions = field(
         default_factory=lambda: WorkOptions(
             first_of_many=0.0, largest=10.0, missing=1, unlimited=np.inf
         )
     )
-    more_work: float = 1.0
-    from_afar: float = 0.1
-    tolerance: float = 1e-6
     same_mode: float = 0.9999
     rate: float = 1e-10
 
 
 OPTIONS = NearbyOptions()
 
-#: What is tried from a collapse on a structure that differs from its own.
-Start = Callable[[Collapse], Attempt]
+
+@dataclass(frozen=True)
+class Start:
+    """How a collapse is looked for from another one, on a structure that differs.
+
+    Attributes:
+        name: For the log.
+        attempt: At one work, from the other collapse.
+        work: How the work grows.
+        more_work: The first work grows by this for each halving: hinges store elastic energy.
+        tolerance: On the load factor, relative.
+    """
+
+    name: str
+    attempt: Callable[[Collapse], Attempt]
+    work: WorkOptions
+    more_work: float = 1.0
+    tolerance: float = 1e-6
 
 
-def near(last: Collapse) -> Attempt:
+def _near(last: Collapse) -> Attempt:
     """The interior point method from the collapse."""
     if last.state is None:
         raise SolverError("no state to start from")
     return next_to(last.state, last.mode, OPTIONS.near)
 
 
-def softer(last: Collapse) -> Attempt:
+def _softer(last: Collapse) -> Attempt:
     """The same where hinges are more compliant: joints settle first."""
     if last.state is None:
         raise SolverError("no state to start from")
@@ -152,15 +160,24 @@ def _settled_next_to(task: Task, state: State, direction: Array | None) -> Solut
     mu = task.mu(options.products)
     point = path.begin(moved_on(task, state, direction), mu / options.give)
     point = path.settled(point, options.close)
-    if path.distance(point) > options.lost:
+    if path.distance(point) > options.path.elimination.allowed:
         raise SolverError("joints do not settle next to the state")
     kkt = replace(kkt, options=options.kkt)
     return solve_interior_point(kkt, point.state, mu, options.tolerances, options.finish)
 
 
-def from_afar(_: Collapse) -> Attempt:
+def _from_afar(_: Collapse) -> Attempt:
     """The ordinary way from the bonded structure."""
     return along_block_modes
+
+
+near = Start("near", _near, OPTIONS.work)
+#: One work is enough, where the last state had it.
+softer = Start(
+    "softer", _softer, replace(OPTIONS.work, largest=1.0), tolerance=OPTIONS.hinges.tolerance
+)
+#: Paths to less work are shorter.
+from_afar = Start("from afar", _from_afar, OPTIONS.work, more_work=0.1)
 
 
 @dataclass(frozen=True)
@@ -264,18 +281,13 @@ def collapse_and_rate(
 
 def _next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, in a case with more compliant hinges."""
-    more = OPTIONS.from_afar if start is from_afar else OPTIONS.more_work
-    first = OPTIONS.work.first * (1.0 + more * soft.most)
-    work = replace(OPTIONS.work, first=max(last.work_ratio, first))
-    tolerance = OPTIONS.tolerance
-    if start is softer:
-        work = replace(work, largest=1.0)
-        tolerance = OPTIONS.hinges.tolerance
-    found = find_collapse(case, Strategy((start(last),), GENERAL, work=work), tolerance)
+    first = start.work.first * (1.0 + start.more_work * soft.most)
+    work = replace(start.work, first=max(last.work_ratio, first))
+    strategy = Strategy((start.attempt(last),), GENERAL, work=work)
+    found = find_collapse(case, strategy, start.tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
     degree = case.discretization.scene.degree
-    name = start.__name__
-    _log.info(text, soft.most, degree, name, found.status, found.load_factor)
+    _log.info(text, soft.most, degree, start.name, found.status, found.load_factor)
     return found
 
 
