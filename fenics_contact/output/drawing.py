@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import Arrows, View
@@ -211,7 +212,8 @@ def legend(axes: Any, entries: Sequence[Any]) -> None:
     if not entries:
         return
     pairs = [one if isinstance(one, tuple) else (one.get_label(), one) for one in entries]
-    labels, handles = zip(*pairs, strict=True)
+    labels = [plain(label) for label, _ in pairs]
+    handles = [handle for _, handle in pairs]
     place: dict[str, Any] = {"bbox_to_anchor": (0.5, axes.get_ylim()[0]), "loc": "upper center"}
     place |= {"bbox_transform": axes.get_yaxis_transform(), "borderaxespad": 0.2}
     style = {"fontsize": 9, "frameon": False}

@@ -16,7 +16,7 @@ import numpy as np
 
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
-from fenics_contact.output.folder import filled_at_once, writing
+from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.motion import motion_record
 from fenics_contact.output.plotting import draw_forces, draw_mode, save_capacity
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
@@ -65,8 +65,8 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
     comm = result.scene.comm
     options = result.scene.output
     with filled_at_once(folder, RECORD, comm) as hidden:
-        _write_fields(result, hidden, hurry)
-        left_out = (SKIPPED_FILES,) if hurry() else ()
+        lost = _write_fields(result, hidden, hurry)
+        left_out = (*lost, *((SKIPPED_FILES,) if hurry() else ()))
         seconds = {**result.seconds, "write": time.perf_counter() - start}
         result = replace(result, skipped=(*result.skipped, *left_out), seconds=seconds)
         record = strict(result_record(result))
@@ -78,28 +78,40 @@ def write_result(result: Result, folder: Path, hurry: Callable[[], bool] = lambd
                     write_report(hidden)
 
 
-def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> None:
-    """Pictures, ParaView files and the capacity curve. Collective."""
+def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> list[str]:
+    """Pictures, ParaView files and the capacity curve. Collective.
+
+    Returns:
+        Which pictures could not be drawn, and why.
+    """
     comm = result.scene.comm
     options = result.scene.output
+    lost: list[str] = []
     if result.fall is not None and options.pictures and not hurry():
         title = "falls under its dead load"
-        fall = draw_blocks(result.layout, result.falling, result.fall, title, folder / "collapse")
-        _write_motions(result, {"fall": fall}, folder)
+        with going_on(lost):
+            path = folder / "collapse"
+            fall = draw_blocks(result.layout, result.falling, result.fall, title, path)
+            _write_motions(result, {"fall": fall}, folder)
     views: dict[str, View] = {}
     for direction, end in result.ends.items():
-        shown = _write_collapse(result, direction, end, folder, hurry)
-        views |= {direction: shown} if shown else {}
+        if options.pictures and not hurry():
+            shown = _draw_collapse(result, direction, folder, lost)
+            views |= {direction: shown} if shown else {}
+        if options.paraview and not hurry():
+            _write_collapse(result, direction, end, folder)
     if options.pictures and not hurry():
         _write_motions(result, views, folder)
         view = next(iter(views.values())) if views else view_of(result.layout)
         draw = partial(draw_scene, scene=result.scene)
-        draw_pictures(result.scene, view, "", {folder / "scene": [draw]})
-    with writing(comm):
+        with going_on(lost):
+            draw_pictures(result.scene, view, "", {folder / "scene": [draw]})
+    with going_on(lost), writing(comm):
         if result.capacity and comm.rank == 0:
             _write_capacity(result, folder)
     if result.capacity and options.paraview and options.capacity and not hurry():
         write_series(folder / "capacity.pvd", result.layout, result.capacity)
+    return lost
 
 
 def _write_motions(result: Result, views: Mapping[str, View], folder: Path) -> None:
@@ -124,43 +136,54 @@ def _write_capacity(result: Result, folder: Path) -> None:
         title = short_title(result.scene.title)
         limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
         paths = picture_paths(result.scene, folder / "capacity")
-        save_capacity(result.capacity, limit, peak, title, paths)
+        with drawing("capacity"):
+            save_capacity(result.capacity, limit, peak, title, paths)
 
 
-def _write_collapse(
-    result: Result, direction: str, end: Collapse, folder: Path, hurry: Callable[[], bool]
-) -> View | None:
-    """ParaView files and pictures of one end; where nothing limits the load, what wedges.
+def _suffix(result: Result, direction: str) -> str:
+    """What names of files of one end have behind them."""
+    return "_negative" if direction == "negative" and len(result.ends) == 2 else ""
+
+
+def _draw_collapse(result: Result, direction: str, folder: Path, lost: list[str]) -> View | None:
+    """Pictures of one end; where nothing limits the load, of what wedges. Collective.
 
     Returns:
-        What the pictures show; None where there is no collapse mode, or are no pictures.
+        What the pictures show; None where there is no collapse mode. Those that cannot be drawn are
+        added to `lost`.
     """
     layout = result.layout
-    options = result.scene.output
-    suffix = "_negative" if direction == "negative" and len(result.ends) == 2 else ""
+    end = result.ends[direction]
+    first = folder / f"collapse{_suffix(result, direction)}"
     sign, reversal = (-1.0, ", live load reversed") if direction == "negative" else (1.0, "")
     if end.status == "unbounded":
-        if options.pictures and not hurry():
-            title = f"unbounded, these blocks wedge{reversal}"
-            draw_blocks(layout, result.wedged(end), None, title, folder / f"collapse{suffix}", sign)
+        title = f"unbounded, these blocks wedge{reversal}"
+        with going_on(lost):
+            draw_blocks(layout, result.wedged(end), None, title, first, sign)
         return None
     if end.state is None or end.mode is None or end.joints is None:
         return None
-    state = layout.with_imposed(end.state)
-    mode = end.mode
-    view: View | None = None
-    if options.pictures and not hurry():
-        view = view_of(layout, mode, end.joints, sign)
-        view = view if end.status == "limit" else replace(view, caption=UNVERIFIED)
-        first = folder / f"collapse{suffix}"
-        draw_state(layout, view, state.elastic, _title(end, reversal), first)
-        _draw_other_states(result, end, sign, folder / f"collapse{suffix}")
-    if options.paraview and not hurry():
-        path = folder / f"blocks{suffix}.pvd"
-        write_blocks(path, layout, state.displacement, state.elastic, mode)
-        path = folder / f"joints{suffix}.vtu"
-        write_joints(path, layout, end.joints, state.displacement, mode)
+    view = view_of(layout, end.mode, end.joints, sign)
+    view = view if end.status == "limit" else replace(view, caption=UNVERIFIED)
+    elastic = layout.with_imposed(end.state).elastic
+    with going_on(lost):
+        draw_state(layout, view, elastic, _title(end, reversal), first)
+    with going_on(lost):
+        _draw_other_states(result, end, sign, first)
     return view
+
+
+def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path) -> None:
+    """ParaView files of one end, if there is a collapse mode. Collective."""
+    if end.status == "unbounded" or end.state is None or end.mode is None or end.joints is None:
+        return
+    layout = result.layout
+    state = layout.with_imposed(end.state)
+    suffix = _suffix(result, direction)
+    path = folder / f"blocks{suffix}.pvd"
+    write_blocks(path, layout, state.displacement, state.elastic, end.mode)
+    path = folder / f"joints{suffix}.vtu"
+    write_joints(path, layout, end.joints, state.displacement, end.mode)
 
 
 def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:

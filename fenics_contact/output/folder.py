@@ -2,16 +2,88 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 
 from mpi4py import MPI
 
-from fenics_contact.errors import OutputError, raised_together
+from fenics_contact.errors import ContactError, OutputError, raised_together
+
+_log = logging.getLogger("fenics_contact")
+
+
+class DrawingError(OutputError):
+    """A picture cannot be drawn, whatever the disk has to say; the message names both."""
+
+
+@contextmanager
+def drawing(name: str) -> Iterator[None]:
+    """Name the picture that cannot be drawn.
+
+    Raises:
+        DrawingError: Whatever went wrong, but for a file that cannot be written.
+    """
+    try:
+        yield
+    except (OSError, ContactError):
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        text = f"{name} could not be drawn ({type(error).__name__}: {reason})"
+        raise DrawingError(text) from error
+
+
+@contextmanager
+def going_on(lost: list[str]) -> Iterator[None]:
+    """Go on without a picture that cannot be drawn: note that, and warn. Collective."""
+    try:
+        yield
+    except DrawingError as error:
+        lost.append(str(error))
+        _log.warning("warning: %s", error)
+
+
+def cannot_write(folder: Path, error: Exception) -> OutputError:
+    """That a folder cannot be written to, with the reason."""
+    reason = getattr(error, "strerror", None) or error
+    other = "choose another folder (-o on the command line)"
+    return OutputError(f"cannot write to '{folder}': {reason}; {other}")
+
+
+@contextmanager
+def naming(folder: Path) -> Iterator[None]:
+    """Name the folder of a file that cannot be read or written.
+
+    Raises:
+        OutputError: In place of the error of the system.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise cannot_write(folder, error) from None
+
+
+def replace_file(target: Path, data: bytes) -> None:
+    """Write a file that is complete whenever it is there.
+
+    Raises:
+        OSError: If it cannot be written; nothing is left then.
+    """
+    unfinished = target.with_name(f".writing-{token_hex(4)}")
+    try:
+        with unfinished.open("xb") as file:  # a new one: never through a link
+            file.write(data)
+        os.replace(unfinished, target)
+    except OSError:
+        with suppress(OSError):  # a disk that is read-only says so once more
+            unfinished.unlink(missing_ok=True)
+        raise
 
 
 @contextmanager
@@ -52,8 +124,7 @@ def filled_at_once(folder: Path, last: str, comm: MPI.Comm) -> Iterator[Path]:
                 _move(place, folder, last)
                 made = []
     except OutputError as error:
-        other = "choose another folder (-o on the command line)"
-        raise OutputError(f"cannot write to '{folder}': {error}; {other}") from None
+        raise cannot_write(folder, error) from None
     finally:
         if comm.rank == 0:
             if hidden is not None:

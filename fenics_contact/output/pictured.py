@@ -11,6 +11,7 @@ from typing import Any
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError
 from fenics_contact.errors.checks import checked
+from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.animation import animate, check_animation
 from fenics_contact.output.folder import writing
@@ -137,7 +138,7 @@ class Pictured(ABC):
         file = io.BytesIO()
         draws = [draw_mode] if view.values is None else [draw_mode, draw_forces]
         if self.layout.scene.comm.rank == 0:
-            save(view, repr(self)[1:-1], [file], *draws)
+            save(view, plain(repr(self)[1:-1]), [file], *draws)
         return file.getvalue()
 
     def _view_with_forces(self) -> View:

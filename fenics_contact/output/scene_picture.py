@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.discretization.joints import GROUND
+from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.output.drawing import (
     BLACK,
@@ -123,13 +124,8 @@ def _name_loads(axes: Any, view: View, load: Load, colour: str) -> None:
         mine = boundary.in_group(name)
         middle = view.rest[mine].mean(axis=(0, 1))
         outward = boundary.normal[mine].mean(axis=0)
-        axes.text(*(middle - 0.04 * view.size * outward), _plain(name), va="center", **style)
+        axes.text(*(middle - 0.04 * view.size * outward), plain(name), va="center", **style)
     arrows = view.forces if colour == BLACK else view.dead[1]
     for name, place, vector in zip(load.force, arrows.place, arrows.vector, strict=False):
         along = vector / (np.linalg.norm(vector) or 1.0)
-        axes.text(*(place + 0.04 * view.size * along), _plain(name), va="center", **style)
-
-
-def _plain(name: str) -> str:
-    """A name in which dollars are no mathematics, in one line."""
-    return "".join(c if c.isprintable() else " " for c in name).replace("$", r"\$")
+        axes.text(*(place + 0.04 * view.size * along), plain(name), va="center", **style)

@@ -9,7 +9,7 @@ from typing import Any
 
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.output.fields import write_blocks, write_joints
-from fenics_contact.output.folder import filled_at_once, writing
+from fenics_contact.output.folder import filled_at_once, going_on, writing
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.state_files import draw_blocks, draw_state
@@ -43,7 +43,8 @@ def write_service_state(
     record = strict(_record(found, layout) | dict(numbers))
     with filled_at_once(folder, RECORD, comm) as hidden:
         if layout.scene.output.pictures:
-            _draw(found, layout, view, hidden)
+            with going_on(record["warnings"]):
+                _draw(found, layout, view, hidden)
         if layout.scene.output.paraview:
             _write_fields(found, layout, hidden)
         with writing(comm):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.output.folder import writing
+from fenics_contact.output.folder import DrawingError, drawing, writing
 from fenics_contact.output.plotting import (
     Draw,
     draw_forces,
@@ -31,8 +31,7 @@ LONGEST_TITLE = 60
 
 def short_title(title: str) -> str:
     """A title as pictures have it: one short line, in which dollars are no mathematics."""
-    line = "".join(c if c.isprintable() else " " for c in title)
-    return textwrap.shorten(line, LONGEST_TITLE, placeholder=" ...").replace("$", r"\$")
+    return plain(title, LONGEST_TITLE)
 
 
 def picture_paths(scene: Scene, path: Path) -> list[Path]:
@@ -45,13 +44,25 @@ def picture_paths(scene: Scene, path: Path) -> list[Path]:
 def draw_pictures(
     scene: Scene, view: View, title: str, pictures: Mapping[Path, Sequence[Draw]]
 ) -> None:
-    """Pictures by file without its ending, each of panels side by side, on rank 0. Collective."""
-    above = short_title(scene.title)
+    """Pictures by file without its ending, each of panels side by side, on rank 0. Collective.
+
+    Raises:
+        DrawingError: On all ranks, once all others are drawn, if one cannot be.
+    """
+    whole = "\n".join(filter(None, (short_title(scene.title), title)))
     with writing(scene.comm):
-        if scene.comm.rank == 0:
-            for path, draws in pictures.items():
-                whole = "\n".join(filter(None, (above, title)))
-                save(view, whole, picture_paths(scene, path), *draws)
+        failed = []
+        for path, draws in pictures.items() if scene.comm.rank == 0 else ():
+            paths = picture_paths(scene, path)
+            try:
+                with drawing(path.name):
+                    save(view, whole, paths, *draws)
+            except DrawingError as error:
+                failed.append(str(error))
+                for part in paths:
+                    part.unlink(missing_ok=True)
+        if failed:
+            raise DrawingError("; ".join(failed))
 
 
 def draw_state(layout: Layout, view: View, elastic: Array, title: str, first: Path) -> None:
@@ -70,8 +81,9 @@ def draw_state(layout: Layout, view: View, elastic: Array, title: str, first: Pa
     stress = partial(draw_stress, raster=stress_raster(layout, elastic))
     panels: dict[str, Draw] = {first.name: draw_mode, f"forces{suffix}": draw_forces}
     panels[f"stress{suffix}"] = stress
-    if len(whole_thrust(view).segments):
-        panels[f"thrust{suffix}"] = draw_thrust
+    with drawing(f"thrust{suffix}"):  # alike on all ranks
+        if len(whole_thrust(view).segments):
+            panels[f"thrust{suffix}"] = draw_thrust
     pictures = {first.with_name(name): [draw] for name, draw in panels.items()}
     draw_pictures(layout.scene, view, title, pictures)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
-from fenics_contact.output.folder import writing
+from fenics_contact.output.folder import drawing, going_on, naming, replace_file, writing
 from fenics_contact.output.plotting import check_axes, new_axes, save_collapse
 from fenics_contact.output.view import view_of
 from fenics_contact.results.result import Result
@@ -30,13 +32,21 @@ TITLE, TICK = 60, 20
 def save_picture(
     parameters: Sequence[Parameter], points: Sequence[Point], title: str, folder: Path
 ) -> None:
-    """Draw a sweep into sweep.png of a folder, on this rank."""
+    """Draw a sweep into sweep.png of a folder, on this rank.
+
+    Raises:
+        DrawingError: If it cannot be drawn.
+        OSError: If it cannot be written.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), layout="constrained")
-    axes = draw_sweep(parameters, points, figure.subplots())
-    axes.set_title(_drawn(title), fontsize=11)
-    figure.savefig(folder / PICTURE, dpi=150)
+    file = io.BytesIO()
+    with drawing(PICTURE):
+        axes = draw_sweep(parameters, points, figure.subplots())
+        axes.set_title(plain(title, TITLE), fontsize=11)
+        figure.savefig(file, dpi=150)
+    replace_file(folder / PICTURE, file.getvalue())
 
 
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
@@ -64,12 +74,12 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     others = [p.keys[0] for p in parameters if p is not parameters[along]]
     for number, curve in enumerate(curves):
         given = _said({key: curve[0].values[key] for key in others})
-        style = (BLUE, ONE_CURVE) if len(curves) == 1 else (f"C{number}", given)
+        style = (BLUE, ONE_CURVE) if len(curves) == 1 else (f"C{number}", plain(given))
         _draw_curve(axes, at, curve, *style)
     _mark_worst(axes, at, curves)
-    axes.set(xlabel=label, ylabel="load factor")
+    axes.set(xlabel=plain(label), ylabel="load factor")
     if names:
-        axes.set_xticks(at, names)
+        axes.set_xticks(at, list(map(plain, names)))
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize=8)
     return axes
@@ -139,7 +149,7 @@ def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
     factor = worst.load_factor if worst.least == worst.load_factor else worst.load_factor_negative
     where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
     style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
-    axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {_drawn(where)}", **style)
+    axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {plain(where, TITLE)}", **style)
 
 
 def save_worst(result: Result, values: Values, folder: Path) -> None:
@@ -149,10 +159,14 @@ def save_worst(result: Result, values: Values, folder: Path) -> None:
         return
     sign = 1.0 if result.positive is not None else -1.0
     view = view_of(result.layout, end.mode, end.joints, sign)
-    title = f"lowest load factor {end.load_factor:.5g}: {_drawn(_said(values))}"
-    with writing(result.scene.comm):
+    title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
+    with going_on([]), writing(result.scene.comm):
         if result.scene.comm.rank == 0:
-            save_collapse(view, title, [folder / WORST])
+            file = io.BytesIO()
+            with drawing(WORST):
+                save_collapse(view, title, [file])
+            with naming(folder):
+                replace_file(folder / WORST, file.getvalue())
 
 
 def _said(values: Values) -> str:
@@ -168,8 +182,3 @@ def _name(key: str) -> str:
     """A key as people say it: "friction of joints.default"."""
     table, _, last = key.rpartition(".")
     return f"{last} of {table}" if table else last
-
-
-def _drawn(text: str) -> str:
-    line = "".join(c if c.isprintable() else " " for c in text)
-    return textwrap.shorten(line, TITLE, placeholder=" ...").replace("$", r"\$")

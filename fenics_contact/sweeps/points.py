@@ -58,6 +58,20 @@ class Point:
         found = (self.load_factor, -self.load_factor_negative)
         return min((one for one in found if not math.isnan(one)), default=math.nan)
 
+    def contradiction(self, part: float) -> str:
+        """What its numbers say against its status and each other, beyond a part; else empty."""
+        least = self.least
+        if self.solved and not (math.isinf if self.status == "unbounded" else math.isfinite)(least):
+            return f"status '{self.status}' with the load factor {least}"
+        ends = ("load_factor", "lower", "upper")
+        for suffix in ("", "_negative") if self.solved else ():
+            factor, low, high = (getattr(self, name + suffix) for name in ends)
+            known = [abs(one) for one in (factor, low, high) if math.isfinite(one)]
+            miss = part * max(known, default=0.0)
+            if factor < low - miss or factor > high + miss:
+                return f"load factor {factor:.6g} is outside its bracket, {low:.6g} to {high:.6g}"
+        return ""
+
 
 def value_text(value: Any) -> str:
     """A value of a key as text: strings as they are, all else as JSON."""

@@ -15,7 +15,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.folder import writing
+from fenics_contact.output.folder import going_on, naming, writing
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
 from fenics_contact.sweeps.picture import draw_sweep, save_picture, save_worst
@@ -132,8 +132,8 @@ def run_sweep(
     """Limit loads over a grid of parameters; see `sweep`. Collective."""
     points = grid(parameters)
     comm = family.comm
-    _check(family, points, jobs)
-    rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]))
+    tolerance = _check(family, points, jobs)
+    rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]), tolerance)
     there: list[Point] = []
     with writing(comm):
         if rows is not None:
@@ -148,10 +148,11 @@ def run_sweep(
         found[_key(point.values)] = point
         tell(len(found), len(points), point)
     done = Sweep(parameters, [found[_key(values)] for values in points])
-    with writing(comm):
+    with going_on([]), writing(comm):
         if rows is not None and folder is not None:
             rows.write(done)  # in the order of the values
-            save_picture(parameters, done, str(family.tables.get("title", "")), folder)
+            with naming(folder):
+                save_picture(parameters, done, str(family.tables.get("title", "")), folder)
     worst = done.worst
     if folder is not None and worst is not None:
         if any(key.startswith("loads.") for key in worst.values):
@@ -169,8 +170,11 @@ def _draw_worst(family: Family, worst: Point, folder: Path) -> None:
     save_worst(result, worst.values, folder)
 
 
-def _check(family: Family, points: Sequence[Values], jobs: int) -> None:
+def _check(family: Family, points: Sequence[Values], jobs: int) -> float:
     """Refuse what is wrong in any scene, or in how they are to be solved.
+
+    Returns:
+        The largest tolerance of a load factor, relative.
 
     Raises:
         InputError: The message names it.
@@ -183,9 +187,10 @@ def _check(family: Family, points: Sequence[Values], jobs: int) -> None:
         )
     if jobs > 1:
         family.to_send()
-    for values in points[1:]:
-        family.scene(values)
-    Discretization(family.scene(points[0])).close()
+    tolerances = [family.scene(values).solve.tolerance for values in points[1:]]
+    first = family.scene(points[0])
+    Discretization(first).close()
+    return max([first.solve.tolerance, *tolerances])
 
 
 def _key(values: Values) -> tuple[str, ...]:

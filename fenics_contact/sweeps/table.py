@@ -8,14 +8,14 @@ import io
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from fenics_contact.errors import InputError, OutputError
+from fenics_contact.errors import InputError
 from fenics_contact.exit_codes import EXIT_CODES
+from fenics_contact.output.folder import naming, replace_file
 from fenics_contact.sweeps.parameters import Family, Parameter
 from fenics_contact.sweeps.points import WRONG_INPUT, Point, value_text
 from fenics_contact.version import __version__
@@ -24,6 +24,8 @@ TABLE, RECORD = "sweep.csv", "sweep.json"
 #: Columns after those of the keys.
 COLUMNS = tuple(item.name for item in fields(Point) if item.name != "values")
 _FLOATS = tuple(item.name for item in fields(Point) if item.type == "float")
+#: Load factors are in their brackets up to this times the tolerance: certificates leave some.
+AGREE = 10.0
 _STATUSES = (*EXIT_CODES, WRONG_INPUT)
 
 
@@ -33,9 +35,10 @@ class Table:
     Its methods raise `OutputError` where the folder cannot be written to.
     """
 
-    def __init__(self, folder: Path, keys: Sequence[str]) -> None:
-        """Name the folder and the varied keys."""
+    def __init__(self, folder: Path, keys: Sequence[str], tolerance: float) -> None:
+        """Name the folder and the varied keys; the tolerance is that of load factors, relative."""
         self.path = folder / TABLE
+        self._tolerance = tolerance
         self._keys = tuple(keys)
 
     def begin(self, record: Mapping[str, Any]) -> list[Point]:
@@ -47,7 +50,7 @@ class Table:
         """
         folder = self.path.parent
         described = folder / RECORD
-        with self._told():
+        with naming(folder):
             folder.mkdir(parents=True, exist_ok=True)
             before = _record(described) if described.exists() else None
             same = "mesh" in record and before == json.loads(json.dumps(record))
@@ -58,12 +61,12 @@ class Table:
                 )
             rows = self._rows() if before is not None else []
             self.write(rows)  # without a half-written line
-            _replace(described, json.dumps(record, indent=2) + "\n")
+            replace_file(described, (json.dumps(record, indent=2) + "\n").encode())
         return rows
 
     def append(self, point: Point) -> None:
         """Add a row; it is on the disk when this returns."""
-        with self._told(), self.path.open("a", newline="") as file:
+        with naming(self.path.parent), self.path.open("a", encoding="utf-8", newline="") as file:
             self._put(file, [point])
             file.flush()
             os.fsync(file.fileno())
@@ -73,8 +76,8 @@ class Table:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow([*self._keys, *COLUMNS])
         self._put(text, points)
-        with self._told():
-            _replace(self.path, text.getvalue())
+        with naming(self.path.parent):
+            replace_file(self.path, text.getvalue().encode())
 
     def _put(self, file: Any, points: Sequence[Point]) -> None:
         """Write rows: numbers with all their digits, nothing for nan."""
@@ -88,16 +91,23 @@ class Table:
         """Complete rows of the file."""
         if not self.path.exists():
             return []
-        text = self.path.read_text()
-        rows = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
-        if rows.fieldnames is None:
+        try:
+            text = self.path.read_bytes().decode("utf-8-sig")
+            table = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
+            rows = [(table.line_num, row) for row in table]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(
+                f"'{self.path}' is no table in UTF-8 ({error}); save it as CSV in UTF-8, or remove"
+                " it to solve all points again"
+            ) from None
+        if table.fieldnames is None:
             return []
-        if list(rows.fieldnames) != [*self._keys, *COLUMNS]:
+        if list(table.fieldnames) != [*self._keys, *COLUMNS]:
             raise InputError(
                 f"'{self.path}' has other columns than this sweep; put its first line right, or"
                 " remove the file to solve all points again"
             )
-        return [self._point(rows.line_num, row) for row in rows if None not in row.values()]
+        return [self._point(number, row) for number, row in rows if None not in row.values()]
 
     def _point(self, number: int, row: Mapping[str, str]) -> Point:
         """Point of a row, which has a number for messages."""
@@ -106,23 +116,16 @@ class Table:
             numbers["factorizations"] = int(float(row["factorizations"]))  # 14.0 by a spreadsheet
             if row["status"] not in _STATUSES:
                 raise ValueError(f"unknown status '{row['status']}'")
+            values = {key: _value(row[key]) for key in self._keys}
+            point = Point(values, row["status"], reason=row["reason"], **numbers)
+            if text := point.contradiction(AGREE * self._tolerance):
+                raise ValueError(text)
         except (ValueError, OverflowError) as error:
             raise InputError(
                 f"'{self.path}', line {number}, cannot be read: {error}; remove the line to solve"
                 " its point again"
             ) from None
-        values = {key: _value(row[key]) for key in self._keys}
-        return Point(values, row["status"], reason=row["reason"], **numbers)
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Name the folder where a file cannot be read or written."""
-        try:
-            yield
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            reason = getattr(error, "strerror", None) or error
-            other = "choose another folder (-o on the command line)"
-            raise OutputError(f"cannot write to '{self.path.parent}': {reason}; {other}") from None
+        return point
 
 
 def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -158,10 +161,3 @@ def _value(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError):
         return text
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file that is complete whenever it is there."""
-    hidden = path.with_name(f".{path.name}.new")
-    hidden.write_text(text)
-    os.replace(hidden, path)

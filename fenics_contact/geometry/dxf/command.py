@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -231,5 +232,6 @@ def _meshed(drawing: Drawing, size: float, output: Path) -> int:
     except OSError as error:
         raise InputError(f"cannot write to '{output}': {error.strerror}") from None
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # a disk that is read-only says so once more
+            part.unlink(missing_ok=True)
     return len(tags)

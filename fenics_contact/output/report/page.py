@@ -12,6 +12,7 @@ from itertools import chain
 from pathlib import Path
 
 from fenics_contact.errors import InputError, OutputError
+from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import first_page
 from fenics_contact.output.report.appendix import computation, verification
 from fenics_contact.output.report.content import RECORD, Content, Labels, read_content
@@ -49,13 +50,15 @@ def write_report(
         What was written.
 
     Raises:
-        InputError: If the folder holds no result, or one of a version that kept less, or if
-            WeasyPrint, which makes the PDF, is not installed. Nothing is written then.
+        InputError: If the folder holds no result, or one of a version that kept less, if a file
+            has another ending or its folder is read-only, or if WeasyPrint, which makes the PDF,
+            is not installed. Nothing is written then.
         OutputError: If a file cannot be written.
     """
+    target = target or folder / PAGE
+    _check_targets({"-o": (target, ".html"), **({"--pdf": (pdf, ".pdf")} if pdf else {})})
     content = read_content(folder, labels or Labels())
     writer = pdf_writer() if pdf else None
-    target = target or folder / PAGE
     try:
         page = report_page(content)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
@@ -68,14 +71,22 @@ def write_report(
     return [target, *([pdf] if pdf else [])]
 
 
+def _check_targets(targets: Mapping[str, tuple[Path, str]]) -> None:
+    """Refuse files of another ending, and where no file can be written, by their options."""
+    for option, (target, ending) in targets.items():
+        if target.suffix.lower() != ending:
+            raise InputError(f"{option} {target}: a file that ends with {ending} is written")
+        there = target.parent.is_dir()
+        if target.is_dir() or (there and not os.access(target.parent, os.W_OK)):
+            reason = "it is a folder" if target.is_dir() else "no right to, or a read-only disk"
+            raise InputError(f"cannot write '{target}': {reason}; choose with {option}")
+
+
 def _replace(target: Path, data: bytes, option: str) -> None:
     """Write a file that is complete whenever it is there."""
-    unfinished = target.with_name(f".{target.name}.{os.getpid()}")
     try:
-        unfinished.write_bytes(data)
-        os.replace(unfinished, target)
+        replace_file(target, data)
     except OSError as error:
-        unfinished.unlink(missing_ok=True)
         reason = f"{error.strerror}; choose with {option}"
         raise OutputError(f"cannot write '{target}': {reason}") from None
 
