@@ -149,7 +149,7 @@ def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
     factor = worst.load_factor if worst.least == worst.load_factor else worst.load_factor_negative
     where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
     style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
-    axes.plot(x, factor, "o", label=f"lowest: {factor:.5g} at {plain(where, TITLE)}", **style)
+    axes.plot(x, factor, "o", label=plain(f"lowest: {factor:.5g} at {where}", TITLE), **style)
 
 
 def save_worst(result: Result, values: Values, folder: Path) -> None:

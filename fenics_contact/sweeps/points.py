@@ -62,7 +62,7 @@ class Point:
         """What its numbers say against its status and each other, beyond a part; else empty."""
         least = self.least
         if self.solved and not (math.isinf if self.status == "unbounded" else math.isfinite)(least):
-            return f"status '{self.status}' with the load factor {least}"
+            return f"status '{self.status}' with the load factor {least:.6g}"
         ends = ("load_factor", "lower", "upper")
         for suffix in ("", "_negative") if self.solved else ():
             factor, low, high = (getattr(self, name + suffix) for name in ends)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -13,7 +14,16 @@ from mpi4py import MPI
 from fenics_contact.cli import commands
 from fenics_contact.errors import OutputError
 from fenics_contact.output.folder import filled_at_once
-from tests.system.program import files, launcher, run_command, run_here, write_scene
+from tests.drawing import rectangle
+from tests.system.program import (
+    Run,
+    command,
+    files,
+    launcher,
+    run_command,
+    run_here,
+    write_scene,
+)
 
 #: Run the command line, in which no file can be longer than so many bytes, as on a full disk.
 ON_A_FULL_DISK = """
@@ -23,6 +33,26 @@ from fenics_contact.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (int(sys.argv[1]),))
 sys.exit(main(sys.argv[2:]))
 """
+
+#: Run a command where the folder "disk" is a read-only disk; root has no other right there.
+ON_A_READ_ONLY_DISK = """
+mount -t tmpfs tmpfs disk && cp -r given/. disk && mount -o remount,ro disk || exit 99
+exec "$@"
+"""
+
+
+def on_a_read_only_disk(arguments: list[str], folder: Path) -> Run:
+    """Run the program in a folder where what is in "given" is on a disk, too, that is read-only."""
+    unshare = shutil.which("unshare")
+    if unshare is None:
+        pytest.skip("there is no unshare, by which a disk is made read-only")
+    (folder / "disk").mkdir()
+    own = [unshare, "--mount", *(["--map-root-user"] if os.getuid() else [])]
+    shell = [*own, "sh", "-c", ON_A_READ_ONLY_DISK, "sh"]
+    found = run_command([*shell, *command(arguments)], folder)
+    if "unshare" in found.err or found.code == 99:
+        pytest.skip(f"no disk can be made read-only here: {found.err}")
+    return found
 
 
 def file_in_place(folder: Path) -> None:
@@ -104,6 +134,33 @@ def test_earlier_result_stays_where_a_new_one_cannot_be_written(tmp_path, capsys
     program = [sys.executable, "-c", ON_A_FULL_DISK, "5000"]
     assert run_command([*program, "solve", str(scene)], tmp_path).code == 4
     assert {path: path.read_bytes() for path in (tmp_path / "scene").iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "target"),
+    [
+        (["report", "disk/scene"], "disk/scene/report.html"),
+        (["report", "given/scene", "-o", "disk/page.html"], "disk/page.html"),
+        (["report", "given/scene", "--pdf", "disk/page.pdf"], "disk/page.pdf"),
+        (["mesh", "disk/wall.dxf"], "disk/wall.msh"),
+        (["mesh", "given/wall.dxf", "--picture", "disk/wall.png"], "disk/wall.png"),
+        (["sweep", "given/scene.toml", "--vary", "title=a,b", "-o", "disk/out"], "disk/out"),
+    ],
+)
+def test_read_only_disk_is_one_message(arguments, target, tmp_path, capsys):
+    given = tmp_path / "given"
+    given.mkdir()
+    scene = write_scene(given, {"output.paraview": False, "output.pictures": False})
+    assert run_here(["solve", scene, "-q"], capsys).code == 0
+    if arguments[0] == "mesh":
+        document = pytest.importorskip("ezdxf").new("R2010", units=6)
+        document.modelspace().add_lwpolyline(rectangle(0.0, 0.0, 1.0, 0.5), close=True)
+        document.saveas(given / "wall.dxf")
+    before = files(given)
+    found = on_a_read_only_disk(arguments, tmp_path)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert "cannot write" in found.err and f"'{target}'" in found.err
+    assert "Errno" not in found.err and files(given) == before
 
 
 def test_folder_with_the_name_of_a_picture_is_refused_before_the_run(tmp_path, capsys):

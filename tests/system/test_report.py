@@ -256,6 +256,26 @@ def test_4_where_the_page_cannot_be_written(folder, capsys):
     assert found.code == 4 and found.err.startswith("fenics-contact: cannot write 'no/page.html'")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "ending"),
+    [
+        (["-o", "scene/result.json"], ".html"),
+        (["-o", "scene/collapse.png"], ".html"),
+        (["-o", "scene"], ".html"),
+        (["-o", "page.pdf"], ".html"),
+        (["--pdf", "scene/result.json"], ".pdf"),
+        (["--pdf", "scene.toml"], ".pdf"),
+    ],
+)
+def test_no_file_but_a_page_is_overwritten(arguments, ending, folder, capsys):
+    solved(folder, capsys, {}, "block")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    found = run_here(["report", "scene", *arguments], capsys)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert f"{arguments[1]}: a file that ends with {ending} is written" in found.err
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.slow
 def test_ranks_write_the_same_page(tmp_path):
     write_scene(tmp_path, SMALL | {"output.pictures": False}, "wall")

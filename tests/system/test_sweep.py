@@ -7,12 +7,22 @@ import json
 import shutil
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from fenics_contact import InputError, sweep
-from tests.system.program import command, environment, files, run, run_here, write_scene
+from tests.system.program import (
+    command,
+    environment,
+    files,
+    run,
+    run_command,
+    run_here,
+    write_scene,
+)
+from tests.system.test_cannot_write import ON_A_FULL_DISK
 
 BOTH = "joints.default.friction,foundations.base.friction"
 NOT_REPEATED = "seconds"
@@ -201,6 +211,12 @@ def test_sweep_of_a_file_in_python(tmp_path):
         ("load_factor", "0,3", "line 3, cannot be read"),
         ("factorizations", "inf", "line 3, cannot be read"),
         ("status", "solved", "line 3, cannot be read: unknown status 'solved'; remove the line"),
+        ("load_factor", "0.3", "line 3, cannot be read: load factor 0.3 is outside its bracket"),
+        ("load_factor", "0.1999", "load factor 0.1999 is outside its bracket, 0.2 to 0.2"),
+        ("lower", "0.21", "load factor 0.2 is outside its bracket, 0.21 to 0.2"),
+        ("load_factor", "", "status 'limit' with the load factor nan"),
+        ("load_factor", "inf", "status 'limit' with the load factor inf"),
+        ("status", "unbounded", "status 'unbounded' with the load factor 0.2"),
     ],
 )
 def test_table_that_was_touched_by_hand_is_refused(column, text, message, solved, tmp_path, capsys):
@@ -255,6 +271,55 @@ def test_table_of_other_columns_is_kept(solved, tmp_path, capsys):
     found = run_here(line, capsys)
     assert found.code == 2 and "has other columns than this sweep" in found.err
     assert path.read_text().count(";") > 20
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "latin-1", "utf-16", "cp037"])
+def test_table_in_another_encoding(encoding, tmp_path, capsys):
+    """With a mark at its beginning, as spreadsheets save UTF-8, it is read; others are named."""
+    write_scene(tmp_path, {"title": "A"})
+    vary = ["--vary", 'title="\u00e4","\u00f6"']
+    line = ["sweep", tmp_path / "scene.toml", *vary, "-o", tmp_path / "out"]
+    assert run_here(line, capsys).code == 0
+    table = rows(tmp_path / "out")
+    path = tmp_path / "out" / "sweep.csv"
+    data = path.read_text(encoding="utf-8").encode(encoding)
+    path.write_bytes(data)
+    found = run_here(line, capsys)
+    if encoding == "utf-8-sig":
+        assert found.code == 0 and "2 of 2 points are there already" in found.out
+        assert rows(tmp_path / "out") == table
+        return
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert "sweep.csv' is no table in UTF-8" in found.err and "save it as CSV" in found.err
+    assert path.read_bytes() == data
+
+
+def test_table_is_never_written_through_a_link(tmp_path, capsys):
+    write_scene(tmp_path)
+    folder = tmp_path / "scene_sweep"
+    folder.mkdir()
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    names = ("sweep.csv", "sweep.png", ".sweep.csv.new", ".sweep.json.new")
+    for name in names:
+        (folder / name).symlink_to(mine)
+    found = run_here(["sweep", tmp_path / "scene.toml", "--vary", f"{BOTH}=0.1,0.2"], capsys)
+    assert (found.code, mine.read_text()) == (0, "mine")
+    assert len(rows(folder)) == 2 and not (folder / "sweep.csv").is_symlink()
+
+
+@pytest.mark.parametrize("size", [0, 200, 2000])
+def test_full_disk_has_its_place_in_the_message(size, tmp_path):
+    """Before the first row, within the table, and within the picture."""
+    write_scene(tmp_path)
+    values = ",".join(f"{0.1 + 0.001 * k:.3f}" for k in range(6))
+    program = [sys.executable, "-c", ON_A_FULL_DISK, str(size)]
+    line = [*program, "sweep", "scene.toml", "--vary", f"{BOTH}={values}", "-o", "out"]
+    found = run_command(line, tmp_path)
+    assert (found.code, found.err.count("\n")) == (4, 1)
+    assert "cannot write to 'out': File too large; choose another folder" in found.err
+    left = files(tmp_path / "out")
+    assert left <= {"sweep.csv", "sweep.json"} and ("sweep.json" in left) == (size >= 2000)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "\xff"])

@@ -68,7 +68,7 @@ def _draw_blocks(axes: Any, read: DxfContents, inches_per_metre: float) -> None:
         some = [b for b, own in zip(drawing.blocks, drawing.names, strict=True) if own == name]
         style = {"facecolors": FILLS[k % len(FILLS)], "edgecolors": "0.35", "linewidths": 0.5}
         axes.add_collection(
-            PolyCollection(some, label=f"{plain(name)}: {len(some)} blocks", **style)
+            PolyCollection(some, label=plain(f"{name}: {len(some)} blocks"), **style)
         )
     if read.voids:
         style = {"facecolors": "none", "edgecolors": "0.6", "hatch": "///", "linewidths": 0.8}
@@ -91,7 +91,7 @@ def _draw_lines(axes: Any, read: DxfContents) -> None:
 
     for k, (name, segments) in enumerate(read.drawing.groups.items()):
         lines = [np.reshape(segment, (2, 2)) for segment in segments]
-        label = f"sides of {plain(name)}: {read.lengths[name]:.4g} m"
+        label = plain(f"sides of {name}: {read.lengths[name]:.4g} m")
         style = {"colors": LINES[k % len(LINES)], "linewidths": 1.6, "alpha": 0.8}
         axes.add_collection(LineCollection(lines, label=label, **style))
 
@@ -109,7 +109,7 @@ def _draw_marks(axes: Any, read: DxfContents, marks: Sequence[Mark]) -> None:
     for mark in list(first.values())[:IN_WORDS]:
         text = mark.text if len(mark.text) < 80 else f"{mark.text[:77]}..."
         axes.annotate(
-            f"{plain(text)} at {read.place(mark.x, mark.y)}", (mark.x, mark.y), (8, 8), size=7,
+            plain(f"{text} at {read.place(mark.x, mark.y)}"), (mark.x, mark.y), (8, 8), size=7,
             textcoords="offset points", color=SUSPICIOUS, zorder=6,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
         )  # fmt: skip
