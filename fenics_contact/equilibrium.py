@@ -174,7 +174,7 @@ def stands(scene: Scene) -> bool:
         SolverError: If neither was found; the message says why.
     """
     found = equilibrium(scene, 0.0)
-    if found.status not in ("equilibrium", "unstable"):
+    if not found.proved:
         raise SolverError(f"neither a state nor a proof that there is none: {found.reason}")
     return found.status == "equilibrium"
 

@@ -60,6 +60,7 @@ from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
 from fenics_contact.results.seismic import SeismicCheck, seismic_check
+from fenics_contact.results.service_state import ServiceState
 from fenics_contact.scene.scene import Scene, SolveOptions
 
 _log = logging.getLogger("fenics_contact")
@@ -332,6 +333,7 @@ def limit_load_of(
 
     `asked` says why the run is to end, as `stopping.within` does.
     """
+    discretization.check_pushed()
     scene = discretization.scene
     monitor = monitor or _Silent()
     discretization.end_when(asked or within(scene.solve.time))
@@ -489,15 +491,20 @@ def _collapses(
     """
     # Where no state under the dead load alone is known, the range of load factors must reach to
     # either side of zero, whichever end of it was asked for.
-    enough = lower is not None or len(asked) == len(SIGNS)
+    enough = lower is not None
     effort = cases[asked[0]].discretization.effort
     before = effort.spent
     found: dict[str, Collapse] = {}
     try:
-        enough = enough or _stands(cases[asked[0]])
+        alone = None if enough else _under_the_dead_load(cases[asked[0]])
+        if alone is not None and alone.status == "no_equilibrium":
+            return {n: _none_at_zero(cases[n], alone) for n in asked}, effort.spent - before
+        enough = alone is None or alone.status == "equilibrium"
         before = effort.spent
         for name in asked if enough else SIGNS:
             found[name], cases[name] = crushed.collapse(name, cases[name])
+            if alone is not None and not enough and found[name].status == "unbounded":
+                found[name] = replace(found[name], status="not_converged", reason=alone.reason)
         found = reaching_zero(cases, found, asked)
     except Stopped as stop:
         found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
@@ -519,10 +526,15 @@ def _without_zero(end: Collapse, reason: str, least: float) -> Collapse:
     return replace(end, status="not_converged", reason=why)
 
 
-def _stands(case: LoadCase) -> bool:
-    """Whether a state under the dead load alone was found, and verified."""
+def _under_the_dead_load(case: LoadCase) -> ServiceState:
+    """The state under the dead load alone."""
     scene = case.discretization.scene
-    return service_state(case, strategy_of(scene), scene.solve, 0.0, 1).status == "equilibrium"
+    return service_state(case, strategy_of(scene), scene.solve, 0.0, 1)
+
+
+def _none_at_zero(case: LoadCase, alone: ServiceState) -> Collapse:
+    """The collapse of a structure that was not found to carry its dead load."""
+    return Collapse(alone.status, math.nan, case.blocks.bounds, reason=alone.reason)
 
 
 def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:

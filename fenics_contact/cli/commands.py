@@ -159,6 +159,7 @@ def _check_folder(folder: Path) -> None:
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene and say what is in it."""
     with Discretization(Scene.from_file(options.scene, comm, options.overrides)) as discretization:
+        discretization.check_pushed()
         lines = [description(discretization)]
         lines += [f"warning: {text}" for text in discretization.warnings]
     if comm.rank == 0 and not options.quiet:

@@ -23,6 +23,8 @@ ANSWERS: Mapping[str, str] = {
     "no_equilibrium": "it does not stand",
     "not_converged": "not known",
 }
+#: What it is without a proof of "no_equilibrium".
+NOT_PROVED = "no equilibrium was found"
 
 
 def find_state(options: argparse.Namespace, comm: MPI.Comm) -> Equilibrium:
@@ -40,7 +42,8 @@ def told(found: Equilibrium) -> str:
         for text in found.layout.warnings
         if text.startswith(acting) or not text.startswith("loads.")
     ]
-    return "\n".join([*warnings, f"{ANSWERS[found.status]} {load}", found.summary()])
+    answer = NOT_PROVED if found.status == "no_equilibrium" and not found.proved else None
+    return "\n".join([*warnings, f"{answer or ANSWERS[found.status]} {load}", found.summary()])
 
 
 def exit_code(found: Equilibrium) -> int:

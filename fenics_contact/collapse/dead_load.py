@@ -19,11 +19,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.collapse.load_case import SIGNS, LoadCase, Task
-from fenics_contact.collapse.load_control import raise_load
+from fenics_contact.collapse.load_control import (
+    closed_under_the_dead_load,
+    equilibrium_next_to,
+    raise_load,
+)
 from fenics_contact.collapse.strategy import Strategy, strategy_of
 from fenics_contact.collapse.work_control import find_collapse
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import NoEquilibriumError, SolverError
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.service_state import NOT_KNOWN
 from fenics_contact.solvers.problem import Scales, State
 
 _log = logging.getLogger("fenics_contact")
@@ -34,6 +39,9 @@ class DeadLoadOptions:
     """Numbers of the search.
 
     Attributes:
+        near: Cost of the search next to the closed joints at most, in units of that which one
+            collapse may take: some 60 factorisations, or 12 bonded solves.
+        alone: Cost of the search with the dead load in place of the live load: 8 bonded solves.
         least: Least lambda, with the work on the bonded structure: blocks that would have to move
             by its reciprocal, in units of the bonded displacement, are a mechanism.
         missing: Works in a row at which no state is found next to the last one under a rising load:
@@ -42,6 +50,8 @@ class DeadLoadOptions:
             factorisation of the structure.
     """
 
+    near: float = 0.12
+    alone: float = 0.08
     least: float = 1e-4
     missing: int = 1
     cost: float = 250.0
@@ -50,58 +60,57 @@ class DeadLoadOptions:
 OPTIONS = DeadLoadOptions()
 
 
-@dataclass(frozen=True)
-class DeadLoadState:
-    """What was found under the dead load alone.
+def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> State:
+    """Equilibrium under the dead load alone, if it is found in 20 bonded solves or so.
 
-    Attributes:
-        state: A state of equilibrium; None if none was found. With strengths in the joints it is
-            looked for next to the bonded response alone.
-        falls: Whether the dead load was found to move the blocks as a mechanism.
-    """
-
-    state: State | None
-    falls: bool
-
-
-def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> DeadLoadState:
-    """Equilibrium under the dead load alone, searched for.
+    It is looked for next to the closed joints, and then under a load that does some work. With
+    strengths, gaps or movements of supports the second does not apply.
 
     Args:
         case: The load case.
         strategy: How states are found.
         tolerance: On the load factor, relative.
+
+    Raises:
+        NoEquilibriumError: If none is found with Coulomb friction, and no joint crushes.
+        SolverError: If none is found otherwise: the rigid-block program proves that there is one.
     """
+    effort = case.discretization.effort
+    try:
+        with effort.at_most(OPTIONS.near * strategy.work.cost):
+            closed = closed_under_the_dead_load(case)
+            return equilibrium_next_to(case, strategy, tolerance, closed, 0.0)
+    except SolverError as error:
+        _log.info("  dead load alone: %s", error)
     problem = case.problem
-    bonded = case.bonded
-    work = problem.dot(problem.dead, bonded.dead)
-    origin = problem.max(np.abs(problem.law.origins))
-    if work <= 0.0 or origin > 0.0 or problem.max(problem.law.strength) > 0.0:
-        none = np.zeros_like(case.first_pressure)
-        start = problem.state(bonded.dead, 0.0, case.first_pressure, none)
-        task = Task(case, start.work, case.scales, tolerance)
-        try:
-            return DeadLoadState(strategy.equilibrium(task, start, 0.0), falls=False)
-        except SolverError as error:
-            _log.info("  dead load alone: %s", error)
-            return DeadLoadState(None, falls=False)
-    task = _under_the_dead_load(case, work, tolerance)
-    falls = False
+    work = problem.dot(problem.dead, case.bonded.dead)
+    given = problem.max(np.abs(problem.law.origins)) + problem.max(problem.law.strength)
+    crushes = case.blocks.crushing is not None
+    if work > 0.0 and given == 0.0 and not crushes:
+        with effort.at_most(OPTIONS.alone * strategy.work.cost):
+            state = _under_a_part(_under_the_dead_load(case, work, tolerance), strategy)
+        if state is not None:
+            part = state.load_factor
+            forces = state.pressure / part, state.shear / part
+            return problem.state(state.displacement / part, 0.0, *forces)
+    if crushes or not problem.coulomb:
+        raise SolverError("no equilibrium was found under the dead load")
+    raise NoEquilibriumError(NOT_KNOWN)
+
+
+def _under_a_part(task: Task, strategy: Strategy) -> State | None:
+    """Equilibrium under a part of the dead load that does the work on the bonded structure."""
     for attempt in strategy.attempts:
         try:
-            with case.discretization.effort.at_most(strategy.work.attempt):
-                state = attempt(task)[0].state
+            state = attempt(task)[0].state
         except SolverError as error:
             _log.info("  dead load alone: %s", error)
             continue
         part = state.load_factor
         _log.info("  dead load alone: %.3g of it does the work on the bonded structure", part)
         if part > OPTIONS.least:
-            u = state.displacement / part
-            found = problem.state(u, 0.0, state.pressure / part, state.shear / part)
-            return DeadLoadState(found, falls=False)
-        falls = True
-    return DeadLoadState(None, falls)
+            return state
+    return None
 
 
 def _under_the_dead_load(case: LoadCase, work: float, tolerance: float) -> Task:
@@ -143,29 +152,27 @@ def reaching_zero(
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
     lost = {n for n, end in found.items() if end.status == "not_converged"}
     if case.blocks.crushing is not None:  # a state for a part of the dead load crushes elsewhere
-        return _unknown(found, short, "not_converged", _without_equilibrium(found))
+        return _unknown(found, short, _without_equilibrium(found))
     if not (short or lost) or not case.problem.coulomb:
         return dict(found)
-    dead = dead_load_state(case, strategy, options.tolerance)
-    if dead.state is None:
-        status = "no_equilibrium" if dead.falls else "not_converged"
-        reason = _without_equilibrium(found) if short or dead.falls else ""
+    try:
+        dead = dead_load_state(case, strategy, options.tolerance)
+    except SolverError:
+        reason = _without_equilibrium(found) if short else ""
         # Ends on both sides of zero, or one of them lost, do not leave it out.
-        return _unknown(found, set(found) if short else lost, status, reason)
+        return _unknown(found, set(found) if short else lost, reason)
     ends = dict(found)
     for name in (short | lost).intersection(asked):
         # From afar nothing was found before.
         alone = replace(strategy.work, missing=OPTIONS.missing, cost=OPTIONS.cost)
         near = replace(strategy, attempts=(), once=(), work=alone) if name in lost else strategy
-        ends[name] = _raised_from(dead.state, cases[name], near, margin)
+        ends[name] = _raised_from(dead, cases[name], near, margin)
     return ends
 
 
-def _unknown(
-    found: Mapping[str, Collapse], names: set[str], status: str, reason: str
-) -> dict[str, Collapse]:
-    """The ends found, some of them with another status and its reason."""
-    changed = {n: replace(found[n], status=status, reason=reason) for n in names}
+def _unknown(found: Mapping[str, Collapse], names: set[str], reason: str) -> dict[str, Collapse]:
+    """The ends found, some of them not converged for a reason."""
+    changed = {n: replace(found[n], status="not_converged", reason=reason) for n in names}
     return {**found, **changed}
 
 

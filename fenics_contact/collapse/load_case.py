@@ -123,6 +123,12 @@ class LoadCase:
         return len(self.discretization.bodies.centre)
 
     @property
+    def has_dead_load(self) -> bool:
+        """Whether loads act, or supports move, without the live load."""
+        loaded = self.problem.max(np.abs(self.problem.dead)) > 0.0
+        return loaded or bool(self.discretization.scene.dead.movement)
+
+    @property
     def first_pressure(self) -> Array:
         """Normal forces for the first bound on friction: of the dead load if it causes any."""
         if self.problem.max(self.bonded.dead_pressure) > 0.0:

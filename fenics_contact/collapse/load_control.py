@@ -152,15 +152,26 @@ class Reached:
 
 
 def raise_load_to(
-    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
+    case: LoadCase,
+    strategy: Strategy,
+    options: SolveOptions,
+    target: tuple[float, int],
+    dead: State | None,
 ) -> Reached:
     """State of equilibrium at a load factor >= 0, reached in equal steps from the dead load.
+
+    Args:
+        case: The load case.
+        strategy: How states are found.
+        options: Of the scene.
+        target: The load factor, and the number of steps to it.
+        dead: State under the dead load alone; None where there is no dead load.
 
     Raises:
         SolverError: If none is found there, or none on the way.
     """
     climb = _Climb(case, strategy, options, None, None)
-    climb.run_to(load_factor, steps)
+    climb.run_to(*target, dead)
     state = climb.state
     elastic = case.scales.elastic
     if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
@@ -168,8 +179,31 @@ def raise_load_to(
         near = replace(case, problem=climb.problem)
         with suppress(SolverError):
             task = Task(near, state.work, scales, options.tolerance)
-            state = strategy.equilibrium(task, state, load_factor)
+            state = strategy.equilibrium(task, state, target[0])
     return Reached(climb.problem, state)
+
+
+def closed_under_the_dead_load(case: LoadCase) -> State:
+    """The bonded response to the dead load, with the first normal forces."""
+    none = np.zeros_like(case.first_pressure)
+    return case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+
+
+def equilibrium_next_to(
+    case: LoadCase, strategy: Strategy, tolerance: float, before: State, load_factor: float
+) -> State:
+    """State of equilibrium at a load factor next to another one.
+
+    Raises:
+        SolverError: If none is found, or only one of a mechanism in motion.
+    """
+    unit = case.problem.sum(np.abs(case.problem.live))
+    displacement = max(case.scales.displacement, abs(before.work) / unit)
+    scales = replace(case.scales, displacement=displacement)
+    state = strategy.equilibrium(Task(case, before.work, scales, tolerance), before, load_factor)
+    if abs(state.work) > OPTIONS.far * case.scales.displacement * unit:
+        raise SolverError("the blocks move as a mechanism")
+    return state
 
 
 class _Climb:
@@ -202,9 +236,7 @@ class _Climb:
         self._options = options
         self._upper = np.inf if upper is None else upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
-        none = np.zeros_like(case.first_pressure)
-        bonded = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
-        self.state = start or bonded
+        self.state = start or closed_under_the_dead_load(case)
         self.problem = case.problem
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
@@ -243,17 +275,14 @@ class _Climb:
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
 
-    def run_to(self, load_factor: float, steps: int) -> None:
+    def run_to(self, load_factor: float, steps: int, dead: State | None) -> None:
         """Raise the load factor to a given one; steps are halved where no equilibrium is found.
 
         Raises:
             SolverError: If no equilibrium is found there, or none on the way.
         """
-        whole = self.case.discretization
-        loaded = self.case.problem.max(np.abs(self.case.problem.dead)) > 0.0
-        loaded = loaded or bool(whole.scene.dead.movement)
-        if loaded and not self._reached(0.0):
-            raise SolverError("no equilibrium was found under the dead load")
+        if dead is not None:
+            self._take(dead, 0.0)
         step = load_factor / steps
         least = OPTIONS.width * load_factor / steps
         while self.lower < load_factor:
@@ -276,20 +305,21 @@ class _Climb:
 
     def _reached(self, target: float) -> bool:
         """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
-        case = self.case
-        before = self.state
-        displacement = max(case.scales.displacement, abs(before.work) / self._unit)
-        scales = replace(case.scales, displacement=displacement)
-        task = Task(case, before.work, scales, self._options.tolerance)
+        tolerance = self._options.tolerance
         try:
-            state = self._strategy.equilibrium(task, before, target)
+            state = equilibrium_next_to(self.case, self._strategy, tolerance, self.state, target)
         except EffortError:
             raise
         except SolverError as error:
             _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
             return False
-        if abs(state.work) > OPTIONS.far * case.scales.displacement * self._unit:
-            return False
+        self._take(state, target)
+        return True
+
+    def _take(self, state: State, target: float) -> None:
+        """Make a state of equilibrium at a load factor the last one."""
+        case = self.case
+        before = self.state
         work = case.written(state).work
         motion = _kept(case, state)
         self.steps.append(LoadStep(target, work / self._unit, work, motion))
@@ -303,7 +333,6 @@ class _Climb:
         if self._options.slip == "load-steps":
             origin = case.problem.law.slip_origin + case.problem.motion_of(state)[1]
             self.case = replace(case, problem=case.problem.with_law(slip_origin=origin))
-        return True
 
 
 def _kept(case: LoadCase, state: State) -> Array | None:

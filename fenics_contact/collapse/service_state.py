@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fenics_contact.collapse.crushed import CrushedJoints, settle, strengths
+from fenics_contact.collapse.dead_load import dead_load_state
 from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.load_control import Reached, raise_load_to
@@ -17,7 +18,7 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors import SolverError
+from fenics_contact.errors import NoEquilibriumError, SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
 from fenics_contact.results.moving_blocks import fall_reason
 from fenics_contact.results.service_state import ServiceState
@@ -54,16 +55,20 @@ def service_state(
     case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
 ) -> ServiceState:
     """State of a load case at a load factor >= 0, reached in steps from the dead load."""
+
+    def risen(one: LoadCase, near: Reached | None = None) -> Reached:
+        dead = dead_load_state(one, strategy, options.tolerance) if one.has_dead_load else None
+        return raise_load_to(one, strategy, options, (load_factor, steps), dead)
+
     crushed = None
     try:
         if case.blocks.crushing is None:
-            reached = raise_load_to(case, strategy, options, load_factor, steps)
+            reached = risen(case)
         else:
-            reached, crushed, _ = settle(
-                case,
-                CrushedEnds.none(case.blocks.crushing),
-                lambda one, near: raise_load_to(one, strategy, options, load_factor, steps),
-            )
+            first = CrushedEnds.none(case.blocks.crushing)
+            reached, crushed, _ = settle(case, first, risen)
+    except NoEquilibriumError as error:
+        return ServiceState("no_equilibrium", case.sign * load_factor, reason=str(error))
     except SolverError as error:
         return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
     found = _verified(case, reached, crushed)

@@ -110,7 +110,7 @@ class Discretization(Layout, Closing):
         self.bodies = bodies = self._rigid_bodies()
         closed = joints.without_ties()
         check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
-        _check_live_load(made, bodies, scene)
+        self._check_live_load(np.ones_like(bodies.floating))
         self.operators = joint_operators(self.joints, self.supports, made.stiffness)
         self.points = self.operators.points
         self._owner = Owner()
@@ -197,6 +197,20 @@ class Discretization(Layout, Closing):
         """Close another discretisation with this one."""
         self._owner.callback(other.close)
 
+    def check_pushed(self) -> None:
+        """Raise `InputError` if the live load pushes no body but those that supports hold."""
+        self._check_live_load(self.bodies.floating)
+
+    def _check_live_load(self, bodies: Flags) -> None:
+        """Refuse a live load that is zero on all of some bodies."""
+        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
+        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
+        if not self.scene.comm.allreduce(pushed, MPI.LOR):
+            raise InputError(
+                "loads.live: the live load is zero on every free body; give it a body force on"
+                " blocks with density, or a traction"
+            )
+
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""
         for name in (item.name for item in fields(scene)):
@@ -233,7 +247,7 @@ class Discretization(Layout, Closing):
         new.warnings = self._not_compiled + doubts(scene, self.boundary, new.joints)
         new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
         new.bodies = new._rigid_bodies()
-        _check_live_load(made, new.bodies, scene)
+        new._check_live_load(np.ones_like(new.bodies.floating))
         laws = {"law": new._law(), "compliance": new._compliance()}
         new.problem = replace(self.problem, live=made.live, **laws)
         new.problem, new.imposed = _with_imposed(new)
@@ -438,14 +452,3 @@ def _rigid_motions(elasticity: Elasticity, bodies: RigidBodies) -> PETSc.Mat:
     columns = np.repeat(3 * number[body][:, None] + np.arange(3), 2, axis=0)
     csr = [a.astype(PETSc.IntType) for a in (3 * np.arange(2 * nodes + 1), columns.ravel())]
     return PETSc.Mat().createAIJ(sizes, csr=(*csr, motion.ravel()), comm=comm)
-
-
-def _check_live_load(elasticity: Elasticity, bodies: RigidBodies, scene: Scene) -> None:
-    """Refuse a live load that pushes no body but those that supports hold."""
-    force = np.abs(elasticity.live).reshape(-1, 2).max(axis=1)
-    pushed = bool(np.any(force[bodies.floating[elasticity.node_body]] > 0.0))
-    if not scene.comm.allreduce(pushed, MPI.LOR):
-        raise InputError(
-            "loads.live: the live load is zero on every free body; give it a body force on blocks"
-            " with density, or a traction"
-        )

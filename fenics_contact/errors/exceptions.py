@@ -26,6 +26,10 @@ class SolverError(ContactError):
     """A solver stopped without an answer; the message names its reason and residual."""
 
 
+class NoEquilibriumError(SolverError):
+    """No state was found under the dead load alone; the message says what is known of it."""
+
+
 class EffortError(SolverError):
     """A hard limit on the number of factorisations is reached."""
 

@@ -8,6 +8,13 @@ from dataclasses import dataclass, field
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.problem import Array, State
 
+#: The reason where the rigid-block program has an equilibrium under the dead load, and the elastic
+#: structure was not found to have one.
+NOT_KNOWN = (
+    "no equilibrium was found under the dead load alone, though rigid blocks with associative"
+    " friction stand: not known, held by self-stress if at all"
+)
+
 
 @dataclass(frozen=True)
 class ServiceState:
@@ -15,8 +22,9 @@ class ServiceState:
 
     Attributes:
         status: "equilibrium" if it is verified. "no_equilibrium" if rigid blocks with associative
-            friction prove that there is none; "unstable" if they prove it of the dead load alone
-            and that was asked for. Else "not_converged".
+            friction prove that there is none, or if none was found under the dead load alone in
+            20 bonded solves or so (then `proved` is false); "unstable" if they prove it of the dead
+            load alone and that was asked for. Else "not_converged".
         load_factor: As asked for.
         state: State found, in the supports' coordinates; None if there is none.
         joint_values: Forces, openings and slips of the joints; its rates are those of a motion
@@ -34,3 +42,8 @@ class ServiceState:
     residuals: Mapping[str, float] = field(default_factory=dict)
     reason: str = ""
     fall: Array | None = None
+
+    @property
+    def proved(self) -> bool:
+        """Whether it is known that there is a state, or that there is none."""
+        return self.status != "not_converged" and self.reason != NOT_KNOWN

@@ -189,7 +189,8 @@ def _check(family: Family, points: Sequence[Values], jobs: int) -> float:
         family.to_send()
     tolerances = [family.scene(values).solve.tolerance for values in points[1:]]
     first = family.scene(points[0])
-    Discretization(first).close()
+    with Discretization(first) as made:
+        made.check_pushed()
     return max([first.solve.tolerance, *tolerances])
 
 

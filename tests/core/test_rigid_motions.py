@@ -111,8 +111,8 @@ STACK_AND_ONE = grid_blocks(*(((x, y), (1, 1), (1, 1)) for x, y in ((0, 0), (0, 
     ],
 )  # fmt: skip
 def test_structure_that_is_not_held_or_not_pushed(drawing, holds, message):
-    with pytest.raises(InputError, match=message):
-        build(drawing.model(), **holds)
+    with pytest.raises(InputError, match=message), build(drawing.model(), **holds) as built:
+        built.check_pushed()
 
 
 @pytest.mark.parametrize("holds", ["rollers", "foundation"])

@@ -105,6 +105,11 @@ def test_3_where_only_rigid_blocks_with_associative_friction_stand(folder, capsy
     assert (found.code, record["status"]) == (3, "no_equilibrium")
     assert "no equilibrium was found under the dead load alone" in record["reason"]
     assert record["reason"] in found.out and record["falling_blocks"] == []
+    asked = run_here(["stands", "scene.toml", "-o", "alone"], capsys)
+    assert asked.code == 3 and "it does not stand" not in asked.out
+    assert asked.out.startswith("no equilibrium was found under its dead load\n")
+    both = result(folder / "alone")
+    assert (both["status"], both["reason"]) == (record["status"], record["reason"])
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -15,6 +15,7 @@ from fenics_contact import (
     JointLaw,
     Load,
     Material,
+    Movement,
     OutputOptions,
     Scene,
     SolveOptions,
@@ -92,21 +93,86 @@ def test_does_it_stand(name, answer):
     assert stands(BANK[name].scene(1)) is answer
 
 
-def test_where_neither_a_state_nor_a_proof_is_found_that_is_said():
-    half = Load(body=(0.0, -9.81))
-    with pytest.raises(SolverError, match="neither a state nor a proof that there is none: "):
-        stands(between_walls(half))
+WEIGHT, LIFT = Load(body=(0.0, -9.81)), Load(body=(0.0, 9.81))
+HELD = "not known, held by self-stress if at all"
+LOW, HIGH, WIDE = (rectangle(0.0, y, 1.0, y + h) for y, h in ((0.0, 0.5), (0.5, 0.5), (0.0, 0.8)))
+NARROWED = [(0.0, 0.0), (1.0, 0.0), (0.9, 0.5), (0.1, 0.5)]
 
 
-def between_walls(dead):
-    """A block between two walls that nothing presses on it: only its weight lifted holds it."""
-    walls = sides(left=(0.0, 0.0, 0.0, 0.5), right=(1.0, 0.0, 1.0, 0.5))
-    model = polygons([rectangle(0.0, 0.0, 1.0, 0.5)], 0.25, groups=walls)
-    law = JointLaw(friction=0.5)
+@pytest.mark.parametrize(
+    ("blocks", "friction", "live"),
+    [
+        ([LOW], 0.5, (0.0, 9.81)),
+        ([LOW], 0.2, (9.81, 0.0)),
+        ([LOW], 0.9, (0.0, -9.81)),
+        ([LOW, HIGH], 0.6, (9.81, 0.0)),
+        ([WIDE], 0.3, (-9.81, 3.0)),
+        ([NARROWED], 0.5, (9.81, 0.0)),
+    ],
+    ids=["lifted", "pushed", "weighed down", "two blocks", "pushed up", "under leaning walls"],
+)
+def test_what_only_self_stress_could_hold_has_one_word(blocks, friction, live):
+    """Blocks between two walls that nothing presses on them fall, unlike associative ones."""
+    scene = between_walls(WEIGHT, blocks, friction, Load(body=live))
+    at_rest, pushed, limit = equilibrium(scene, 0.0), equilibrium(scene, 1.0), limit_load(scene)
+    for found in (at_rest, pushed, limit):
+        assert found.status == "no_equilibrium" and found.factorizations <= 100
+    assert at_rest.reason == pushed.reason == limit.reason() and limit.reason().endswith(HELD)
+    assert not at_rest.proved and np.isnan(limit.load_factor) and limit.peak is None
+    with pytest.raises(SolverError, match=f"neither a state nor a proof.*{HELD}"):
+        stands(scene)
+    both = limit_load(replace(scene, solve=SolveOptions(direction="both")))
+    assert (both.status, both.reason()) == ("no_equilibrium", limit.reason())
+
+
+@pytest.mark.parametrize(("pressed", "answer"), [(1.05, True), (0.95, False)])
+def test_a_block_pressed_on_a_rough_wall_stands_by_its_friction(pressed, answer):
+    """F p h against the weight, where friction alone holds and the press is a load."""
+    thrust = pressed * 1000.0 * 9.81 * 0.5 / (0.5 * 0.5)  # Pa: F = 0.5, h = 0.5 m
+    dead = replace(WEIGHT, traction={"left": (thrust, 0.0)})
+    scene = between_walls(dead, [LOW], walls=("right",))
+    assert stands(scene) is answer and equilibrium(scene, 0.0).proved
+    assert limit_load(scene).status == ("limit" if answer else "unstable")
+
+
+def between_walls(dead, blocks=(LOW,), friction=0.5, live=LIFT, walls=("left", "right")):
+    """Blocks whose left and right sides are against rigid walls."""
+    left, right = ([(one[a], one[b]) for one in blocks] for a, b in ((0, 3), (1, 2)))
+    model = polygons(blocks, 0.25, groups={"left": left, "right": right})
+    law = JointLaw(friction=friction)
     material = Material(young=1e9, poisson=0.2, density=1000.0)
-    live = Load(body=(0.0, 9.81))
-    mesh = BlockMesh.from_model(model)
-    return Scene(mesh, {"default": material}, live, dead, foundations={"left": law, "right": law})
+    mesh, ground = BlockMesh.from_model(model), dict.fromkeys(walls, law)
+    joints = {"default": law} if len(blocks) > 1 else {}
+    return Scene(mesh, {"default": material}, live, dead, joints=joints, foundations=ground)
+
+
+#: Blocks, the sides that are held, loaded and moved, the movement, m, and p = E u / L, Pa.
+UPRIGHT = [rectangle(0.0, y, 2.0, y + 2.0) for y in (0.0, 2.0, 4.0)]
+ASIDE = [rectangle(x, 0.0, x + 2.0, 2.0) for x in (0.0, 2.0)]
+PRESSES = {
+    "two": (UPRIGHT[:2], (0, 0, 2, 0), (0, 2, 0, 4), (0, 4, 2, 4), (0.0, -0.02), 1000.0),
+    "vice": (ASIDE, (0, 0, 0, 2), (2, 2, 4, 2), (4, 0, 4, 2), (-0.04, 0.0), 2000.0),
+    "three": (UPRIGHT, (0, 0, 2, 0), (0, 4, 0, 6), (0, 6, 2, 6), (0.0, -0.03), 1000.0),
+    "apart": (UPRIGHT[:2], (0, 0, 2, 0), (0, 2, 0, 4), (0, 4, 2, 4), (0.0, 0.02), 0.0),
+}
+
+
+@pytest.mark.parametrize("name", PRESSES)
+def test_blocks_pressed_by_a_fixed_support_that_moves(name):
+    """No block is free to be pushed by the live load, but in the middle of three."""
+    blocks, held, loaded, moved, by, pressure = PRESSES[name]
+    groups = sides(held=held, loaded=loaded, moved=moved)
+    mesh = BlockMesh.from_model(polygons(blocks, 0.5, groups=groups))
+    material = Material(young=2e5, poisson=0.0, density=0.0)
+    live = Load(traction={"loaded": (1.0, 0.0) if by[1] else (0.0, -1.0)})
+    dead = Load(movement={"moved": Movement(displacement=by)})
+    joints, supports = {"default": JointLaw(friction=0.3)}, {"held": "fixed", "moved": "fixed"}
+    scene = Scene(mesh, {"default": material}, live, dead, joints=joints, supports=supports)
+    found = equilibrium(scene, 0.0)
+    assert found.status == "equilibrium" and stands(scene)
+    assert found.joints["pressure"] == pytest.approx(pressure, rel=1e-6, abs=1e-6)
+    with pytest.raises(InputError, match="the live load is zero on every free body"):
+        limit_load(scene)
 
 
 @pytest.mark.mpi
