@@ -1,5 +1,6 @@
-"""Meshes of simple structures: a short way to `fenics_contact.geometry.meshing`."""
+"""Meshes of simple structures: a short way to `fenics_contact.geometry.meshing` and `closing`."""
 
+from fenics_contact.geometry.closing import closed_joints
 from fenics_contact.geometry.meshing import (
     arch,
     buttress,
@@ -14,6 +15,7 @@ from fenics_contact.geometry.meshing import (
 __all__ = [
     "arch",
     "buttress",
+    "closed_joints",
     "default_size",
     "model_from_arrays",
     "polygons",

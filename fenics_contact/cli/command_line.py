@@ -247,6 +247,9 @@ def _add_mesh(mesh: argparse.ArgumentParser) -> None:
     _add_layers(mesh)
     mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
     mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
+    mesh.add_argument(
+        "--close", action="store_true", help="let stones grow to the middle of their mortar joints"
+    )
     mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
     mesh.add_argument(

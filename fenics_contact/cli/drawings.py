@@ -27,6 +27,7 @@ def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
         roles,
         options.picture,
         options.scene,
+        options.close,
     )
     with raised_together(comm):
         if comm.rank == 0:
@@ -50,6 +51,7 @@ def _next(order: MeshOrder, made: MeshedDrawing) -> list[str]:
         read.lengths,
         made.roles,
         made.closing_gap,
+        made.mortar,
     )
     starter.write(order.scene)
     ground = ", ".join(f"'{name}'" for name in made.roles.ground)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.pairing import Gaps, facing_facets
@@ -28,8 +28,9 @@ class Usual:
         unit_weight: Smallest unit weight of soil or water, N/m3; that of water is 9810.
         poisson: Largest Poisson's ratio; closer to 0.5, linear cells lock in plane strain.
         offset: Largest gap of a joint as a fraction of the longest facet: rounding in files.
-        movement: Largest movement of a support over the side of a square with the area of the
-            smallest block: displacements are small.
+        movement: Largest movement of a support, or of a block until its gap closes, over the side
+            of a square with the area of the smallest block: displacements are small.
+        fall: The same of a block that falls through more than one gap.
     """
 
     friction: float = 2.0
@@ -40,6 +41,11 @@ class Usual:
     poisson: float = 0.49
     offset: float = 1e-6
     movement: float = 0.05
+    fall: float = 0.01
+
+
+#: Stands for no gap, m: graphs have no edges of length 0.
+TOUCHING = 1e-12
 
 
 def doubts(
@@ -56,6 +62,7 @@ def doubts(
         *_of_earth(scene, usual),
         *_of_tractions(scene, boundary),
         *_of_gaps(boundary, joints, usual),
+        *_of_hanging_blocks(scene, boundary, joints, usual),
         *_of_movements(scene, boundary, usual),
     )
 
@@ -140,6 +147,43 @@ def _of_gaps(boundary: Boundary, joints: Joints, usual: Usual) -> Iterator[str]:
         yield (
             f"joints have gaps or overlaps up to {joints.offset:.3g} m in the drawing; they are"
             " taken for closed"
+        )
+
+
+def _of_hanging_blocks(
+    scene: Scene, boundary: Boundary, joints: Joints, usual: Usual
+) -> Iterator[str]:
+    """Blocks that nothing holds until more than one gap closes, or one that is not small.
+
+    A block moves by at least the least sum of gaps on the way from what holds it.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+
+    if not joints.gap.any():
+        return
+    ground = scene.mesh.body_count
+    between = joints.without_ties()
+    pairs = np.sort(np.where(between.bodies == GROUND, ground, between.bodies), axis=1)
+    held = boundary.body[boundary.role(scene.supports) >= 0]
+    every = np.concatenate([pairs, np.column_stack([held, np.full_like(held, ground)])])
+    pairs, pair = np.unique(every, axis=0, return_inverse=True)
+    gap = np.full(len(pairs), np.inf)
+    np.minimum.at(gap, pair.ravel(), np.append(between.gap, np.zeros(len(held))))
+    graph = coo_matrix((np.maximum(gap, TOUCHING), pairs.T), (ground + 1, ground + 1))
+    fall = dijkstra(graph.tocsr(), directed=False, indices=ground)[:ground]
+    own = np.zeros(ground + 1)
+    for side in pairs.T:
+        np.maximum.at(own, side, gap)
+    origin = np.tile(boundary.points[0, 0], (ground, 1))
+    side = float(np.sqrt(boundary.areas(origin).min()))
+    through = (fall > 1.01 * own[:ground]) & (fall > usual.fall * side)
+    deep = np.flatnonzero(np.isfinite(fall) & (through | (fall > usual.movement * side)))
+    if len(deep):
+        yield (
+            f"{len(deep)} blocks hang in the air and fall by up to {fall[deep].max():.3g} m until"
+            " their gaps close, which is not small: load factors are those of blocks that touch,"
+            " without the height of mortar; for mortar mesh the drawing with --close"
         )
 
 

@@ -99,12 +99,15 @@ def check_held(
     loose = np.flatnonzero(np.any(_null_space(gram) != 0.0, axis=(1, 2)))
     if not len(loose):
         return
-    members = np.flatnonzero(cluster == loose[0])
+    untouched = loose[~np.any(gram[loose], axis=(1, 2))]
+    members = np.flatnonzero(np.isin(cluster, untouched if len(untouched) else loose))
     x, y = bodies.centre[members[0]]
-    where = f"{source}: {len(members)} blocks, the first around ({x:g}, {y:g}),"
-    if np.any(gram[loose[0]]):
+    apart = f" in {len(untouched)} places" if len(untouched) > 1 else ""
+    where = f"{source}: {len(members)} blocks{apart}, the first around ({x:g}, {y:g}),"
+    if not len(untouched):
         raise InputError(f"{where} can move all together even with closed joints; add supports")
     raise InputError(
         f"{where} touch neither a support nor a foundation, nor blocks that do; add [supports] or"
-        " [foundations], or check that the blocks touch (joints.default.gap closes gaps)"
+        " [foundations], or check that the blocks touch: fenics-contact mesh --close closes mortar"
+        " joints of a drawing, joints.default.gap gaps that must close first"
     )

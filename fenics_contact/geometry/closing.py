@@ -9,11 +9,12 @@ stays, and joints end halfway between the corners of the two stones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.meshing import (
     COINCIDENT,
     Polygons,
@@ -33,6 +34,8 @@ class MortarLimits:
         reach: Largest thickness over the side of a square of the blocks' mean area; bricks of
             250 mm x 65 mm with joints of 15 mm have 0.12.
         wide: Largest thickness over the most frequent one.
+        share: Part of the length of all joints from which open ones are mortar.
+        few: As `reach`, where fewer are open.
         alike: Part by which thicknesses that count as the same differ.
         facing: Cosine of the largest angle between sides.
         short: Length over thickness from which sides face each other.
@@ -44,6 +47,8 @@ class MortarLimits:
 
     reach: float = 0.25
     wide: float = 2.5
+    share: float = 0.2
+    few: float = 0.06
     alike: float = 0.1
     facing: float = float(np.cos(np.radians(30.0)))
     short: float = 0.5
@@ -82,16 +87,18 @@ class Mortar:
     @classmethod
     def of(cls, outlines: Polygons) -> Mortar:
         """Stretches of joints between outlines, each of shape (corners, 2), either way round."""
+        size = 4.0 * default_size(outlines)
         outlines = [_anticlockwise(outline) for outline in outlines]
         near = COINCIDENT * float(np.ptp(np.concatenate(outlines), axis=0).max())
-        reach = LIMITS.reach * 4.0 * default_size(outlines)
-        every = cls(outlines, near, *_stretches(outlines, near, reach))
-        some = every._only(every.thickness <= LIMITS.wide * every.usual + near)
-        return some._only(some._seen())
+        every = cls(outlines, near, *_stretches(outlines, near, LIMITS.reach * size))
+        every = every._only(every._seen())
+        if every.length[every.open].sum() < LIMITS.share * every.length.sum():
+            every = every._only(every.thickness <= LIMITS.few * size)
+        return every._only(every.thickness <= LIMITS.wide * every.usual + near)
 
     def _only(self, some: Flags) -> Mortar:
-        columns = (self.blocks, self.points, self.place, self.gap)
-        return Mortar(self.outlines, self.near, *(column[some] for column in columns))
+        names = "blocks", "points", "place", "gap"
+        return replace(self, **{name: getattr(self, name)[some] for name in names})
 
     def _seen(self) -> Flags:
         """Stretches with no third stone between their sides, by points across their middles."""
@@ -107,32 +114,61 @@ class Mortar:
 
     @cached_property
     def length(self) -> Array:
-        """Length of every open stretch, m; 0 where the stones touch."""
-        length = np.linalg.norm(self.points[:, 0, 1] - self.points[:, 0, 0], axis=1)
-        return np.where(self.thickness > self.near, length, 0.0)
+        """Length of every stretch, m."""
+        return np.linalg.norm(self.points[:, 0, 1] - self.points[:, 0, 0], axis=1)
+
+    @cached_property
+    def open(self) -> Indices:
+        """Stretches along which the stones do not touch, the thinnest first."""
+        order = np.argsort(self.thickness)
+        return order[self.thickness[order] > self.near]
 
     @cached_property
     def usual(self) -> float:
         """Thickness of most open joints by their length, m; 0 if there are none."""
-        some = self.length > 0.0
-        if not some.any():
+        if not len(self.open):
             return 0.0
-        size = self.thickness[some]
+        size = self.thickness[self.open]
+        length = self.length[self.open]
         _, like = np.unique(np.round(np.log(size) / LIMITS.alike), return_inverse=True)
-        most = like == np.argmax(np.bincount(like, self.length[some]))
-        return float(np.average(size[most], weights=self.length[some][most]))
+        most = like == np.argmax(np.bincount(like, length))
+        return float(np.average(size[most], weights=length[most]))
 
     @cached_property
     def range(self) -> Array:
-        """Thickness that a twentieth of the open joints is below, and one above, m, shape (2,)."""
-        order = np.argsort(self.thickness)
-        part = np.cumsum(self.length[order]) / self.length.sum()
-        return self.thickness[order][np.searchsorted(part, (0.05, 0.95))]
+        """Thickness that nine tenths of the open joints are between, m, shape (2,); 0 if none."""
+        if not len(self.open):
+            return np.zeros(2)
+        part = np.cumsum(self.length[self.open])
+        return self.thickness[self.open][np.searchsorted(part, (0.05 * part[-1], 0.95 * part[-1]))]
+
+    @property
+    def most(self) -> float:
+        """Largest of the usual thicknesses, m; 0 if there are none."""
+        return float(self.range[1])
 
     def said(self, scale: float, unit: str) -> str:
-        """The thickness in a unit of `scale` m, for people."""
+        """The thickness in a unit of `scale` m, for people; empty if there is none."""
         low, usual, high = (f"{t / scale:.3g}" for t in (self.range[0], self.usual, self.range[1]))
+        if not self.usual:
+            return ""
         return f"{usual} {unit}" + ("" if low == high else f" ({low} to {high} {unit})")
+
+
+@checked
+def closed_joints(outlines: Polygons) -> Polygons:
+    """Outlines of stones drawn one by one, grown to the middle of the joints between them.
+
+    Sides that face another stone move, with at most 30 degrees between them and no further apart
+    than mortar joints are thick; the outline of the whole and of openings stays.
+
+    Args:
+        outlines: Corners of every stone in order, either way round, each of shape (corners, 2), m.
+
+    Raises:
+        InputError: If there is no stone, or one has no corners (x, y).
+    """
+    return ClosedJoints(Mortar.of([np.asarray(outline, float) for outline in outlines])).outlines
 
 
 def _anticlockwise(outline: Array) -> Array:
@@ -149,7 +185,7 @@ def _stretches(
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     unit = along / np.where(length > 0.0, length, 1.0)[:, None]
-    every = np.flatnonzero(length > 0.0)
+    every = np.flatnonzero(length > near)
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     for one, other in near_pairs(ends.mean(axis=1), 0.5 * (length + reach), every, every):
         facing = -np.sum(unit[one] * unit[other], axis=1) > LIMITS.facing
@@ -251,11 +287,15 @@ class ClosedJoints:
             np.minimum.at(box[0], owner, places)
             np.maximum.at(box[1], owner, places)
         width = np.ptp(box, axis=0).max(axis=1)
-        is_point = width <= LIMITS.pocket * thick + 10.0 * mortar.near
         along = np.diff(mortar.points.mean(axis=1), axis=1)[:, 0][self._stretch]
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         crossing = _crossings(middle, normal, self._pocket, width)
+        # A point that is not between the sides of all its stretches would cut into stones.
+        aside = np.abs(np.sum(normal * (crossing[self._pocket] - middle), axis=1))
+        outside = self._pocket[aside > 0.5 * self._gap + 10.0 * mortar.near]
+        is_point = width <= LIMITS.pocket * thick + 10.0 * mortar.near
+        is_point[outside] = False
         starts = np.array([path[0] for path in self._paths]).reshape(-1, 2)
         ends = np.array([self._paths[k][-1] for k in self._before[self._turns ^ 1]]).reshape(-1, 2)
         of_turn = is_point[self._pocket]

@@ -29,7 +29,7 @@ class DrawingLimits:
 
     Attributes:
         gap: Corners this close to another block without touching it are told of, relative to the
-            side of a square of the blocks' mean area; mortar joints of brickwork are 0.05 thick.
+            side of a square of the blocks' mean area, or as far as mortar joints are thick.
         cells: Largest number of cells; a limit load of more takes days.
     """
 
@@ -75,16 +75,17 @@ class Drawing:
         found = sides_on(blocks, self.groups, near)
         return {name: float(sides[on].sum()) for name, on in found.items()}
 
-    def gaps(self) -> Array:
+    def gaps(self, thickness: float = 0.0) -> Array:
         """Corners that lie close to another block without touching it, shape (corners, 4).
 
         The columns are x, y and the distance, m, and 1 where it is the distance of a side that the
-        corner faces, 0 where the nearest is another corner; see `DrawingLimits.gap`.
+        corner faces, 0 where the nearest is another corner; see `DrawingLimits.gap`. `thickness` is
+        that of mortar joints, m.
         """
         blocks, near = divided_outlines(list(self.blocks), {})
         ends = sides_of_outlines(blocks)
         owner = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
-        reach = 4.0 * LIMITS.gap * default_size(blocks)
+        reach = max(4.0 * LIMITS.gap * default_size(blocks), 1.01 * thickness)
         rows, middle = _close_corners(ends, owner, near, reach)
         empty = inside_outlines(middle, blocks) < 0  # between corner and block there is no block
         empty[points_near_segments(middle, ends, near).point] = False

@@ -205,6 +205,40 @@ def test_mortar_joints_are_closed_with_what_the_command_says(folder, capsys):
     assert found.code == 0, found.err
 
 
+def bricks_mm(courses: int, joint: float = 10.0) -> list[tuple[object, str]]:
+    """Bricks of 250 mm x 65 mm, one on the other."""
+    boxes = ((0, k * (65 + joint), 250, k * (65 + joint) + 65) for k in range(courses))
+    return [(rectangle(*box), "brick") for box in boxes]
+
+
+def test_mortar_has_a_height_with_close(folder, capsys):
+    write_dxf(folder / "a.dxf", bricks_mm(10))
+    found = run_here(["mesh", "a.dxf", "--scene", "open.toml"], capsys)
+    assert "joints of 10 mm are open: if that is mortar, give --close" in found.out
+    text = (folder / "open.toml").read_text()
+    assert "gap = 0.011" in text and "# If they are mortar, 10 mm, mesh with --close" in text
+    found = run_here(["check", "open.toml"], capsys)
+    assert "warning: 9 blocks hang in the air and fall by up to 0.09 m" in found.out
+    found = run_here(["mesh", "a.dxf", "--close", "--scene", "closed.toml"], capsys)
+    assert "joints of 10 mm closed" in found.out and "warning" not in found.out
+    assert "gap" not in (folder / "closed.toml").read_text()
+    line = ["solve", "closed.toml", "--fast", "--set", "joints.default.friction=0.8"]
+    found = run_here([*line, "--set", "foundations.base.friction=0.8", "-o", "out"], capsys)
+    assert found.code == 0, found.err
+    assert result(folder / "out")["load_factor"] == pytest.approx(0.25 / 0.74, rel=1e-3)
+    assert result(folder / "out")["warnings"] == []
+
+
+def test_all_blocks_that_hang_are_counted(folder, capsys):
+    write_dxf(folder / "block.dxf", bricks_mm(6, 20.0))
+    assert run_here(["mesh", "block.dxf"], capsys).code == 0
+    (folder / "scene.toml").write_text(toml(changed({"foundations.base.friction": 0.6})))
+    found = run_here(["check", "scene.toml"], capsys)
+    assert found.code == 2
+    assert "5 blocks in 5 places, the first around (0.125" in found.err
+    assert "mesh --close" in found.err
+
+
 def test_overlap_names_layers_and_the_place_as_drawn(folder, capsys):
     window = (rectangle(800, 300, 1200, 700), "A-1")
     write_dxf(folder / "block.dxf", [*wall_mm(), window], unit=5)

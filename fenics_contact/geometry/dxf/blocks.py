@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import checked
+from fenics_contact.geometry.closing import ClosedJoints, Mortar
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf import doubts
 from fenics_contact.geometry.dxf.chords import chains_of_chords
@@ -74,7 +75,10 @@ def _place(point: Array, unit: str) -> str:
 
 @checked
 def read_dxf(
-    path: str | Path, unit: str | None = None, roles: LayerRoles | None = None
+    path: str | Path,
+    unit: str | None = None,
+    roles: LayerRoles | None = None,
+    close: bool = False,
 ) -> DxfContents:
     """Read a DXF drawing: its blocks are closed curves, or faces between lines.
 
@@ -88,6 +92,7 @@ def read_dxf(
         path: The file.
         unit: One of `UNITS`; by default that of the file ($INSUNITS).
         roles: Layers of blocks, lines, openings, and those left out; others are guessed.
+        close: Whether stones grow to the middle of the mortar joints between them; see `closing`.
 
     Raises:
         InputError: If ezdxf or shapely is missing, the file is no DXF, has no unit, or no block, or
@@ -105,6 +110,8 @@ def read_dxf(
         read.take_faces()
     else:
         read.take_closed_curves()
+    if close:
+        read.close_joints()
     return read.contents()
 
 
@@ -262,6 +269,35 @@ class _Reading:
             keep = [k for k in range(len(self.blocks)) if k not in numbers]
             self.blocks = [self.blocks[k] for k in keep]
             self.names = [self.names[k] for k in keep]
+
+    # ---- mortar joints
+
+    def close_joints(self) -> None:
+        """Let blocks grow to the middle of the joints between them, with the lines on their sides.
+
+        Raises:
+            InputError: If a block would cross itself.
+        """
+        mortar = Mortar.of(self.blocks)
+        if mortar.usual == 0.0:
+            self.notes.append("no joint is open that --close could close")
+            return
+        closed = ClosedJoints(mortar)
+        for block, name, grown in zip(self.blocks, self.names, closed.outlines, strict=True):
+            if problem := outline_problem(grown):
+                raise InputError(
+                    f"{self.found.source}: the joints around the block on layer '{name}' at"
+                    f" {self._place(doubts.inner_point(block))} cannot be closed, its outline then"
+                    f" {problem}; draw it up to the middle of its joints, or leave out --close"
+                )
+        self.blocks = list(closed.outlines)
+        self.chains = [
+            chain if self._curve(k).closed else closed.moved(chain)
+            for k, chain in enumerate(self.chains)
+        ]
+        self.notes.append(
+            f"joints of {mortar.said(1.0, self.found.unit)} closed: blocks reach to their middle"
+        )
 
     # ---- contents
 

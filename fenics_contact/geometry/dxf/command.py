@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fenics_contact.errors import InputError
+from fenics_contact.geometry.closing import Mortar
 from fenics_contact.geometry.drawing import LIMITS, Drawing
 from fenics_contact.geometry.dxf.blocks import DxfContents, Mark, read_dxf
 from fenics_contact.geometry.dxf.ground import GroupRoles, with_ground
@@ -36,6 +37,7 @@ class MeshOrder:
         picture: File for a picture of what was read, or none.
         scene: File that a scene for the mesh will be written to, or none: the drawing gets a ground
             then.
+        close: See `read_dxf`.
     """
 
     drawing: Path
@@ -45,6 +47,7 @@ class MeshOrder:
     roles: LayerRoles = field(default_factory=LayerRoles)
     picture: Path | None = None
     scene: Path | None = None
+    close: bool = False
 
     @property
     def mesh(self) -> Path:
@@ -77,12 +80,14 @@ class MeshedDrawing:
         lines: What was made, for people.
         closing_gap: `joints.default.gap` that closes gaps between blocks, m, as text; empty if
             there are none.
+        mortar: Thickness of the joints that --close closes, as text; empty if there are none.
     """
 
     read: DxfContents
     roles: GroupRoles | None
     lines: Sequence[str]
     closing_gap: str
+    mortar: str
 
 
 def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
@@ -93,14 +98,15 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
             mesh is written then.
     """
     order.check()
-    read = read_dxf(order.drawing, order.unit, order.roles)
+    read = read_dxf(order.drawing, order.unit, order.roles, order.close)
     roles = None
     if order.scene is not None:
         read, roles = with_ground(read)
     drawing = read.drawing
     size = order.size or default_size(list(drawing.blocks))
     pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
-    gaps = drawing.gaps()
+    mortar = Mortar.of(list(drawing.blocks))
+    gaps = drawing.gaps(mortar.most)
     if order.picture is not None:
         _draw(read, gaps, places, order.picture)
     if len(pairs):
@@ -108,11 +114,13 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     _check_size(drawing, size)
     triangles = _meshed(drawing, size, order.mesh)
     lines = _said(order, read, f"{triangles} triangles, elements of at most {size:.3g} m")
-    lines += _gap_warning(read, gaps)
+    thickness = mortar.said(UNITS[read.unit], read.unit)
+    gap = _closing_gap(mortar.most, gaps)
+    lines += _gap_warning(read, gaps, gap, thickness)
     if order.picture is not None:
         lines.append(f"picture of what was read: {order.picture}")
     lines.append(f"written to {order.mesh}")
-    return MeshedDrawing(read, roles, lines, _closing_gap(gaps))
+    return MeshedDrawing(read, roles, lines, gap, thickness)
 
 
 def _said(order: MeshOrder, read: DxfContents, mesh: str) -> list[str]:
@@ -169,22 +177,27 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
     return f"{source}: blocks overlap at {read.place(*places[0])}, {on}{more}; {cure}"
 
 
-def _gap_warning(read: DxfContents, gaps: Array) -> Iterator[str]:
+def _gap_warning(read: DxfContents, gaps: Array, gap: str, mortar: str) -> Iterator[str]:
     """How many corners lie beside another block, how far, and how to close the gaps."""
     if not len(gaps):
         return
     facing = _facing(gaps)
     least, most = facing[:, 2].min(), facing[:, 2].max()
-    gap = _closing_gap(gaps)
     in_unit = " to ".join(dict.fromkeys(f"{d / UNITS[read.unit]:.3g}" for d in (least, most)))
-    mortar = len(gaps) > len(read.drawing.blocks)
+    many = len(gaps) > len(read.drawing.blocks)
     yield (
         f"warning: {len(gaps)} corners lie beside another block without touching it, {in_unit}"
         f" {read.unit} away ({facing[0, 2]:.2g} m at {read.place(*facing[0, :2])})"
-        f"{': mortar joints?' if mortar else ''}"
+        f"{': mortar joints?' if many else ''}"
     )
+    if mortar:
+        yield (
+            f"joints of {mortar} are open: if that is mortar, give --close, which lets the blocks"
+            " reach to the middle of their joints; mortar has a height"
+        )
+    cure = "if they must close first" if mortar else "these joints are open; to close them"
     yield (
-        f"these joints are open; to close them write joints.default.gap = {gap} in the scene, or"
+        f"{cure} write joints.default.gap = {gap} in the scene, or"
         f" fenics-contact solve SCENE --set joints.default.gap={gap}; or draw the blocks side by"
         " side"
     )
@@ -195,11 +208,11 @@ def _facing(gaps: Array) -> Array:
     return gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps
 
 
-def _closing_gap(gaps: Array) -> str:
-    """Distance, m, that is a little larger than the largest gap; empty without gaps."""
+def _closing_gap(mortar: float, gaps: Array) -> str:
+    """Distance, m, that is a little larger than mortar joints, else than the largest gap."""
     if not len(gaps):
         return ""
-    most = _facing(gaps)[:, 2].max()
+    most = mortar or _facing(gaps)[:, 2].max()
     step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
     return f"{np.ceil(1.05 * most / step) * step:.2g}"
 

@@ -32,6 +32,7 @@ class Starter:
         lengths: Of the sides in every one-dimensional group, m.
         roles: Of these groups.
         gap: Of mortar joints, m, as text; empty where blocks touch.
+        mortar: Their thickness, for people; empty where `mesh --close` finds none.
     """
 
     title: str
@@ -40,6 +41,7 @@ class Starter:
     lengths: Mapping[str, float]
     roles: GroupRoles
     gap: str = ""
+    mortar: str = ""
 
     def write(self, target: Path) -> None:
         """Write the scene file; one that is there stays.
@@ -79,7 +81,10 @@ class Starter:
         yield from ("", _line("[joints.default]", "wherever two blocks touch"))
         yield f"friction = {FRICTION}"
         if self.gap:
-            yield _line(f"gap = {self.gap}", "m; closes the gaps between blocks, as of mortar")
+            yield _line(f"gap = {self.gap}", "m; gaps between blocks, which must close first")
+        if self.mortar:
+            yield f"# If they are mortar, {self.mortar}, mesh with --close, and delete this line:"
+            yield "# mortar has a height, and blocks with a gap fall until they touch."
         for name in self.roles.joints:
             if name != "default":
                 yield from ("", _line(f"[joints.{_key(name)}]", self._length(name)))
