@@ -9,6 +9,7 @@ from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, SolveOpti
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.drawing import Drawing, read_dxf
 from fenics_contact.geometry.closing import Mortar
+from fenics_contact.geometry.dxf.command import MeshOrder, mesh_drawing
 from fenics_contact.geometry.meshing import outline_problem
 from fenics_contact.geometry.outlines import overlaps
 from fenics_contact.meshing import closed_joints, polygons
@@ -176,6 +177,17 @@ def test_rings_of_voussoirs_keep_their_arcs(tmp_path):
     opening = max(whole(grown.blocks).interiors, key=lambda ring: shapely.Polygon(ring).area)
     # The window is 0.8 m wide, from the course below to the crown.
     assert shapely.Polygon(opening).bounds == pytest.approx((0.64, 0.59, 1.44, 1.6), abs=1e-3)
+
+
+def test_corners_of_the_outline_beside_closed_joints_are_no_gaps(tmp_path):
+    """A lower stone stands beside the wall: its joint ends at the wall's corner."""
+    stones = [*bond(0.25, 0.065, (0.01, 0.01))[:5], box(1.3, 0.0, 0.25, 0.065)]
+    stones.append(box(0.0, 0.075, 1.29, 0.065))
+    written([(np.pad(s, ((0, 0), (0, 1))), "brick") for s in stones], tmp_path / "a.dxf")
+    order = MeshOrder(tmp_path / "a.dxf", close=True, scene=tmp_path / "a.toml")
+    made = mesh_drawing(order)
+    assert made.closing_gap == "" and made.mortar == ""
+    assert not any("warning" in line for line in made.lines)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -107,6 +107,8 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
     mortar = Mortar.of(list(drawing.blocks))
     gaps = drawing.gaps(mortar.most)
+    if order.close:  # corners of the outline beside a joint that was closed face nothing
+        gaps = gaps[gaps[:, 3] > 0.0]
     if order.picture is not None:
         _draw(read, gaps, places, order.picture)
     if len(pairs):
