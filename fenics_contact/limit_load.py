@@ -54,7 +54,7 @@ from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import UNVERIFIED, View, view_of
-from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.bounds import LimitBounds, rounded
 from fenics_contact.results.history import CapacityPoint, Peak, Step, TracePoint
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
@@ -138,7 +138,7 @@ class LimitLoad(Result, ForForms, Pictured):
         return replace(
             self,
             ends={**self.ends, direction: replace(end, peak=peak)},
-            capacity=curve,
+            capacity=tuple(_rounded(point, end.size) for point in curve),
             factorizations=self.factorizations + made.factorizations(),
             mode_factorizations=self.mode_factorizations + made.mode_tally.count,
             cost=self.cost + made.effort.spent,
@@ -564,6 +564,7 @@ def _result(
     seconds: dict[str, float],
     fall: Array | None = None,
 ) -> LimitLoad:
+    ends = {name: _rounded(end, end.size) for name, end in ends.items()}
     spared = skipped_iterations([one for end in ends.values() for one in end.history])
     for item in spared:
         _log.info("skipped: %s", item)
@@ -579,6 +580,11 @@ def _result(
         fall=fall,
         seismic=_seismic(discretization.layout, ends),
     )
+
+
+def _rounded(record: Any, size: float) -> Any:
+    """A record whose load factor is 0 where it cannot be told from it; see `bounds.rounded`."""
+    return replace(record, load_factor=rounded(record.load_factor, size))
 
 
 def _seismic(layout: Layout, ends: Mapping[str, Collapse]) -> dict[str, SeismicCheck]:

@@ -66,6 +66,13 @@ class Boundary:
         flux = np.sum(arm * self.normal, axis=1) * self.length
         return 0.5 * np.bincount(self.body, flux, len(centre))
 
+    def centroids(self, centre: Array) -> Array:
+        """Centre of area of every body, m, shape (bodies, 2); a point near each is given."""
+        arm = self.points[:, :2].mean(axis=1) - centre[self.body]
+        flux = np.sum(arm * self.normal, axis=1) * self.length
+        moments = [np.bincount(self.body, flux * part, len(centre)) / 3.0 for part in arm.T]
+        return centre + np.column_stack(moments) / self.areas(centre)[:, None]
+
     def role(self, names: Iterable[str]) -> Indices:
         """Position in `names` of the group each facet is in, -1 where none, shape (facets,).
 

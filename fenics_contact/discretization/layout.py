@@ -77,6 +77,18 @@ class Layout:
         """Stress by strain, as functions by cell; collective as `space`."""
         return stress_law(self.scene)
 
+    @cached_property
+    def centroid(self) -> Array:
+        """Centre of area of every body, m, shape (bodies, 2): its place for people."""
+        return self.boundary.centroids(self.bodies.centre)
+
+    def centroid_motions(self, values: Array) -> Array:
+        """Motions as of `block_motions`, with the displacement of the centroid. Collective."""
+        motion = self.block_motions(values)
+        arm = self.centroid - self.bodies.centre
+        turned = motion[:, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
+        return np.column_stack([motion[:, :2] + turned, motion[:, 2]])
+
     def bodies_area(self) -> float:
         """Area of all bodies, m2."""
         return float(self.boundary.areas(self.bodies.centre).sum())

@@ -88,7 +88,7 @@ def _write_fields(result: Result, folder: Path, hurry: Callable[[], bool]) -> li
     options = result.scene.output
     lost: list[str] = []
     if result.fall is not None and options.pictures and not hurry():
-        title = "falls under its dead load"
+        title = "does not stand under its dead load"
         with going_on(lost):
             path = folder / "collapse"
             fall = draw_blocks(result.layout, result.falling, result.fall, title, path)
@@ -242,15 +242,14 @@ def result_record(result: Result) -> Record:
     if collapse is not None:
         record |= _collapse_record(result, collapse)
     record["iterations"] |= _record(result, "factorizations", "mode_factorizations")
+    ends = {name: _end_record(result, end) for name, end in result.ends.items()}
+    directions = {n: ends[n] | _collapse_record(result, end) for n, end in result.ends.items()}
     if negative is not None and negative is not collapse:
-        record["negative"] = {
-            "status": negative.status,
-            "bounds": _record(negative.bounds, *BRACKET),
-            **_collapse_record(result, negative),
-        }
+        record["negative"] = directions["negative"]
     return record | {
         **origin_record(layout),
-        "ends": {name: _end_record(result, end) for name, end in result.ends.items()},
+        "ends": ends,
+        "directions": directions,
         "warnings": [*layout.warnings, *result.contradictions, *_mesh_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,

@@ -57,7 +57,7 @@ def _draw(found: ServiceState, layout: Layout, view: View | None, folder: Path) 
     """Pictures of the state, or of the blocks that fall. Collective."""
     if found.fall is not None:
         falling = falling_blocks(layout, found.fall)
-        title = "falls under its dead load"
+        title = "does not stand under its dead load"
         draw_blocks(layout, falling, found.fall, title, folder / "collapse")
     if found.state is not None and view is not None:
         title = f"{found.status.replace('_', ' ')}, load factor {found.load_factor:.6g}"

@@ -69,7 +69,7 @@ class View:
         values: Forces, openings and slips of a collapse; None where there is none.
         motion: Displacements of the facets' ends in the mode, scaled, m, shape (facets, 2, 2).
         joint_motion: Those of the joint points, mean of both sides, shape (points, 2).
-        centre: A point inside every block, m, shape (blocks, 2).
+        centre: Centre of area of every block, m, shape (blocks, 2).
         area: Of all blocks, m2.
         material: Number of the material of every block, as an index into `materials`.
         materials: Names.
@@ -175,7 +175,7 @@ def view_of(
         values=values and values.first(len(joints.nodes)),
         motion=motion,
         joint_motion=at_points,
-        centre=layout.bodies.centre,
+        centre=layout.centroid,
         area=layout.bodies_area(),
         material=_materials(layout),
         materials=tuple(scene.materials),

@@ -16,6 +16,11 @@ def meet(lower: float, upper: float) -> bool:
     return math.isfinite(size) and upper - lower <= MEET * size
 
 
+def rounded(number: float, size: float) -> float:
+    """A load factor, 0 where it cannot be told from it; `size` is what others are relative to."""
+    return 0.0 if abs(number) <= MEET * size < math.inf else number
+
+
 @dataclass(frozen=True)
 class LimitBounds:
     """Values of the linear programs for one direction of the live load.
@@ -41,6 +46,11 @@ class LimitBounds:
         """The bounds in the opposite sign of the live load."""
         values = self.upper, self.lower, self.frictionless
         return LimitBounds(*(None if b is None else -b + 0.0 for b in values))
+
+    def rounded(self, size: float) -> LimitBounds:
+        """The bounds, 0 where they cannot be told from it."""
+        values = self.lower, self.upper, self.frictionless
+        return LimitBounds(*(None if b is None else rounded(b, size) for b in values))
 
     def told(self, number: Callable[[float], str]) -> str:
         """The bounds in words, with a form for numbers."""

@@ -48,8 +48,10 @@ class Mechanism:
 
 def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
     """What a mode does; `mode` is this rank's part in the supports' coordinates. Collective."""
-    centre = layout.bodies.centre
-    velocity, speed, edge_speed = _motions(layout, mode)
+    motion = layout.centroid_motions(mode)
+    speed, reach = _largest(layout, mode)
+    velocity = motion[:, :2]
+    edge_speed = np.abs(motion[:, 2]) * reach
     fastest = int(np.argmax(speed))
     least = MOVES * speed[fastest]
     pace = float(np.linalg.norm(velocity[fastest]))
@@ -58,32 +60,19 @@ def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
         np.flatnonzero(speed > least),
         np.flatnonzero(edge_speed > least),
         fastest,
-        centre[fastest],
+        layout.centroid[fastest],
         direction,
         *_counts(layout.joints.without_ties(), values.first(layout.joints.joint_count)),
     )
 
 
-def _motions(layout: Layout, mode: Array) -> tuple[Array, Array, Array]:
-    """Of all bodies: mean velocity, largest speed of a node, and the speed that turning gives it.
-
-    Arms of nodes are measured from the mean of the body's nodes.
-    """
-    comm = layout.scene.comm
-    count = len(layout.bodies.centre)
-    body = layout.node_body
-    arm = layout.arm
-    v = layout.cartesian(mode)
-    reach = np.linalg.norm(arm, axis=1)
-    spin = arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]
-    sums = np.zeros((count, 5))
-    np.add.at(sums, body, np.column_stack([v, spin, reach**2, np.ones(len(v))]))
-    largest = np.zeros((count, 2))
-    np.maximum.at(largest, body, np.column_stack([np.linalg.norm(v, axis=1), reach]))
-    comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
-    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    turning = np.abs(sums[:, 2] / sums[:, 3]) * largest[:, 1]
-    return sums[:, :2] / sums[:, 4:], largest[:, 0], turning
+def _largest(layout: Layout, mode: Array) -> tuple[Array, Array]:
+    """Of all bodies: largest speed of a node, and largest distance of one from their mean."""
+    size = [np.linalg.norm(table, axis=1) for table in (layout.cartesian(mode), layout.arm)]
+    largest = np.zeros((len(layout.bodies.centre), 2))
+    np.maximum.at(largest, layout.node_body, np.column_stack(size))
+    layout.scene.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    return largest[:, 0], largest[:, 1]
 
 
 def _counts(joints: Joints, values: JointValues) -> tuple[int, int, int, int]:

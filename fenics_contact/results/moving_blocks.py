@@ -10,6 +10,8 @@ from fenics_contact.solvers.problem import Array
 
 #: Blocks fall, or wedge, from this part of the largest motion, or force, on.
 MOVES = 1e-6
+#: A block turns from this part of its motion on, and slides at this angle to its load.
+OBLIQUE = 1e-3
 #: Blocks that a line names.
 NAMED = 5
 
@@ -33,9 +35,26 @@ def falling_blocks(layout: Layout, fall: Array | None) -> Indices:
 
 
 def fall_reason(layout: Layout, fall: Array | None) -> str:
-    """That the dead load does not stand and which blocks fall, for people."""
-    blocks = named_blocks(falling_blocks(layout, fall), layout.bodies.centre, "fall")
-    return f"there is no equilibrium under the dead load alone: {blocks}"
+    """That the dead load does not stand and what the blocks do, for people.
+
+    They turn, or fall along their dead load, or else slide.
+    """
+    blocks = falling_blocks(layout, fall)
+    motion = np.zeros((len(layout.centroid), 3)) if fall is None else fall
+    shift = motion[blocks, :2]
+    dead = layout.bodies.dead[blocks, :2]
+    pace = np.linalg.norm(shift, axis=1)
+    turning = np.abs(motion[blocks, 2]) * layout.bodies.size
+    turns = turning > OBLIQUE * (pace + turning)
+    cross = np.abs(shift[:, 0] * dead[:, 1] - shift[:, 1] * dead[:, 0])
+    falls = ~turns & (cross <= OBLIQUE * np.sum(shift * dead, axis=1))
+    kinds = {"fall": falls, "slide": ~turns & ~falls, "turn": turns}
+    parts = [
+        named_blocks(blocks[which], layout.centroid, what)
+        for what, which in kinds.items()
+        if np.any(which)
+    ]
+    return f"there is no equilibrium under the dead load alone: {', '.join(parts)}"
 
 
 def named_blocks(blocks: Indices, centre: Array, what: str) -> str:

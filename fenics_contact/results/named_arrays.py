@@ -117,10 +117,10 @@ def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None)
 
     | name | unit | |
     |---|---|---|
-    | `centre` | m | mean position of its nodes, shape (blocks, 2) |
+    | `centre` | m | centre of its area, shape (blocks, 2) |
     | `area` | m2 | |
     | `dead_load`, `live_load` | N/m | resultants, for a load factor of 1, shape (blocks, 2) |
-    | `displacement` | m | mean of its nodes at collapse, shape (blocks, 2) |
+    | `displacement` | m | of its centre at collapse, shape (blocks, 2) |
     | `rotation` | rad | at collapse, anticlockwise |
     | `mode`, `mode_rotation` | m, rad | in the collapse mode, on which the live load does work 1 |
 
@@ -129,7 +129,7 @@ def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None)
     """
     bodies = layout.bodies
     sources: dict[str, Callable[[], Values]] = {
-        "centre": lambda: bodies.centre,
+        "centre": lambda: layout.centroid,
         "area": partial(layout.boundary.areas, bodies.centre),
         "dead_load": lambda: bodies.dead[:, :2],
         "live_load": lambda: bodies.live[:, :2],
@@ -145,4 +145,4 @@ def block_arrays(layout: Layout, displacement: Array | None, mode: Array | None)
 
 
 def _motions(layout: Layout, values: Array, columns: int | slice) -> Values:
-    return layout.block_motions(values)[:, columns]
+    return layout.centroid_motions(values)[:, columns]

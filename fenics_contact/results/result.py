@@ -130,7 +130,7 @@ class Collapse:
         checks the programs and the other residuals. Errors by the mesh do not lead out of the
         bracket. The load factor of a state that is none of equilibrium is left out if it is beyond.
         """
-        bounds = self.bounds
+        bounds = self.bounds.rounded(self.size)
         outside = self._outside(bounds)
         known = replace(self, program=partial(known_bounds, bounds))
         if self.certificate is None or self.status != "limit":
@@ -336,7 +336,7 @@ class Result:
             return "; ".join(filter(None, dict.fromkeys(map(self.reason, self.ends.values()))))
         if end.status != "unbounded":
             return end.reason
-        blocks = named_blocks(self.wedged(end), self.layout.bodies.centre, "wedge")
+        blocks = named_blocks(self.wedged(end), self.layout.centroid, "wedge")
         return f"nothing limits the live load: {blocks}"
 
     @property

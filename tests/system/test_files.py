@@ -477,6 +477,45 @@ def check_continuation(path: dict[str, Any], sign: float, exact: float) -> None:
     assert all(math.isfinite(step["displacement"]) for step in path["steps"])
 
 
+#: Keys of one collapse that result.json has at the top level, too, for the first direction.
+OF_A_COLLAPSE = "residuals error_estimate static_factor peak lowest discretization states".split()
+
+#: A push with the weight to the right or up, against which the block does not slide.
+BY_DIRECTION = {
+    "pushed": {"loads.dead.traction": {"left": [400.0, 0.0]}},
+    "lifted": {"loads.live.body": [0.0, -9.81]},
+    "tipped": {"foundations.base.friction": 4.0, "loads.dead.body": [1.0, -9.81]},
+}
+
+
+@pytest.mark.parametrize("name", BY_DIRECTION)
+def test_both_directions_have_all_that_one_has(name, tmp_path, capsys):
+    """The negative one as where it is asked for alone; the first is at the top level."""
+    (tmp_path / "alone").mkdir()
+    changes = BY_DIRECTION[name]
+    both = solve_here(tmp_path, capsys, {**changes, "solve.direction": "both"})
+    alone = solve_here(tmp_path / "alone", capsys, {**changes, "solve.direction": "negative"})
+    assert set(both["directions"]) == {"positive", "negative"} == set(both["ends"])
+    assert set(alone["directions"]) == {"negative"}
+    for direction, end in both["directions"].items():
+        assert both["ends"][direction].items() <= end.items()
+        suffix = "_negative" if direction == "negative" else ""
+        assert end["load_factor"] == both[f"load_factor{suffix}"]
+    first = both["directions"]["positive"]
+    for key in OF_A_COLLAPSE:
+        assert first.get(key, both[key] if key in both else None) == both.get(key), key
+    negative = both["directions"]["negative"]
+    other = alone["directions"]["negative"]
+    assert negative.keys() == other.keys() and negative["status"] == other["status"] == "limit"
+    assert negative["load_factor"] == pytest.approx(other["load_factor"], rel=1e-6)
+    assert negative["peak"]["status"] == other["peak"]["status"]
+    assert negative["lowest"]["status"] == other["lowest"]["status"] == "none"
+    assert negative["discretization"]["estimate"] == pytest.approx(
+        other["discretization"]["estimate"], rel=1e-3, abs=1e-6
+    )
+    assert negative.items() >= both["negative"].items()
+
+
 @pytest.mark.parametrize("direction", ["positive", "negative", "both"])
 def test_ends_and_states_found_are_listed(direction, tmp_path, capsys):
     changes = {"solve.states": "lowest", "solve.direction": direction}

@@ -35,7 +35,7 @@ SCENES: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         "block",
         ["no limit", "1 of 1 block wedge: 0."],
     ),
-    "unstable": ({}, "overhang", ["2 of 3 blocks fall: 1, 2."]),
+    "unstable": ({}, "overhang", ["2 of 3 blocks move: 1, 2.", "2 at (1.3, 0.5) turn."]),
     "no_equilibrium": (JAMMED, "block", ["no equilibrium was found under the dead load alone"]),
     "not_converged": ({"materials.default.poisson": 0.4999999999999999}, "block", ["not verified"]),
 }
@@ -454,6 +454,52 @@ def test_a_sweep_beside_the_result_is_its_sensitivity(place, folder, capsys):
     (beside / "sweep.csv").write_text(SWEEP.replace("0.31234567", "abc"))
     assert run_here(["report", "scene"], capsys).code == 0
     assert "Sensitivity" not in page_of(folder / "scene").text
+
+
+#: Values of a key, changes of the scene, pictures, and the worst case by hand.
+SWEEPS = {
+    "friction": ("foundations.base.friction=0.1,0.2,0.3", {}, 1, "0.1 at foundations.base", "0.1"),
+    "load": ("loads.live.body=[9.81,0]:[19.62,0]:3", {}, 2, "0.15 at loads.live.body", "0.15"),
+    "reversed": (
+        "foundations.base.friction=0.25,0.3",
+        {"solve.direction": "negative"},
+        1,
+        "-0.25 at foundations.base.friction = 0.25 with the live load reversed",
+        "-0.25",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_has_a_page_of_its_own(name, folder, capsys):
+    vary, changes, pictures, worst, bound = SWEEPS[name]
+    write_scene(folder, {"joints": {}} | changes)
+    assert run_here(["sweep", "scene.toml", "--vary", vary, "-o", "out"], capsys).code == 0
+    found = run_here(["report", "out", "--project", "<Gate> $a$"], capsys)
+    assert (found.code, found.out, found.err) == (0, "written to out/report.html\n", "")
+    page = page_of(folder / "out")
+    assert f"The lowest is {worst}" in page.text and f"bracket is {bound} to {bound}." in page.text
+    assert "Project: <Gate> $a$" in page.text and "stopped" not in page.text
+    assert len(page.pictures) == pictures
+    rows = [cells for cells in page.cells if "limit" in cells]
+    assert len(rows) == len(list((folder / "out" / "sweep.csv").open())) - 1
+
+
+def test_a_sweep_that_was_stopped_says_so_and_one_that_cannot_be_read_is_refused(folder, capsys):
+    write_scene(folder, {"joints": {}})
+    vary = ["--vary", "foundations.base.friction=0.1,0.2,0.3"]
+    assert run_here(["sweep", "scene.toml", *vary, "-o", "out"], capsys).code == 0
+    path = folder / "out" / "sweep.csv"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:3]))
+    assert run_here(["report", "out"], capsys).code == 0
+    assert "It was stopped: 2 of 3 points are there." in page_of(folder / "out").text
+    (folder / "out" / "report.html").unlink()
+    path.write_bytes("".join(lines).encode("utf-16"))
+    found = run_here(["report", "out"], capsys)
+    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+    assert "out/sweep.csv cannot be read as a sweep" in found.err
+    assert not (folder / "out" / "report.html").exists()
 
 
 def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):

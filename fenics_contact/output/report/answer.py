@@ -83,20 +83,15 @@ def _verdict(record: Record) -> Iterator[str]:
 
 def _labels(content: Content) -> str:
     """Project, author, date and program in one line."""
-    labels = content.labels
     record = content.record
-    named = [
-        f"Project: {labels.project}" if labels.project else "",
-        f"Author: {labels.author}" if labels.author else "",
-        f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}",
-    ]
-    return " \N{MIDDLE DOT} ".join(filter(None, named))
+    made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
+    return " \N{MIDDLE DOT} ".join([*content.labels.named(), made])
 
 
 def _caption(record: Record, direction: str) -> str:
     """What the picture of one end shows."""
     if record["status"] == "unstable":
-        return "Blocks that fall under the dead load, by number."
+        return "Blocks that move under the dead load, by number."
     if record["ends"][direction]["status"] == "unbounded":
         return "Blocks that wedge, by number."
     one = "collapse" if direction == "positive" or len(record["ends"]) == 1 else "collapse_negative"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +20,8 @@ RECORD = "result.json"
 #: Pictures that a page can hold, by ending; the first that exists.
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Files of a sweep, and what its folder has behind the name of the result's.
-SWEEP, SWEEP_RECORD, SWEEP_PICTURE, SWEEP_FOLDER = "sweep.csv", "sweep.json", "sweep.png", "_sweep"
+SWEEP, SWEEP_RECORD, SWEEP_FOLDER = "sweep.csv", "sweep.json", "_sweep"
+SWEEP_PICTURE, WORST_PICTURE = "sweep.png", "worst.png"
 
 Record = Mapping[str, Any]
 
@@ -36,22 +38,45 @@ class Labels:
     project: str = ""
     author: str = ""
 
+    def named(self) -> list[str]:
+        """Those that are given, in words."""
+        names = {"Project": self.project, "Author": self.author}
+        return [f"{name}: {text}" for name, text in names.items() if text]
+
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep that lies beside a result.
+    """A sweep, beside a result or alone.
 
     Attributes:
         keys: That vary.
         rows: Of the table, by column.
+        points: That it has once it is done.
         picture: Data URI; empty if there is none.
-        folder: Where it is.
+        worst: The mechanism of the lowest load factor, likewise.
+        folder: Name of that where it is.
+        version: Of the program.
     """
 
     keys: tuple[str, ...]
     rows: tuple[Mapping[str, str], ...]
+    points: int
     picture: str
+    worst: str
     folder: str
+    version: str
+
+    @property
+    def lowest(self) -> Mapping[str, str]:
+        """Row of the limit load nearest to failure, of both directions; empty if there is none."""
+        found = [row for row in self.rows if row["status"] == "limit"]
+        return min(found, key=least, default={})
+
+
+def least(row: Mapping[str, str]) -> float:
+    """The lower load factor of both directions in a row; infinite if it has none."""
+    known = float(row["load_factor"] or "inf"), -float(row.get("load_factor_negative") or "-inf")
+    return min(known)
 
 
 @dataclass(frozen=True)
@@ -110,9 +135,9 @@ def read_content(folder: Path, labels: Labels) -> Content:
     """
     record = _read(folder)
     files = record.get("files", ())
-    return Content(
-        record, _pictures(folder, files), _motions(folder, files), _sweep(folder), labels
-    )
+    beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
+    sweep = read_sweep(folder) or read_sweep(beside)
+    return Content(record, _pictures(folder, files), _motions(folder, files), sweep, labels)
 
 
 def _read(folder: Path) -> Record:
@@ -122,8 +147,11 @@ def _read(folder: Path) -> Record:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         there = "cannot be read" if path.exists() else "is not there"
+        table = folder / SWEEP
+        if table.exists():
+            there += f" and {table} cannot be read as a sweep"
         raise InputError(
-            f"{path} {there}; give the folder that `fenics-contact solve` wrote to"
+            f"{path} {there}; give the folder that `fenics-contact solve` or `sweep` wrote to"
         ) from error
     if isinstance(record, dict) and record.get("status") == "equilibrium":
         raise InputError(f"{path} is that of a state at a given load factor; give a limit load")
@@ -162,22 +190,22 @@ def _motions(folder: Path, files: Iterable[str]) -> Mapping[str, Any]:
     return found
 
 
-def _sweep(folder: Path) -> Sweep | None:
-    """A sweep in the folder, or in the one that `fenics-contact sweep` writes to beside it."""
-    beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
-    for place in (folder, beside):
-        try:
-            vary = json.loads((place / SWEEP_RECORD).read_text(encoding="utf-8"))["vary"]
-            keys = tuple(key for names in vary for key in names.split(", "))
-            with (place / SWEEP).open(encoding="utf-8", newline="") as file:
-                rows = _whole_rows(list(csv.DictReader(file)), keys)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, csv.Error):
-            continue  # no sweep, or one that was touched by hand: the page does without
-        if rows:
-            shown = place / SWEEP_PICTURE
-            address = _address(shown) if shown.is_file() else ""
-            return Sweep(keys, rows, address, place.name)
-    return None
+def read_sweep(folder: Path) -> Sweep | None:
+    """The sweep in a folder; None if there is none, or one that was touched by hand."""
+    try:
+        record = json.loads((folder / SWEEP_RECORD).read_text(encoding="utf-8"))
+        keys = tuple(key for names in record["vary"] for key in names.split(", "))
+        with (folder / SWEEP).open(encoding="utf-8-sig", newline="") as file:
+            rows = _whole_rows(list(csv.DictReader(file)), keys)
+        points = math.prod(map(len, record["vary"].values()))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, csv.Error):
+        return None
+    if not rows:
+        return None
+    paths = [folder / name for name in (SWEEP_PICTURE, WORST_PICTURE)]
+    shown, worst = (_address(path) if path.is_file() else "" for path in paths)
+    place = folder.resolve().name
+    return Sweep(keys, rows, points, shown, worst, place, f"{record.get('version')}")
 
 
 def _whole_rows(
@@ -188,6 +216,6 @@ def _whole_rows(
     whole = []
     for row in rows:
         if all(isinstance(row.get(name), str) for name in needed):
-            float(row["load_factor"] or "nan")
+            least(row)
             whole.append(row)
     return tuple(whole)

@@ -52,8 +52,8 @@ def how_it_fails(content: Content) -> Iterator[str]:
     total = record["mesh"]["bodies"]
     if record["falling_blocks"]:
         falling = record["falling_blocks"]
-        words = f"{len(falling)} of {counted(total, 'block')} fall: {numbers(falling)}."
-        yield paragraph(words, "No joint resists this motion.")
+        words = f"{len(falling)} of {counted(total, 'block')} move: {numbers(falling)}."
+        yield paragraph(words, f"The reason: {record['reason']}. No joint resists this motion.")
         yield from _moving(content, "fall", falling)
     for place, (direction, end) in enumerate(record["ends"].items()):
         prefix = f"With the {direction_words(direction)}:"

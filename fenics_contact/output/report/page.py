@@ -7,7 +7,7 @@ shown displaced. All texts of the user are escaped.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 
@@ -15,13 +15,20 @@ from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import first_page
 from fenics_contact.output.report.appendix import computation, verification
-from fenics_contact.output.report.content import RECORD, Content, Labels, read_content
+from fenics_contact.output.report.content import (
+    RECORD,
+    Content,
+    Labels,
+    Sweep,
+    read_content,
+    read_sweep,
+)
 from fenics_contact.output.report.forces import forces
 from fenics_contact.output.report.html import bullets, heading, paragraph, text
 from fenics_contact.output.report.mechanism import how_it_fails, script
 from fenics_contact.output.report.pdf import pdf_of, pdf_writer
 from fenics_contact.output.report.ranges import load_factors
-from fenics_contact.output.report.sensitivity import sensitivity
+from fenics_contact.output.report.sensitivity import sensitivity, sweep_parts
 from fenics_contact.output.report.structure import loads_and_groups, structure
 from fenics_contact.output.report.words import CRUSHING, ELASTIC, NOTES, STYLE
 
@@ -38,10 +45,10 @@ def write_report(
     pdf: Path | None = None,
     labels: Labels | None = None,
 ) -> list[Path]:
-    """Write the page on the result in a folder, on this rank.
+    """Write the page on the result, or the sweep, in a folder, on this rank.
 
     Args:
-        folder: Where a result was written to.
+        folder: Where a result was written to, or a sweep.
         target: The page; report.html in the folder by default.
         pdf: The same as PDF, if it is wished.
         labels: Project and author.
@@ -57,10 +64,9 @@ def write_report(
     """
     target = target or folder / PAGE
     _check_targets({"-o": (target, ".html"), **({"--pdf": (pdf, ".pdf")} if pdf else {})})
-    content = read_content(folder, labels or Labels())
     writer = pdf_writer() if pdf else None
     try:
-        page = report_page(content)
+        page = _made(folder, labels or Labels())
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{folder / RECORD} is damaged ({error!r}); solve the scene again"
@@ -69,6 +75,12 @@ def write_report(
     if pdf:
         _replace(pdf, pdf_of(writer, page), "--pdf")
     return [target, *([pdf] if pdf else [])]
+
+
+def _made(folder: Path, labels: Labels) -> str:
+    """The page on what is in a folder, as HTML."""
+    sweep = None if (folder / RECORD).exists() else read_sweep(folder)
+    return report_page(read_content(folder, labels)) if sweep is None else sweep_page(sweep, labels)
 
 
 def _check_targets(targets: Mapping[str, tuple[Path, str]]) -> None:
@@ -128,10 +140,20 @@ KINDS: Mapping[Section, str] = {
 
 def report_page(content: Content) -> str:
     """The page, as HTML."""
-    title = text(content.record["title"] or "Limit load")
-    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
     parts = chain.from_iterable(_part(section, content) for section in SECTIONS)
-    body = "\n".join([*parts, script()])
+    return _page(content.record["title"] or "Limit load", [*parts, script()])
+
+
+def sweep_page(sweep: Sweep, labels: Labels) -> str:
+    """The page on a sweep alone, as HTML."""
+    return _page(f"Sweep: {sweep.folder}", sweep_parts(sweep, labels.named()))
+
+
+def _page(name: str, parts: Iterable[str]) -> str:
+    """A page of parts with a title, as HTML."""
+    title = text(name)
+    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    body = "\n".join(parts)
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
 

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 STATUS: Mapping[str, str] = {
     "limit": "a collapse state was found, and all its conditions were checked (see the appendix).",
     "unbounded": "nothing limits the live load.",
-    "unstable": "the dead load alone has no equilibrium. The motion of the blocks that fall proves"
-    " this.",
+    "unstable": "the dead load alone has no equilibrium. The motion of its blocks proves this.",
     "no_equilibrium": "no equilibrium was found under the dead load alone. This is no proof that"
     " there is none.",
     "not_converged": "no verified state was found. The numbers below are not a limit load.",
