@@ -49,24 +49,10 @@ def going_on(lost: list[str]) -> Iterator[None]:
         _log.warning("warning: %s", error)
 
 
-def cannot_write(folder: Path, error: Exception) -> OutputError:
+def cannot_write(folder: Path, reason: Exception) -> OutputError:
     """That a folder cannot be written to, with the reason."""
-    reason = getattr(error, "strerror", None) or error
     other = "choose another folder (-o on the command line)"
     return OutputError(f"cannot write to '{folder}': {reason}; {other}")
-
-
-@contextmanager
-def naming(folder: Path) -> Iterator[None]:
-    """Name the folder of a file that cannot be read or written.
-
-    Raises:
-        OutputError: In place of the error of the system.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise cannot_write(folder, error) from None
 
 
 def replace_file(target: Path, data: bytes) -> None:
@@ -87,17 +73,18 @@ def replace_file(target: Path, data: bytes) -> None:
 
 
 @contextmanager
-def writing(comm: MPI.Comm) -> Iterator[None]:
+def writing(comm: MPI.Comm, folder: Path | None = None) -> Iterator[None]:
     """Raise what goes wrong with a file on one rank on all of them; see `raised_together`.
 
     Raises:
-        OutputError: On all ranks, with the reason.
+        OutputError: On all ranks, with the reason, and the folder if it is given.
     """
     with raised_together(comm):
         try:
             yield
         except OSError as error:
-            raise OutputError(error.strerror or str(error)) from None
+            reason = OutputError(error.strerror or str(error))
+            raise (cannot_write(folder, reason) if folder else reason) from None
 
 
 @contextmanager

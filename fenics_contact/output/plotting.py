@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_like
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import (
@@ -260,10 +261,18 @@ def check_axes(axes: Any) -> None:
 
 
 def new_axes() -> Any:
-    """Axes of a figure of their own, which a notebook shows."""
+    """Axes of a figure of their own, which a notebook shows.
+
+    Raises:
+        InputError: If the notebook's way to show pictures does not fit this matplotlib.
+    """
     from matplotlib import pyplot
 
-    return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
+    try:
+        return pyplot.subplots(figsize=(7.0, 4.5), layout="constrained")[1]
+    except AttributeError as error:  # matplotlib-inline 0.2 asks old versions for what they lack
+        cure = "in a notebook: pip install 'matplotlib-inline<0.2', and begin again"
+        raise InputError(f"matplotlib cannot show a picture here ({error}); {cure}") from error
 
 
 def structure_figure(view: View, panels: int) -> Any:

@@ -21,7 +21,7 @@ def check_slider() -> None:
         InputError: With the ways to it.
     """
     if find_spec("ipywidgets") is None:
-        ways = "pip install ipywidgets, or apt install python3-ipywidgets"
+        ways = "pip install ipywidgets 'matplotlib-inline<0.2', or apt install python3-ipywidgets"
         raise InputError(f"a slider needs ipywidgets, which is not installed: {ways}")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
-from fenics_contact.output.folder import drawing, going_on, naming, replace_file, writing
+from fenics_contact.output.folder import drawing, going_on, replace_file, writing
 from fenics_contact.output.plotting import check_axes, new_axes, save_collapse
 from fenics_contact.output.view import view_of
 from fenics_contact.results.result import Result
@@ -160,13 +160,12 @@ def save_worst(result: Result, values: Values, folder: Path) -> None:
     sign = 1.0 if result.positive is not None else -1.0
     view = view_of(result.layout, end.mode, end.joints, sign)
     title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
-    with going_on([]), writing(result.scene.comm):
+    with going_on([]), writing(result.scene.comm, folder):
         if result.scene.comm.rank == 0:
             file = io.BytesIO()
             with drawing(WORST):
                 save_collapse(view, title, [file])
-            with naming(folder):
-                replace_file(folder / WORST, file.getvalue())
+            replace_file(folder / WORST, file.getvalue())
 
 
 def _said(values: Values) -> str:

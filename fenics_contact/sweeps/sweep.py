@@ -15,7 +15,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.folder import going_on, naming, writing
+from fenics_contact.output.folder import going_on, writing
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
 from fenics_contact.sweeps.picture import draw_sweep, save_picture, save_worst
@@ -135,24 +135,23 @@ def run_sweep(
     tolerance = _check(family, points, jobs)
     rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]), tolerance)
     there: list[Point] = []
-    with writing(comm):
+    with writing(comm, folder):
         if rows is not None:
             there = rows.begin(described(family, parameters))
     found = {_key(point.values): point for point in comm.bcast(there)}
     todo = [values for values in points if _key(values) not in found]
     tell(len(found), len(points), None)
     for point in _solved(family, todo, jobs):
-        with writing(comm):
+        with writing(comm, folder):
             if rows is not None:
                 rows.append(point)
         found[_key(point.values)] = point
         tell(len(found), len(points), point)
     done = Sweep(parameters, [found[_key(values)] for values in points])
-    with going_on([]), writing(comm):
+    with going_on([]), writing(comm, folder):
         if rows is not None and folder is not None:
             rows.write(done)  # in the order of the values
-            with naming(folder):
-                save_picture(parameters, done, str(family.tables.get("title", "")), folder)
+            save_picture(parameters, done, str(family.tables.get("title", "")), folder)
     worst = done.worst
     if folder is not None and worst is not None:
         if any(key.startswith("loads.") for key in worst.values):

@@ -15,7 +15,7 @@ from typing import Any
 
 from fenics_contact.errors import InputError
 from fenics_contact.exit_codes import EXIT_CODES
-from fenics_contact.output.folder import naming, replace_file
+from fenics_contact.output.folder import replace_file
 from fenics_contact.sweeps.parameters import Family, Parameter
 from fenics_contact.sweeps.points import WRONG_INPUT, Point, value_text
 from fenics_contact.version import __version__
@@ -32,7 +32,7 @@ _STATUSES = (*EXIT_CODES, WRONG_INPUT)
 class Table:
     """Rows of a sweep on the disk, of one process.
 
-    Its methods raise `OutputError` where the folder cannot be written to.
+    Its methods raise `OSError` where the folder cannot be written to.
     """
 
     def __init__(self, folder: Path, keys: Sequence[str], tolerance: float) -> None:
@@ -50,23 +50,22 @@ class Table:
         """
         folder = self.path.parent
         described = folder / RECORD
-        with naming(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            before = _record(described) if described.exists() else None
-            same = "mesh" in record and before == json.loads(json.dumps(record))
-            if before is not None and not same:  # the mesh of a scene made in Python has no record
-                raise InputError(
-                    f"'{folder}' has a sweep of another scene or other values; choose another"
-                    " folder (-o on the command line), or remove that one"
-                )
-            rows = self._rows() if before is not None else []
-            self.write(rows)  # without a half-written line
-            replace_file(described, (json.dumps(record, indent=2) + "\n").encode())
+        folder.mkdir(parents=True, exist_ok=True)
+        before = _record(described) if described.exists() else None
+        same = "mesh" in record and before == json.loads(json.dumps(record))
+        if before is not None and not same:  # the mesh of a scene made in Python has no record
+            raise InputError(
+                f"'{folder}' has a sweep of another scene or other values; choose another"
+                " folder (-o on the command line), or remove that one"
+            )
+        rows = self._rows() if before is not None else []
+        self.write(rows)  # without a half-written line
+        replace_file(described, (json.dumps(record, indent=2) + "\n").encode())
         return rows
 
     def append(self, point: Point) -> None:
         """Add a row; it is on the disk when this returns."""
-        with naming(self.path.parent), self.path.open("a", encoding="utf-8", newline="") as file:
+        with self.path.open("a", encoding="utf-8", newline="") as file:
             self._put(file, [point])
             file.flush()
             os.fsync(file.fileno())
@@ -76,8 +75,7 @@ class Table:
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow([*self._keys, *COLUMNS])
         self._put(text, points)
-        with naming(self.path.parent):
-            replace_file(self.path, text.getvalue().encode())
+        replace_file(self.path, text.getvalue().encode())
 
     def _put(self, file: Any, points: Sequence[Point]) -> None:
         """Write rows: numbers with all their digits, nothing for nan."""

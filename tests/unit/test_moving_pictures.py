@@ -186,3 +186,15 @@ def test_slider_without_ipywidgets(collapse, monkeypatch):
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     with pytest.raises(InputError, match=r"a slider needs ipywidgets.*pip install ipywidgets"):
         collapse.slider()
+
+
+@pytest.mark.parametrize("draw", ["plot", "plot_forces", "plot_thrust"])
+def test_a_notebook_that_matplotlib_does_not_fit_is_told_the_cure(draw, collapse, monkeypatch):
+    """As matplotlib-inline 0.2 does with matplotlib 3.6."""
+
+    def subplots(**_):
+        raise AttributeError("'RcParams' object has no attribute '_get'")
+
+    monkeypatch.setattr("matplotlib.pyplot.subplots", subplots)
+    with pytest.raises(InputError, match=r"'_get'.*pip install 'matplotlib-inline<0.2'"):
+        getattr(collapse, draw)()

@@ -66,12 +66,6 @@ class Sweep:
     folder: str
     version: str
 
-    @property
-    def lowest(self) -> Mapping[str, str]:
-        """Row of the limit load nearest to failure, of both directions; empty if there is none."""
-        found = [row for row in self.rows if row["status"] == "limit"]
-        return min(found, key=least, default={})
-
 
 def least(row: Mapping[str, str]) -> float:
     """The lower load factor of both directions in a row; infinite if it has none."""

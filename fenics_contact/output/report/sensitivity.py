@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from fenics_contact.output.report.content import Content, Sweep, least
 from fenics_contact.output.report.html import heading, paragraph, picture, table
@@ -28,13 +28,14 @@ def sweep_parts(sweep: Sweep, labels: Sequence[str]) -> Iterator[str]:
 
 def of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
     """What a sweep found, with at most so many rows of its table."""
-    solved = [least(row) for row in sweep.rows if row["status"] == "limit"]
+    solved = sorted((row for row in sweep.rows if row["status"] == "limit"), key=least)
     count = f"The sweep in '{sweep.folder}' varies {' and '.join(sweep.keys)}."
     if len(sweep.rows) < sweep.points:
         count += f" It was stopped: {len(sweep.rows)} of {sweep.points} points are there."
     if solved:
-        span = f"Over its {len(solved)} limit loads the load factor goes from {min(solved):.4g}"
-        yield paragraph(count, f"{span} to {max(solved):.4g}.", _lowest(sweep))
+        span = f"from {least(solved[0]):.4g} to {least(solved[-1]):.4g}."
+        over = f"Over its {len(solved)} limit loads the load factor goes {span}"
+        yield paragraph(count, over, _lowest(sweep.keys, solved[0]))
     else:
         yield paragraph(count, "It has no limit load.")
     if sweep.picture:
@@ -54,10 +55,9 @@ def of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
         yield paragraph(f"These are the first {most} of {len(sweep.rows)} rows of sweep.csv.")
 
 
-def _lowest(sweep: Sweep) -> str:
+def _lowest(keys: Sequence[str], row: Mapping[str, str]) -> str:
     """The worst case: where the load factor is lowest, and its bracket."""
-    row = sweep.lowest
-    where = ", ".join(f"{key} = {row[key]}" for key in sweep.keys)
+    where = ", ".join(f"{key} = {row[key]}" for key in keys)
     end = "" if least(row) == float(row["load_factor"] or "inf") else "_negative"
     reversed_load = " with the live load reversed" if end else ""
     ends = [_short(row.get(f"{side}{end}") or "") for side in ("lower", "upper")]
