@@ -108,7 +108,7 @@ def test_exit_code_is_that_of_the_worst_point(tmp_path, capsys):
     found = run_here(line, capsys)
     assert found.code == 3
     assert [row["status"] for row in rows(tmp_path / "scene_sweep")] == ["unstable", "limit"]
-    assert "falls" in rows(tmp_path / "scene_sweep")[0]["reason"]
+    assert "slides" in rows(tmp_path / "scene_sweep")[0]["reason"]
 
 
 def test_half_a_line_is_dropped_and_found_again(tmp_path, capsys):
