@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fenics_contact.scene.scene import (
         EarthPressure,
         EdgeForce,
+        Floor,
         JointLaw,
         Load,
         Material,
@@ -40,6 +41,7 @@ __all__ = [
     "EarthPressure",
     "EdgeForce",
     "Equilibrium",
+    "Floor",
     "InputError",
     "JointLaw",
     "LimitLoad",
@@ -69,6 +71,7 @@ _HOMES = {
     "EarthPressure": "scene.scene",
     "EdgeForce": "scene.scene",
     "Equilibrium": "equilibrium",
+    "Floor": "scene.scene",
     "JointLaw": "scene.scene",
     "LimitLoad": "limit_load",
     "Load": "scene.scene",

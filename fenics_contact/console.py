@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.output.seismic_words import seismic_line
@@ -384,6 +385,10 @@ def description(layout: Layout) -> str:
         lines.append(f"live body force over the height: {_profile_text(scene.live.profile)}")
     if scene.seismic is not None:
         lines.append(f"seismic check with FC = {scene.seismic.confidence_factor:g}")
+    for name, strips in floor_strips(scene, boundary).items():
+        floor = scene.floors[name]
+        lies = f"{units.text(floor.force, 'N/m2')} on {units.length(strips.length(boundary).sum())}"
+        lines.append(f"floor {name}: {lies}{', with its mass' if floor.mass else ''}")
     for name, movement in scene.dead.movement.items():
         by = units.place(movement.displacement, 6)
         lines.append(f"{name} moves by {by}, turns by {movement.rotation:g} degrees")

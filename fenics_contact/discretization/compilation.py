@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
@@ -35,7 +34,6 @@ class _Kind:
         plane: "strain" or "stress".
         moved: Whether supports move.
         given: Whether the stress law is the user's.
-        profiled: Whether the live load varies with the height.
     """
 
     cell: str
@@ -43,7 +41,6 @@ class _Kind:
     plane: str
     moved: bool
     given: bool
-    profiled: bool
 
 
 def compile_forms(scene: Scene) -> None:
@@ -57,7 +54,6 @@ def compile_forms(scene: Scene) -> None:
         plane=scene.plane,
         moved=bool(scene.dead.movement),
         given=scene.stress is not None,
-        profiled=scene.live.profile != "uniform",
     )
     for turn in (True, False):  # ranks that share a cache must not write it at the same time
         if turn == (scene.comm.rank == 0):
@@ -110,8 +106,5 @@ def _compile(kind: _Kind) -> None:
         if kind.moved:
             forms.internal_forces(fem.Function(space), law)
         forms.BodyLoad(space, density)
-        if kind.profiled:
-            force, up = (fem.Constant(domain, PETSc.ScalarType((0.0, 1.0))) for _ in range(2))
-            forms.ramp_load(density, space, force, up, fem.Constant(domain, PETSc.ScalarType(0.0)))
         forms.edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
         forms.stress_expression(fem.Function(space), law, kind.plane)

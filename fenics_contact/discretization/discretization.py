@@ -51,7 +51,7 @@ MODE_COST = 0.2
 
 #: Parts of a scene that no matrix depends on; of the laws the matrices know the groups.
 LAWS = ("joints", "foundations")
-WITHOUT_MATRICES = ("dead", "live", "title", "solve", "output")
+WITHOUT_MATRICES = ("dead", "live", "floors", "title", "solve", "output")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.discretization.facets import GROUND, Boundary
+from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.movements import facet_motion
 from fenics_contact.discretization.pairing import Gaps, facing_facets
@@ -64,6 +65,7 @@ def doubts(
         *_of_gaps(boundary, joints, usual),
         *_of_hanging_blocks(scene, boundary, joints, usual),
         *_of_movements(scene, boundary, usual),
+        *_of_floors(scene, boundary, usual),
     )
 
 
@@ -139,6 +141,19 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
                     f"loads.{kind}.traction.{name} also acts on {inside} facets in joints, on one"
                     " of the two blocks"
                 )
+
+
+def _of_floors(scene: Scene, boundary: Boundary, usual: Usual) -> Iterator[str]:
+    """Floors beside the blocks in part, and floors that a seismic check would leave out."""
+    for name, strips in floor_strips(scene, boundary).items():
+        floor = scene.floors[name]
+        start, end = floor.x or (0.0, 0.0)
+        lies = float(strips.length(boundary).sum())
+        if lies < (1.0 - usual.offset) * (end - start):
+            part = f"floors.{name} lies on {lies:.6g} m of its {end - start:.6g} m"
+            yield f"{part}; the rest has no block below and no weight: give x where blocks are"
+        if scene.seismic is not None and not floor.mass:
+            yield f"floors.{name} is left out of the seismic check; give it mass = true"
 
 
 def _of_gaps(boundary: Boundary, joints: Joints, usual: Usual) -> Iterator[str]:

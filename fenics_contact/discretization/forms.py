@@ -23,9 +23,6 @@ from fenics_contact.geometry.mesh import Labels
 #: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
 Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
 
-#: Of Gauss's rule for ramps: exact for whole cells, and close where a cell bends.
-RAMP_DEGREE = 20
-
 
 def strain(u: Any) -> Any:
     """eps(u) = sym grad u."""
@@ -78,18 +75,6 @@ class BodyLoad:
         """The form with an acceleration, m/s2, until it is asked for another one."""
         self._force.value = acceleration
         return self._form
-
-
-def ramp_load(
-    density: fem.Function, space: Any, force: fem.Constant, up: fem.Constant, level: fem.Constant
-) -> fem.Form:
-    """Form of the nodal forces of an acceleration that grows with the height above a level.
-
-    It is force, 1/s2, times max(up . x - level, 0), m, times a density by cell, kg/m3.
-    """
-    above = ufl.max_value(ufl.dot(up, ufl.SpatialCoordinate(space.mesh)) - level, 0.0)
-    dx = ufl.dx(metadata={"quadrature_degree": RAMP_DEGREE})
-    return fem.form(density * above * ufl.inner(force, ufl.TestFunction(space)) * dx)
 
 
 def edge_load(space: Any, facets: Labels, traction: tuple[float, float]) -> fem.Form:

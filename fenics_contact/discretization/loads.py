@@ -1,29 +1,24 @@
-"""Nodal forces of a load: body force, tractions on edges, forces at places, earth pressure.
+"""Nodal forces of a load: body force, tractions, forces at places, earth pressure, floors.
 
-Body forces, tractions and forms of the user are assembled from UFL forms. Forces at places and
-earth pressure act on parts of facets: with the Lagrange functions N_k of a facet of length L,
-
-    f_k = L int_a^b N_k(s) t(x(s)) ds,   0 <= a < b <= 1,
-
-by Gauss' rule with three points, exact for tractions t that are linear in x.
+Body forces, tractions and forms of the user are assembled from UFL forms, but body forces with a
+profile. Forces at places, earth pressure and floors act on parts of facets.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from fenics_contact import compat
-from fenics_contact.discretization import forms
+from fenics_contact.discretization import forms, profiles
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.form_loads import given_load
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.discretization.pairing import facing_facets
-from fenics_contact.discretization.profiles import add_body_force
+from fenics_contact.discretization.strips import Strips
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
 from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
@@ -32,46 +27,19 @@ from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm,
 ALIKE = 0.5
 
 
-@dataclass(frozen=True)
-class _Strips:
-    """Parts of facets.
-
-    Attributes:
-        facets: Rows of the boundary, shape (strips,).
-        start: Where the part begins on the facet, 0 to 1, shape (strips,).
-        end: Where it ends.
-    """
-
-    facets: Indices
-    start: Array
-    end: Array
-
-    def forces(self, boundary: Boundary, traction: Any) -> Array:
-        """Forces on the nodes of the facets, N/m, shape (strips, nodes of a facet, 2).
-
-        `traction` gives forces per area, shape (..., 2), at positions of shape (..., 2).
-        """
-        abscissa, weight = np.polynomial.legendre.leggauss(3)
-        s = self.start[:, None] + np.outer(self.end - self.start, 0.5 * (1.0 + abscissa))
-        first, second = boundary.points[self.facets, :2].swapaxes(0, 1)
-        position = first[:, None] + s[:, :, None] * (second - first)[:, None]
-        length = 0.5 * boundary.length[self.facets] * (self.end - self.start)
-        values = lagrange(s, boundary.nodes.shape[1])
-        return np.einsum("f,g,fgk,fgd->fkd", length, weight, values, traction(position))
-
-
 def nodal_forces(
     scene: Scene, space: Any, boundary: Boundary, kind: str, body_load: forms.BodyLoad
 ) -> Array:
     """Nodal forces, this rank's part, of the "dead" or the "live" load.
 
     Raises:
-        InputError: If a traction acts inside a block, a force where there is no edge, or a form is
-            no load.
+        InputError: If a traction acts inside a block, a force or a floor where there is no edge,
+            or a form is no load.
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
-    add_body_force(forces, scene, load, body_load)
+    profile = profiles.profile_of(scene, load, boundary, body_load.density)
+    profiles.add_body_force(forces, load, body_load, profile)
     for name in (*load.traction, *load.earth):
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block
@@ -84,7 +52,12 @@ def nodal_forces(
     index_map = space.dofmap.index_map
     mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
     first, last = index_map.local_range
-    for facets, force in forces_on_facets(boundary, load, f"loads.{kind}"):
+    on_facets = forces_on_facets(boundary, load, f"loads.{kind}")
+    if kind == "dead":
+        on_facets += profiles.weights_of_floors(scene, boundary)
+    else:
+        on_facets += profiles.inertia_of_floors(scene, boundary, profile, load.acceleration)
+    for facets, force in on_facets:
         nodes = boundary.nodes[facets]
         here = (nodes >= first) & (nodes < last)
         np.add.at(mine, nodes[here] - first, force[here])
@@ -126,7 +99,7 @@ def forces_on_facets(
     return [(strips.facets, force) for strips, force in found]
 
 
-def _earth_traction(boundary: Boundary, strips: _Strips, earth: EarthPressure) -> Any:
+def _earth_traction(boundary: Boundary, strips: Strips, earth: EarthPressure) -> Any:
     """Traction of earth pressure as a function of the position."""
     normal = boundary.normal[strips.facets]
     along = np.column_stack([-normal[:, 1], normal[:, 0]])
@@ -141,7 +114,7 @@ def _earth_traction(boundary: Boundary, strips: _Strips, earth: EarthPressure) -
     return traction
 
 
-def _below(boundary: Boundary, facets: Indices, level: float) -> _Strips:
+def _below(boundary: Boundary, facets: Indices, level: float) -> Strips:
     """The parts of facets that lie below a level."""
     first, second = boundary.points[facets, :2, 1].T
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -151,17 +124,17 @@ def _below(boundary: Boundary, facets: Indices, level: float) -> _Strips:
     start = np.where(rising, 0.0, crossing)
     end = np.where(rising, crossing, 1.0)
     wet = end > start
-    return _Strips(facets[wet], start[wet], end[wet])
+    return Strips(facets[wet], start[wet], end[wet])
 
 
-def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[_Strips, Array]:
+def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[Strips, Array]:
     """Where a force acts, and its forces on the nodes; along the line of the facet it meets."""
     facet, place = _place(boundary, free, load, key)
     ends = boundary.points[facet, :2]
     along = (ends[1] - ends[0]) / boundary.length[facet]
     if load.width == 0.0:
         s = np.array([(place - ends[0]) @ along / boundary.length[facet]])
-        strips = _Strips(np.array([facet]), s, s)
+        strips = Strips(np.array([facet]), s, s)
         return strips, lagrange(s, boundary.nodes.shape[1])[:, :, None] * load.force
     # The force is spread evenly over the projection on that line of what looks the same way.
     alike = free & (boundary.normal @ boundary.normal[facet] > ALIKE)
@@ -177,7 +150,7 @@ def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tup
             f"{key}: {covered:g} m of its width of {load.width:g} m lie on an edge at"
             f" ({place[0]:g}, {place[1]:g}); move it or make it narrower"
         )
-    strips = _Strips(near[end > start], start[end > start], end[end > start])
+    strips = Strips(near[end > start], start[end > start], end[end > start])
     per_length = np.array(load.force) / load.width
     share = (np.abs(span) / boundary.length[near])[end > start]
     return strips, strips.forces(boundary, lambda x: np.broadcast_to(per_length, x.shape)) * (

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array, Flags
@@ -48,7 +49,7 @@ def draw_scene(axes: Any, view: View, scene: Scene) -> Any:
     entries += draw_load(axes, view, view.dead, DEAD, "dead load")
     entries += draw_load(axes, view, (view.tractions, view.forces, view.body), BLACK, "live load")
     for load, colour in ((scene.dead, DEAD), (scene.live, BLACK)):
-        _name_loads(axes, view, load, colour)
+        _name_loads(axes, view, load, colour, scene)
     draw_length(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
     axes.set_title("materials, groups and loads", fontsize=10)
@@ -113,15 +114,17 @@ def _strokes(view: View, mine: Flags) -> Array:
     return np.concatenate(found)
 
 
-def _name_loads(axes: Any, view: View, load: Load, colour: str) -> None:
-    """Names of tractions, earth pressures and forces beside where they act."""
+def _name_loads(axes: Any, view: View, load: Load, colour: str, scene: Scene) -> None:
+    """Names of tractions, earth pressures, floors and forces beside where they act."""
     from matplotlib import patheffects
 
     boundary = view.boundary
     halo = [patheffects.withStroke(linewidth=2.5, foreground="white")]
     style = {"fontsize": 9, "color": colour, "zorder": 6, "path_effects": halo, "ha": "center"}
-    for name in (*load.traction, *load.earth):
-        mine = boundary.in_group(name)
+    edges = [(n, np.flatnonzero(boundary.in_group(n))) for n in (*load.traction, *load.earth)]
+    if load is scene.dead:
+        edges += [(n, strips.facets) for n, strips in floor_strips(scene, boundary).items()]
+    for name, mine in edges:
         middle = view.rest[mine].mean(axis=(0, 1))
         outward = boundary.normal[mine].mean(axis=0)
         axes.text(*(middle - 0.04 * view.size * outward), plain(name), va="center", **style)

@@ -69,6 +69,7 @@ def scene_record(layout: Layout) -> dict[str, Any]:
             n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
         },
         "ties": scene.tables()["ties"],
+        "floors": scene.tables()["floors"],
         "seismic": scene.seismic and asdict(scene.seismic),
         "contacts": _contacts(layout.joints.without_ties()),
         "solve": asdict(scene.solve),

@@ -11,6 +11,7 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import forces_on_facets
+from fenics_contact.discretization.profiles import weights_of_floors
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import (
     at_nodes,
@@ -78,7 +79,8 @@ class View:
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
         body: Resultant of the live body force on its line of action; no arrow if there is none.
-        dead: Dead tractions and earth pressure, forces at places, resultant of the body force.
+        dead: Dead tractions, earth pressure and floors, forces at places, resultant of the body
+            force.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
@@ -168,7 +170,7 @@ def view_of(
         at_points = middle(joints, sides[: len(at_points)])
         at_ties = sides[len(at_points) :]
     scene = layout.scene
-    tractions, forces, body = _arrows(layout, scene.live, layout.bodies.live, sign)
+    tractions, forces, body = _arrows(layout, "live", sign)
     return View(
         boundary=boundary,
         joints=joints,
@@ -184,7 +186,7 @@ def view_of(
         body=body,
         ties=None if values is None else tie_values(layout.joints, values),
         tie_motion=at_ties,
-        dead=_arrows(layout, scene.dead, layout.bodies.dead, 1.0),
+        dead=_arrows(layout, "dead", 1.0),
         scale=scale,
     )
 
@@ -198,16 +200,15 @@ def _materials(layout: Layout) -> Indices:
     return number
 
 
-def _arrows(layout: Layout, load: Load, total: Array, sign: float) -> tuple[Arrows, Arrows, Arrows]:
-    """Tractions, forces at places, and the body force, of a load as it acts.
-
-    `total` are its resultants on all blocks, with the moments over the bodies' size.
-    """
+def _arrows(layout: Layout, kind: str, sign: float) -> tuple[Arrows, Arrows, Arrows]:
+    """Tractions, forces at places, and the body force, of the "dead" or "live" load as it acts."""
+    load: Load = getattr(layout.scene, kind)
     boundary = layout.boundary
     bodies = layout.bodies
     points = boundary.points
-    on_facets = [*_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
-    rest = total * [1.0, 1.0, bodies.size]
+    floors = weights_of_floors(layout.scene, boundary) if kind == "dead" else []
+    on_facets = [*floors, *_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
+    rest = getattr(bodies, kind) * [1.0, 1.0, bodies.size]
     for facets, force in on_facets:
         body = boundary.body[facets]
         arm = points[facets, : force.shape[1]] - bodies.centre[body][:, None]
@@ -215,7 +216,7 @@ def _arrows(layout: Layout, load: Load, total: Array, sign: float) -> tuple[Arro
         np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
     if load.acceleration == (0.0, 0.0) and load.form is None:
         rest[:] = 0.0
-    edges = len(load.traction) + len(load.earth)
+    edges = len(floors) + len(load.traction) + len(load.earth)
     apart = APART * float(np.ptp(points.reshape(-1, 2), axis=0).max())
     arrows = [
         _along_edges(boundary, facets, sign * force.sum(axis=1), apart)

@@ -54,7 +54,7 @@ LONGEST_TITLE = 1000
 SAME_ANGLE = 1e-5
 #: Degrees by which supports can turn: displacements are small.
 MOST_TILT = 5.0
-#: Heights of a profile: one assembly each.
+#: Heights of a profile: cells are cut there.
 MOST_HEIGHTS = 100
 #: Components of forces below this part of their size are rounding.
 ROUNDING = 1e-9
@@ -364,6 +364,37 @@ class Tie:
 
 
 @dataclass(frozen=True)
+class Floor:
+    """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
+
+    Attributes:
+        force: Its weight, N per metre of width, measured level, and metre of thickness.
+        at: Name of a one-dimensional group: it lies on those sides of it that look up.
+        y: Height of the sides that it lies on, m, in place of a group; where blocks touch there,
+            it lies on those below.
+        x: From where to where it lies at `y`, m.
+        mass: Whether the live body force acts on its mass, force / 9.81 m/s2, too.
+    """
+
+    force: float
+    at: str | None = None
+    y: float | None = None
+    x: tuple[float, float] | None = None
+    mass: bool = False
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        _require_not_negative("force", self.force)
+        given = [self.at is not None, self.y is not None, self.x is not None]
+        one = given in ([True, False, False], [False, True, True])
+        require(one, "give either at, a group of top sides, or y, a height, with x = [from, to]")
+        ends = self.x or (0.0, 1.0)
+        _require_pair("x", ends)
+        require(ends[0] < ends[1], f"x = {list(ends)} must rise, [from, to]")
+        require(math.isfinite(self.y or 0.0), f"y = {self.y} must be a finite number (m)")
+
+
+@dataclass(frozen=True)
 class Load:
     """A body force, tractions, forces at places, earth pressure and movements of supports.
 
@@ -541,6 +572,7 @@ class _Shared:
     foundations: Mapping[str, JointLaw] = field(default_factory=dict)
     supports: Mapping[str, str] = field(default_factory=dict)
     ties: Mapping[str, Tie] = field(default_factory=dict)
+    floors: Mapping[str, Floor] = field(default_factory=dict)
     seismic: Seismic | None = None
     stress: StressLaw | None = None
     title: str = ""
@@ -561,6 +593,7 @@ class Scene(_Shared):
         foundations: Law by name of a one-dimensional group that stands on rigid ground.
         supports: "fixed" or "roller" by name of a one-dimensional group.
         ties: Ties, anchors and cables, by any name.
+        floors: Floors and roofs that lie on the blocks, by any name.
         seismic: The seismic check to make; None: none.
         plane: "strain" or "stress".
         thickness: Of the structure, m, for forces that people read; results are per metre of it.
@@ -707,13 +740,13 @@ class Scene(_Shared):
                     f"{table}.{name}: {source} has no {number}-dimensional group '{name}'; it has"
                     f" {_listed(known)}"
                 )
+        ends: dict[str, Any] = {f"floors.{n}.at": floor.at for n, floor in self.floors.items()}
         for name, tie in self.ties.items():
-            for key, end in (("from", tie.from_), ("to", tie.to)):
-                text = f"ties.{name}.{key} = '{end}': {source} has no one-dimensional group '{end}'"
-                require(
-                    not isinstance(end, str) or end in facets,
-                    f"{text}; it has {_listed(facets)}; or give a place, [x, y]",
-                )
+            ends |= {f"ties.{name}.from": tie.from_, f"ties.{name}.to": tie.to}
+        for key, end in ends.items():
+            text = f"{key} = '{end}': {source} has no one-dimensional group '{end}'"
+            there = not isinstance(end, str) or end in facets
+            require(there, f"{text}; it has {_listed(facets)}; or give a place by x and y")
         held = sorted([*self.foundations, *self.supports])
         for name in sorted(set(self.dead.movement) - set(held)):
             raise InputError(

@@ -25,7 +25,7 @@ from fenics_contact import (
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons, running_bond
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb
-from tests.drawing import rectangle
+from tests.drawing import Drawing, rectangle, turned
 from tests.helpers import mesh_of, on_ground
 
 pytestmark = pytest.mark.mpi
@@ -40,10 +40,18 @@ TRIANGULAR = Load((GRAVITY, 0.0), profile="triangular")
 TABLE = ((0.0, 0.5), (0.6, 2.0), (3.0, 1.0))
 
 
-def stack(live: Load, friction: float = 5.0, size: float = 0.3, **options: Any) -> Scene:
-    """Three blocks on one another, the middle one light."""
+def stack(
+    live: Load,
+    friction: float = 5.0,
+    quadrilaterals: bool = False,
+    shaken: int | None = None,
+    **options: Any,
+) -> Scene:
+    """Three blocks on one another, the middle one light; nodes moved at random with `shaken`."""
     courses = [rectangle(0.0, low, WIDTH, high) for low, high in pairwise(LEVELS)]
-    model = polygons(courses, size, ["heavy", "light", "heavy"])
+    model = polygons(courses, 0.3, ["heavy", "light", "heavy"], quadrilaterals=quadrilaterals)
+    if shaken is not None:
+        model = Drawing.of(model).shaken(shaken).model()
     law = coulomb(friction)
     materials = {
         name: Material(1e9, 0.2, rho) for name, rho in (("heavy", HEAVY), ("light", LIGHT))
@@ -107,12 +115,77 @@ def test_table_whose_slope_changes_between_blocks_is_exact():
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_table_whose_slope_changes_inside_cells():
-    """Gauss's rule meets it to some 1e-4; factors beyond the ends of the table are constant."""
-    table = ((0.25, 0.5), (0.9, 2.0), (1.1, 1.0))
-    found = block_loads(stack(Load((GRAVITY, 0.0), profile=table)))
+KINKS = ((0.25, 0.5), (0.9, 2.0), (1.1, 1.0))
+STEP = ((0.37, 2.0), (0.371, 0.0), (1.83, 0.0), (1.8300001, 3.0))
+MANY = tuple((0.021 * n, (-1.0) ** n * n) for n in range(100))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+@pytest.mark.parametrize("table", [KINKS, STEP, MANY])
+def test_table_whose_slope_changes_inside_cells(table, quadrilaterals, degree):
+    """Forces and moments by hand, on cells of any shape; factors beyond the table are constant."""
+    live = Load((GRAVITY, 0.0), profile=table)
+    found = block_loads(stack(live, quadrilaterals=quadrilaterals, shaken=3, degree=degree))
     expected = integrals(lambda h: np.interp(h, *np.transpose(table)), [h for h, _ in table])
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+def test_nodes_have_their_parts_of_a_profile(quadrilaterals):
+    """Work on quadratic displacements, which cells of degree 2 have: int rho c b u, by hand."""
+    live = Load((GRAVITY, 0.0), profile=STEP)
+    scene = stack(live, quadrilaterals=quadrilaterals, degree=2)
+    with Discretization(scene) as made:
+        first = made.first_node
+        place = made.space.tabulate_dof_coordinates()[: len(made.arm), :2]
+        force = made.supports.to_cartesian(made.elasticity.live, first).reshape(-1, 2)[:, 0]
+        found = scene.comm.allreduce(np.array([force @ place[:, 1] ** 2, force @ place[:, 0] ** 2]))
+    breaks = [h for h, _ in STEP]
+    by_height = integrals(
+        lambda h: np.interp(h, *np.transpose(STEP)) * (LEVELS[0] + h) ** 2, breaks
+    )
+    factor = integrals(lambda h: np.interp(h, *np.transpose(STEP)), breaks)
+    exact = [by_height[:, 0].sum(), factor[:, 0].sum() * WIDTH**2 / 3.0]
+    np.testing.assert_allclose(found, exact, rtol=1e-10)
+
+
+@pytest.mark.parametrize("quadrilaterals", [False, True])
+@pytest.mark.parametrize(("height", "far"), [(0.37, 0.0), (0.62, 0.0), (0.37, 1e5)])
+def test_block_under_a_step_rocks(height, far, quadrilaterals):
+    """lambda int c(h) h b = w b^2 / 2 with c = 2 below a height and 0 above 1 mm more."""
+    model = polygons(
+        [rectangle(far, far, far + 1.0, far + 1.0)], 0.5, quadrilaterals=quadrilaterals
+    )
+    live = Load((GRAVITY, 0.0), profile=((height, 2.0), (height + 1e-3, 0.0)))
+    result = limit_load(on_ground(model, coulomb(9.0), live=live, solve=FAST))
+    ramp = 2e-3 * (0.5 * height + 1e-3 / 6.0)
+    exact = 0.5 / (height**2 + ramp)
+    assert result.load_factor == pytest.approx(exact, rel=1e-8)
+    assert result.bounds.upper == pytest.approx(exact, rel=1e-8)
+
+
+def test_trapezium_under_a_ramp_rocks():
+    """Sides that lean: moments about the toe by integrals over the height; turned as well."""
+    corners = np.array([(0.0, 0.0), (1.2, 0.0), (0.9, 1.0), (0.2, 1.0)])
+    table = ((0.13, 0.0), (0.57, 2.5), (0.58, 0.3))
+    cuts = sorted({0.0, 1.0, *(h for h, _ in table)})
+    abscissa, weight = np.polynomial.legendre.leggauss(4)
+    held = pushed = 0.0
+    for low, high in pairwise(cuts):
+        h = 0.5 * (low + high) + 0.5 * (high - low) * abscissa
+        left, right = 0.2 * h, 1.2 - 0.3 * h
+        part = 0.5 * (high - low) * weight * (right - left)
+        held += part @ (1.2 - 0.5 * (left + right))
+        pushed += part @ (np.interp(h, *np.transpose(table)) * h)
+    for angle in (0.0, 37.0):
+        points = turned(corners, angle)
+        foot = {"base": [(points[0], points[1])]}
+        weight_of = Load(tuple(turned((0.0, -GRAVITY), angle)))
+        live = Load(tuple(turned((GRAVITY, 0.0), angle)), profile=table)
+        model = polygons([points], 0.35, groups=foot)
+        result = limit_load(on_ground(model, coulomb(9.0), weight_of, live, solve=FAST))
+        assert result.load_factor == pytest.approx(held / pushed, rel=1e-8)
 
 
 @pytest.mark.parametrize("degree", [1, 2])

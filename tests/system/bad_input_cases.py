@@ -176,6 +176,17 @@ LOADS = {
     "body not finite": value("loads.live.body", [NAN, 0.0]),
     "traction of three": value("loads.live.traction.left", [1.0, 0.0, 0.0]),
     "earth too high": value("loads.dead.earth.left", {"level": 1e308, "unit_weight": 1}, "level"),
+    "floor without a name": value("floors.force", 8e3, "[floors.NAME]"),
+    "floor without weight": Wrong(("floors.one.force is missing",), {"floors.one.at": "top"}),
+    "floor on no group": value(
+        "floors.one", {"force": 8e3, "at": "TOP"}, "one-dimensional group 'TOP'; it has", "y and x"
+    ),
+    "floor on a side": value("floors.one", {"force": 8e3, "at": "left"}, "no side", "looks up"),
+    "floor in a block": value(
+        "floors.one", {"force": 8e3, "y": 0.3, "x": [0.0, 1.0]}, "nearest is at y ="
+    ),
+    "floor without its ends": value("floors.one", {"force": 8e3, "y": 1.0}, "x = [from, to]"),
+    "floor with an unknown key": value("floors.one", {"force": 1.0, "weight": 2.0}, "weight"),
     "traction not finite": value("loads.live.traction.left", [INF, 0.0]),
 }
 

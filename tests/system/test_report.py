@@ -210,6 +210,22 @@ def test_loads_have_places_and_units(folder, capsys):
     assert "level 0.5 m, unit weight 0.1 kN/m3, coefficient 1, surcharge 0 kN/m2" in earth
 
 
+FLOORS = {
+    "storey": {"force": 120.0, "at": "top", "mass": True},
+    "roof": {"force": 50.0, "y": 0.5, "x": [0.0, 0.25]},
+}
+
+
+def test_floors_are_among_the_loads(folder, capsys):
+    page, record = solved(folder, capsys, {"floors": FLOORS}, "block")
+    texts = [" ".join(cells) for cells in page.cells]
+    assert "floor storey force 0.12 kN/m2" in texts
+    assert "floor storey mass yes" in texts and "floor roof mass no" in texts
+    assert "floor roof y 0.5 m" in texts and "floor roof x (0, 0.25) m" in texts
+    assert "sideways on all masses" not in page.text  # the roof has none
+    assert record["scene"]["floors"]["storey"] == FLOORS["storey"]
+
+
 def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
     page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
     assert len(page.pictures) == 6

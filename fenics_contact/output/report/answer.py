@@ -129,6 +129,8 @@ def sideways(record: Record) -> float | None:
     uniform = live.get("profile") in (None, "uniform")
     level = abs(y) <= LEVEL * abs(x)
     weight = dead["body"][1] < 0.0
+    # Floors without mass are weights that are not pushed.
+    others += [not one["mass"] for one in (record["scene"].get("floors") or {}).values()]
     return x if x and level and weight and uniform and not any(others) else None
 
 

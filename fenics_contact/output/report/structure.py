@@ -31,6 +31,8 @@ def loads_and_groups(content: Content) -> Iterator[str]:
     if address := content.pictures.get("scene"):
         yield picture(address, PICTURES["scene"])
     rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
+    floors = {f"floor {name}": floor for name, floor in (scene.get("floors") or {}).items()}
+    rows += _rows(floors, {**scene["units"], "force": "N/m2"}, units)
     for name, force in scene["resultants"].items():
         rows.append((name, "resultant", units.forces(force, 4)))
     yield table(rows, ("load", "what", "value"))

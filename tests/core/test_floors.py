@@ -1,0 +1,305 @@
+"""Floors that lie on blocks: load factors by hand, where they act, their mass, what is refused.
+
+Run on ranks, too, by `make test-mpi`.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from fenics_contact import (
+    Floor,
+    InputError,
+    JointLaw,
+    Load,
+    Scene,
+    Seismic,
+    SolveOptions,
+    limit_load,
+    stands,
+    sweep,
+)
+from fenics_contact.console import description
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.meshing import polygons
+from fenics_contact.output.scene_picture import draw_scene
+from fenics_contact.output.scene_record import scene_record
+from fenics_contact.output.view import view_of
+from tests.bank import GRAVITY, coulomb, sides
+from tests.drawing import rectangle, turned
+from tests.helpers import STONE, on_ground
+
+pytestmark = pytest.mark.mpi
+
+FAST = SolveOptions(fast=True, tolerance=1e-9)
+WIDTH, HEIGHT = 0.5, 2.0
+WEIGHT = STONE.density * GRAVITY * WIDTH * HEIGHT  # N/m, of the block
+FLOOR = 8e3  # N/m2
+LEVELS = [0.0, 0.7, 1.6, HEIGHT]
+
+
+def block(floor: Floor, friction: float = 5.0, quads: bool = False, **options: Any) -> Scene:
+    """One block with a floor."""
+    edges = sides(base=(0, 0, WIDTH, 0), top=(0, HEIGHT, WIDTH, HEIGHT), left=(0, 0, 0, HEIGHT))
+    model = polygons([rectangle(0, 0, WIDTH, HEIGHT)], 0.25, groups=edges, quadrilaterals=quads)
+    return on_ground(model, coulomb(friction), floors={"first": floor}, solve=FAST, **options)
+
+
+def stack(floors: dict[str, Floor], friction: float = 5.0, **options: Any) -> Scene:
+    """Three blocks on one another; the group "bed" has both sides of the lower joint."""
+    courses = [rectangle(0.0, low, WIDTH, high) for low, high in pairwise(LEVELS)]
+    edges = sides(base=(0, 0, WIDTH, 0), bed=(0, LEVELS[1], WIDTH, LEVELS[1]))
+    model = polygons(courses, 0.15, groups=edges)
+    return on_ground(model, coulomb(friction), floors=floors, **{"solve": FAST, **options})
+
+
+def on_blocks(scene: Scene, kind: str) -> np.ndarray:
+    """Forces of a load on the blocks, and moments about the origin, in order of height."""
+    with Discretization(scene) as made:
+        force = getattr(made.bodies, kind) * [1.0, 1.0, made.bodies.size]
+        centre = made.bodies.centre
+    force[:, 2] += centre[:, 0] * force[:, 1] - centre[:, 1] * force[:, 0]
+    return force[np.argsort(centre[:, 1])]
+
+
+def added(floors: dict[str, Floor], kind: str, **options: Any) -> np.ndarray:
+    """What floors add to a load, as `on_blocks`."""
+    return on_blocks(stack(floors, **options), kind) - on_blocks(stack({}, **options), kind)
+
+
+@pytest.mark.parametrize("quads", [False, True])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("where", [{"at": "top"}, {"y": HEIGHT, "x": (0.0, WIDTH)}])
+@pytest.mark.parametrize("mass", [False, True])
+def test_block_under_a_floor_rocks(mass, where, degree, quads):
+    """Moments about the toe: (W + N) b / 2 = lambda (W h / 2 + N h), the last with mass."""
+    result = limit_load(block(Floor(FLOOR, **where, mass=mass), quads=quads, degree=degree))
+    load = FLOOR * WIDTH
+    exact = (WEIGHT + load) * WIDTH / 2.0 / (WEIGHT * HEIGHT / 2.0 + mass * load * HEIGHT)
+    assert result.load_factor == pytest.approx(exact, rel=1e-8)
+    assert result.bounds.upper == pytest.approx(exact, rel=1e-8)
+    assert result.bounds.lower == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.parametrize(("mass", "part"), [(False, 1.0), (True, 0.0)])
+def test_block_under_a_floor_slides(mass, part):
+    """F (W + N) = lambda (W + N), or lambda W without the floor's mass."""
+    result = limit_load(block(Floor(FLOOR, "top", mass=mass), 0.2))
+    exact = 0.2 * (1.0 + part * FLOOR * WIDTH / WEIGHT)
+    assert result.load_factor == pytest.approx(exact, rel=1e-8)
+
+
+def test_floor_on_a_part_of_its_width_rocks_about_either_toe():
+    """It lies over 0.13 m from the left, at no node: the moment of its weight by hand."""
+    end, floors = 0.13, {"eccentric": Floor(4e4, y=HEIGHT, x=(0.0, 0.13))}
+    result = limit_load(stack(floors, solve=SolveOptions(fast=True, direction="both")))
+    tips = WEIGHT * HEIGHT / 2.0
+    for factor, arm in (
+        (result.load_factor, WIDTH - end / 2.0),
+        (-result.load_factor_negative, end / 2.0),
+    ):
+        exact = (WEIGHT * WIDTH / 2.0 + 4e4 * end * arm) / tips
+        assert factor == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("floor", "row", "ends"),
+    [
+        (Floor(FLOOR, "bed"), 0, (0.0, WIDTH)),
+        (Floor(FLOOR, y=LEVELS[2], x=(0.1, 0.37)), 1, (0.1, 0.37)),
+        (Floor(FLOOR, y=LEVELS[1] + 2e-5, x=(-1.0, 0.2)), 0, (0.0, 0.2)),
+        (Floor(FLOOR, y=HEIGHT, x=(0.05, 0.06)), 2, (0.05, 0.06)),
+    ],
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_floor_inside_a_wall_lies_on_the_block_below(floor, row, ends, degree):
+    found = added({"one": floor}, "dead", degree=degree)
+    load = FLOOR * (ends[1] - ends[0])
+    expected = np.zeros((3, 3))
+    expected[row] = 0.0, -load, -load * sum(ends) / 2.0
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * load)
+    assert np.all(added({"one": floor}, "live") == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("profile", "factors"),
+    [
+        ("uniform", (1.0, 1.0)),
+        (((0.6, 2.0), (0.9, 0.5)), (1.5, 0.5)),
+        (((0.1, 0.0), (0.7, 3.0), (2.0, 1.6)), (3.0, 1.6)),
+    ],
+)
+def test_mass_of_floors_takes_the_profile(profile, factors):
+    """The live force is body times force / 9.81 times the factor at the height of the floor."""
+    floors = {"bed": Floor(FLOOR, "bed", mass=True),
+              "roof": Floor(2e3, y=HEIGHT, x=(0.0, WIDTH), mass=True)}  # fmt: skip
+    live = Load((5.0, 1.0), profile=profile)
+    found = added(floors, "live", live=live)
+    expected = np.zeros((3, 3))
+    for row, height, weight, factor in ((0, 0.7, FLOOR, factors[0]), (2, HEIGHT, 2e3, factors[1])):
+        push = np.array([5.0, 1.0]) * weight * WIDTH / 9.81 * factor
+        expected[row] = *push, WIDTH / 2.0 * push[1] - height * push[0]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_triangular_load_counts_the_floors():
+    """The total is that of all masses, and rises from the foot: F_i = F z_i m_i / sum z_j m_j."""
+    floors = {"bed": Floor(FLOOR, "bed", mass=True),
+              "roof": Floor(2e4, y=HEIGHT, x=(0.0, WIDTH), mass=True)}  # fmt: skip
+    found = on_blocks(stack(floors, live=Load((GRAVITY, 0.0), profile="triangular")), "live")
+    weights = [STONE.density * GRAVITY * WIDTH * (high - low) for low, high in pairwise(LEVELS)]
+    moments = [w * (low + high) / 2.0 for w, (low, high) in zip(weights, pairwise(LEVELS),
+                                                                strict=True)]  # fmt: skip
+    weights[0] += FLOOR * WIDTH
+    moments[0] += FLOOR * WIDTH * LEVELS[1]
+    weights[2] += 2e4 * WIDTH
+    moments[2] += 2e4 * WIDTH * HEIGHT
+    expected = np.array(moments) * sum(weights) / sum(moments)
+    assert found[:, 0] == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("angle", [0.0, 29.0])
+def test_roof_on_a_slope(angle):
+    """Its weight is per metre of level width; the factor on its mass changes along the slope."""
+    corners = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.6), (0.0, 1.0)])
+    first, second = 1.2, 1.21  # heights of the step
+    points = turned(corners, angle)
+    edges = {"base": [(points[0], points[1])], "roof": [(points[2], points[3])]}
+    live = Load(tuple(turned((GRAVITY, 0.0), angle)), profile=((first, 1.0), (second, 4.0)))
+    found = []
+    for force in (0.0, FLOOR):
+        scene = on_ground(polygons([points], 0.4, groups=edges), coulomb(5.0),
+                          Load(tuple(turned((0.0, -GRAVITY), angle))), live, solve=FAST,
+                          floors={"roof": Floor(force, "roof", mass=True)})  # fmt: skip
+        found.append([turned(on_blocks(scene, kind)[0, :2], -angle) for kind in ("dead", "live")])
+    dead, live_part = np.array(found[1]) - found[0]
+    assert dead == pytest.approx([0.0, -FLOOR], abs=1e-7)
+    below, beyond = (first - 1.0) / 0.6, (second - 1.0) / 0.6
+    mean = below + 2.5 * (beyond - below) + 4.0 * (1.0 - beyond)
+    assert live_part == pytest.approx([FLOOR * GRAVITY / 9.81 * mean, 0.0], abs=1e-7)
+
+
+def test_tilted_weights_tilt_their_floor():
+    """On a tilting table: the weight of the floor turns with that of the blocks."""
+    floors = {"roof": Floor(FLOOR, y=HEIGHT, x=(0.0, WIDTH))}
+    found = added(floors, "dead", dead=Load((0.0, -GRAVITY), tilt=10.0))
+    angle = math.radians(10.0)
+    load = FLOOR * WIDTH
+    assert found[2, :2] == pytest.approx([load * math.sin(angle), -load * math.cos(angle)])
+
+
+def test_floor_in_a_joint_of_mortar_lies_below_it():
+    """Blocks 10 mm apart: the height is anywhere in the joint."""
+    courses = [rectangle(0, 0, 1, 0.2), rectangle(0, 0.21, 1, 0.4), rectangle(0, 0.41, 1, 0.6)]
+    law = JointLaw(friction=0.6, gap=0.012)
+    for y in (0.2, 0.205, 0.21):
+        scene = on_ground(polygons(courses, 0.2), law, foundations={"base": coulomb(0.6)},
+                          floors={"one": Floor(FLOOR, y=y, x=(0.0, 1.0))}, solve=FAST)  # fmt: skip
+        bare = on_ground(
+            polygons(courses, 0.2), law, foundations={"base": coulomb(0.6)}, solve=FAST
+        )
+        found = on_blocks(scene, "dead") - on_blocks(bare, "dead")
+        assert found[:, 1] == pytest.approx([-FLOOR, 0.0, 0.0], abs=1e-6)
+
+
+def test_seismic_check_counts_floors_with_mass():
+    """alpha_0, masses and M* of a block that rocks, by hand; one without mass is warned of."""
+    for mass, moving in ((True, WEIGHT + FLOOR * WIDTH), (False, WEIGHT)):
+        scene = block(Floor(FLOOR, "top", mass=mass), seismic=Seismic(1.0))
+        result = limit_load(scene)
+        load = FLOOR * WIDTH
+        exact = (WEIGHT + load) * WIDTH / 2.0 / (WEIGHT * HEIGHT / 2.0 + mass * load * HEIGHT)
+        found = result.seismic["positive"]
+        assert found.multiplier == pytest.approx(exact, rel=1e-6)
+        assert found.moving_mass == pytest.approx(moving / GRAVITY, rel=1e-9)
+        assert found.mass_fraction == pytest.approx(1.0, rel=1e-6)
+        assert found.acceleration == pytest.approx(exact * GRAVITY, rel=1e-6)
+        with Discretization(scene) as made:
+            assert any("floors.first is left out" in text for text in made.warnings) != mass
+
+
+def test_weight_of_a_floor_makes_a_wall_stand_or_fall():
+    """A cantilever of 0.6 m is held down by a floor on its tail of 0.4 m, if it is heavy enough."""
+    beam = [rectangle(0, 0, 0.4, 1), rectangle(0, 1, 1.0, 1.2)]
+    weight = STONE.density * GRAVITY * 0.2
+    least = weight * (0.5 - 0.4) / (0.4 * 0.2)
+    for part, status in ((0.98, "unstable"), (1.02, "limit")):
+        floors = {"tail": Floor(part * least, y=1.2, x=(0.0, 0.4))}
+        scene = on_ground(polygons(beam, 0.2), coulomb(0.9), floors=floors, solve=FAST)
+        assert limit_load(scene).status == status
+        assert stands(scene) == (status == "limit")
+
+
+def test_force_of_a_floor_can_vary_in_a_sweep():
+    scene = block(Floor(0.0, "top"), 0.2)
+    forces = [0.0, 1e4, 4e4]
+    if scene.comm.size > 1:  # points of a sweep are solved on one rank
+        found = [limit_load(block(Floor(one, "top"), 0.2)).load_factor for one in forces]
+    else:
+        found = [point.load_factor for point in sweep(scene, {"floors.first.force": forces})]
+    assert found == pytest.approx([0.2 * (1.0 + f * WIDTH / WEIGHT) for f in forces], rel=1e-6)
+
+
+def test_floors_are_described_recorded_and_drawn():
+    scene = block(Floor(FLOOR, y=HEIGHT, x=(0.0, 0.6), mass=True), thickness=2.0)
+    with Discretization(scene) as made:
+        text = description(made)
+        record = scene_record(made.layout)
+        axes = draw_scene(Figure().subplots(), view_of(made), scene)
+        weight = view_of(made).dead[0]
+    assert "floor first: 8000 N/m2 on 0.5 m, with its mass" in text
+    given = {"force": FLOOR, "y": HEIGHT, "x": (0.0, 0.6), "mass": True}
+    assert record["floors"] == {"first": given}
+    again = Scene.from_tables(scene.tables(), lambda *_: scene.mesh)
+    assert again.floors == scene.floors
+    assert "first" in {text.get_text() for text in axes.texts}
+    assert weight.vector[:, 1] == pytest.approx(-FLOOR)
+    assert weight.place[:, 1] == pytest.approx(HEIGHT)
+
+
+@pytest.mark.parametrize(("end", "lies"), [(0.6, "0.5 m of its 0.6 m"), (WIDTH, None)])
+def test_floor_beside_the_blocks_in_part_is_warned_of(end, lies):
+    with Discretization(block(Floor(FLOOR, y=HEIGHT, x=(0.0, end)))) as made:
+        texts = [text for text in made.warnings if text.startswith("floors")]
+    assert [f"floors.first lies on {lies}" in text for text in texts] == [True] * (lies is not None)
+
+
+@pytest.mark.parametrize(
+    ("floor", "message"),
+    [
+        (Floor(1.0, "nowhere"), r"floors\.first\.at = 'nowhere': .* it has 'base', .*y and x"),
+        (Floor(1.0, "left"), r"floors\.first\.at = 'left': no side of this group looks up"),
+        (Floor(1.0, "base"), r"floors\.first\.at = 'base': no side of this group looks up"),
+        (Floor(1.0, y=1.3, x=(0.0, 1.0)), r"floors\.first\.y = 1\.3: .* nearest is at y = 2"),
+        (Floor(1.0, y=HEIGHT, x=(3.0, 4.0)), r"floors\.first\.y = 2: .*give x where blocks are"),
+    ],
+)
+def test_floors_that_lie_nowhere_are_refused(floor, message):
+    with pytest.raises(InputError, match=message):
+        limit_load(block(floor))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"force": -1.0, "at": "top"}, "force = -1"),
+        ({"force": math.nan, "at": "top"}, "force = nan"),
+        ({"force": 1.0}, "either at"),
+        ({"force": 1.0, "at": "top", "y": 2.0, "x": (0.0, 1.0)}, "either at"),
+        ({"force": 1.0, "y": 2.0}, r"with x = \[from, to\]"),
+        ({"force": 1.0, "at": "top", "x": (0.0, 1.0)}, "either at"),
+        ({"force": 1.0, "y": math.inf, "x": (0.0, 1.0)}, "y = inf"),
+        ({"force": 1.0, "y": 2.0, "x": (1.0, 1.0)}, "must rise"),
+        ({"force": 1.0, "y": 2.0, "x": (0.0, math.nan)}, "x = "),
+        ({"force": 1.0, "at": "top", "mass": 1}, "mass = 1 must be true or false"),
+    ],
+)
+def test_wrong_floors_are_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        Floor(**given)
