@@ -79,8 +79,8 @@ def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
     extent = ends[row, number + 1] - start
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS[corners.shape[1]])
     share = 0.5 * (1.0 + abscissa)
-    height = start[:, None] + np.outer(extent, share)
-    left, width = _across(np.asarray(outline[row]), height)
+    height = start[:, None] + extent[:, None] * share
+    left, width = _across(outline[row], height)
     across = left[..., None] + width[..., None] * share
     area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)
     flat = len(row), len(share) ** 2

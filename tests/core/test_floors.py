@@ -273,7 +273,7 @@ def test_floor_beside_the_blocks_in_part_is_warned_of(end, lies):
 @pytest.mark.parametrize(
     ("floor", "message"),
     [
-        (Floor(1.0, "nowhere"), r"floors\.first\.at = 'nowhere': .* it has 'base', .*y and x"),
+        (Floor(1.0, "nowhere"), r"floors\.first\.at = 'nowhere': .* it has 'base', .*x and y"),
         (Floor(1.0, "left"), r"floors\.first\.at = 'left': no side of this group looks up"),
         (Floor(1.0, "base"), r"floors\.first\.at = 'base': no side of this group looks up"),
         (Floor(1.0, y=1.3, x=(0.0, 1.0)), r"floors\.first\.y = 1\.3: .* nearest is at y = 2"),

@@ -179,7 +179,7 @@ LOADS = {
     "floor without a name": value("floors.force", 8e3, "[floors.NAME]"),
     "floor without weight": Wrong(("floors.one.force is missing",), {"floors.one.at": "top"}),
     "floor on no group": value(
-        "floors.one", {"force": 8e3, "at": "TOP"}, "one-dimensional group 'TOP'; it has", "y and x"
+        "floors.one", {"force": 8e3, "at": "TOP"}, "one-dimensional group 'TOP'; it has", "x and y"
     ),
     "floor on a side": value("floors.one", {"force": 8e3, "at": "left"}, "no side", "looks up"),
     "floor in a block": value(
