@@ -11,10 +11,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.load_control import OPTIONS as RISING
 from fenics_contact.collapse.load_control import raised_path
 from fenics_contact.collapse.lowest import second_opinion
 from fenics_contact.collapse.peak import (
     ABOVE,
+    CLIMB,
     NOT_ASKED,
     TOO_DEAR,
     Above,
@@ -22,6 +24,7 @@ from fenics_contact.collapse.peak import (
     find_peak,
     peak_of,
 )
+from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.history import Lowest, Peak
@@ -55,7 +58,9 @@ def with_peak_at_any_cost(case: LoadCase, end: Collapse, cost: float) -> Collaps
 
     def search(above: Above) -> Peak:
         found = _searched(case, above, limits)
-        return found if found.status == "found" else _raised(case.unrecorded, above, found, limits)
+        if found.status == "found":
+            return _beyond(case.unrecorded, above, found)
+        return _raised(case.unrecorded, above, found, limits)
 
     return _with_peak(case, end, search)
 
@@ -86,6 +91,20 @@ def _searched(case: LoadCase, above: Above, limits: Limits) -> Peak:
     """The peak as `find_peak` finds it."""
     tolerance = case.discretization.scene.solve.tolerance
     return find_peak(case.unrecorded, above, tolerance, limits, case.record.rise_on_modes)
+
+
+def _beyond(case: LoadCase, above: Above, found: Peak) -> Peak:
+    """A peak with the next load factor, if `equilibrium()` finds no state there either.
+
+    Its search is taken to its end, which may cost as much as a load that rises to a collapse.
+    """
+    target = found.load_factor + CLIMB.beyond * above.size
+    scene = case.discretization.scene
+    effort = case.discretization.effort
+    with effort.at_most(RISING.cost):
+        state = service_state(case, strategy_of(scene), scene.solve, target, 1)
+        tried = state.status != "equilibrium" and effort.left >= 1.0
+    return replace(found, not_found_at=target) if tried else found
 
 
 def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:

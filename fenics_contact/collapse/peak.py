@@ -67,6 +67,8 @@ ABOVE = 2e-3
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
 OTHER_METHOD = "this method does not look for it; solve.method = 'auto' does"
 NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
+FELL = "the load factor fell on the way to the collapse: more may have been carried"
+MODES_ONLY = "block modes carry more than the collapse, and the structure was not found to"
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ class PeakOptions:
             relative.
         before: If that is before this part of the next work.
         another: A path that ends so far from the collapse, relative, ends on another one.
+        dip: Where the load factor of the path to the collapse, with its larger products, fell by
+            this, relative, block modes do not tell that there is no peak.
         fallen: A summit is passed where the path has fallen by this, relative.
         finish: When the interior point method stops with products zero.
         few: Blocks from which on the first limit is smaller, in proportion: steps on block modes
@@ -133,6 +137,7 @@ class PeakOptions:
     promising: float = 4e-3
     before: float = 0.9
     another: float = 2e-2
+    dip: float = 5e-2
     fallen: float = 5e-3
     finish: InteriorPointOptions = field(
         default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
@@ -246,8 +251,11 @@ def find_peak(
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
-    if way is not None and _stays_below(case, above, way, limits):
-        return Peak("none")
+    fell = way is not None and way.fallen > OPTIONS.dip * above.size
+    none = Peak("not_known", reason=FELL) if fell else Peak("none")
+    below = way is not None and _stays_below(case, above, way, limits)
+    if below and not fell:
+        return none
     case = replace(case, monitor=lambda step: None)
     effort = case.discretization.effort
     begun = effort.spent
@@ -257,9 +265,9 @@ def find_peak(
         if above(upper) <= ABOVE:
             return Peak("none")
         with effort.at_most(limits.seen):
-            seed = _seed(case, above)
+            seed = None if below else _seed(case, above)
         if seed is None:
-            return Peak("none")
+            return none
         with effort.at_most(limits.found - (effort.spent - begun)):
             return _Summit(case, above, tolerance, upper).peak(seed)
     except EffortError:
@@ -576,39 +584,31 @@ class _Summit:
 
     def peak(self, seed: State) -> Peak:
         """The peak next to a state that the block modes have above the collapse."""
-        not_found_at = math.nan
         try:
-            not_found_at = self._climb_from(self._begun(seed))
+            self._climb_from(self._begun(seed))
         except SolverError as error:
             if not self._found:
                 raise
             _log.info("  peak: %s", error)
         if self.best is None or not self._found:
-            return Peak("none")
+            return Peak("not_known", reason=MODES_ONLY)
         state = self.best
         work = self._case.written(state).work
         moved = work / self._case.problem.sum(np.abs(self._case.problem.live))
-        return Peak("found", state.load_factor, not_found_at, work, moved, state=state)
+        return Peak("found", state.load_factor, work=work, displacement_m=moved, state=state)
 
     @property
     def _found(self) -> bool:
         return self.best is not None and self._above(self.best.load_factor) > ABOVE
 
-    def _climb_from(self, point: _Point) -> float:
-        """Climb to the summit, over small dips; the load factor at which no state is found."""
+    def _climb_from(self, point: _Point) -> None:
+        """Climb to the summit, over small dips."""
         for _ in range(CLIMB.dips):
             best = self._summit(point)
             target = best.load_factor + CLIMB.beyond * self._above.size
-            if not self._found:
-                break
-            if target >= self._upper:
-                return self._upper
-            try:
-                point = self._at_load(best, target)
-            except SolverError:
-                self._effort.require(1.0)
-                return target
-        return math.nan
+            if not self._found or target >= self._upper:
+                return
+            point = self._at_load(best, target)
 
     def _summit(self, start: _Point) -> _Point:
         """The highest point next to one, by the slopes on both sides."""

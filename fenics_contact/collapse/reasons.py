@@ -37,11 +37,14 @@ def explained(case: LoadCase, end: Collapse) -> Collapse:
     end = replace(end, attempts=tuple(record.attempts), trace=tuple(record.trace))
     if end.status != "not_converged":
         return end
-    if whole.effort.watch.reason:
+    stopped = whole.effort.watch.reason
+    if stopped and end.reason.startswith(stopped):
         parts = [end.reason, *_came_to(end, case.sign), _reached(end, case.sign)]
         cures = "more time"
     else:
-        parts = [end.reason or _reached(end, case.sign), *_tried(end.attempts)]
+        limit = record.exhausted
+        ended = [f"the search ended at its limit of {limit:g} factorisations"] if limit else []
+        parts = [*ended, end.reason or _reached(end, case.sign), *_tried(end.attempts)]
         cures = _either(_cures(whole))
     return replace(end, reason="; ".join([*parts, f"try {cures}"]))
 
@@ -81,8 +84,8 @@ def missed(certificate: Certificate) -> str:
 
 
 def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
-    """Attempts that cost something and found nothing, those of one kind together."""
-    lost = [trial for trial in attempts if not trial.found and trial.factorizations > 0]
+    """Attempts that found nothing, those of one kind together."""
+    lost = [trial for trial in attempts if not trial.found]
     for name in dict.fromkeys(trial.name for trial in lost):
         trials = [trial for trial in lost if trial.name == name]
         times = f"{len(trials)} times, the last one: " if len(trials) > 1 else ""

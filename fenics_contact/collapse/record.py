@@ -44,16 +44,21 @@ class Way:
     Attributes:
         states: Some of the points passed, with works that rise.
         last: Load factor of the last point passed.
+        fallen: By how much the load factor was below its highest so far, at most.
     """
 
     states: list[State] = field(default_factory=list)
     last: float = np.nan
+    fallen: float = 0.0
+    _highest: float = -np.inf
 
     def passed(self, point: PathPoint) -> None:
         """Take note of a point."""
         if not self.states or point.work >= APART * self.states[-1].work:
             self.states.append(point.state)
         self.last = point.iterate.load_factor
+        self._highest = max(self._highest, self.last)
+        self.fallen = max(self.fallen, self._highest - self.last)
 
 
 class Record:
@@ -65,6 +70,7 @@ class Record:
         last: Makes a state of the point passed last; None before the first.
         best: The `Collapse` that a search had found when it was stopped; else None.
         ways: The last path of every phase.
+        exhausted: Limit that ended the search, in units of one factorisation; 0 if none did.
     """
 
     def __init__(
@@ -88,6 +94,7 @@ class Record:
         self.last: Callable[[], State] | None = None
         self.best: Any = None
         self.ways: dict[str, Way] = {}
+        self.exhausted = 0.0
 
     def reversed(self) -> Record:
         """A record for the reversed live load: it shares the attempts, not the path."""

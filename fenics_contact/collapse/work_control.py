@@ -43,6 +43,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
         Stopped: If the run is to end; the record of the load case has what was found.
     """
     search = _Search(case, strategy, tolerance)
+    case.record.exhausted = 0.0
     try:
         with case.discretization.effort.at_most(strategy.work.cost):
             status = _searched(search, strategy.work, case.block_count)
@@ -136,6 +137,9 @@ class _Search:
         task = Task(case, work, scales, self.tolerance, last)
         self._last_found = False
         for attempt in self._attempts():
+            if case.discretization.effort.left < 1.0:
+                case.record.exhausted = case.discretization.effort.allowed
+                return None
             count = case.discretization.factorizations
             try:
                 with case.record.attempt(

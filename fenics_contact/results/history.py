@@ -149,8 +149,10 @@ class Peak:
 
     Attributes:
         status: "found", "none" where the path rises to the collapse, or "not_known".
-        load_factor: lambda of a verified state of equilibrium; nan unless found.
-        not_found_at: Load factor next to it at which no equilibrium was found; nan if not tried.
+        load_factor: lambda of a verified state of equilibrium: at least that is carried; nan unless
+            found.
+        not_found_at: Load factor next to it at which no equilibrium was found, looked for as
+            `equilibrium` does; nan if not tried.
         work: T of that state, of the live load as it acts, N m per metre of thickness.
         displacement_m: Mean displacement there along the live load as it acts, m.
         reason: Why it is not known, and what to do, for people.

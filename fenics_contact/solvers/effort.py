@@ -65,12 +65,14 @@ class Effort:
     Attributes:
         spent: Cost so far, in units of one factorisation of the structure.
         watch: Asked before every factorisation, on all ranks.
+        allowed: Cost that the tightest limit allows in all; infinite where there is none.
     """
 
     def __init__(self) -> None:
         self.spent = 0.0
         self.watch = Watch()
         self._limit = math.inf
+        self.allowed = math.inf
 
     @property
     def left(self) -> float:
@@ -97,7 +99,7 @@ class Effort:
         Asked after a `SolverError`, as loops may take the limit for a failure of their own.
         """
         if cost > self.left + ROUNDING:
-            raise EffortError(f"the limit of {self._limit:.4g} factorisations is reached")
+            raise EffortError(f"the limit of {self.allowed:.4g} factorisations is reached")
 
     def wait(self) -> None:
         """Ask whether to wait on for something that this rank does alone; raises `Stopped`."""
@@ -106,12 +108,14 @@ class Effort:
     @contextmanager
     def at_most(self, cost: float) -> Iterator[None]:
         """Limit what is spent inside; limits nest, and the tightest one counts."""
-        before = self._limit
-        self._limit = min(before, self.spent + cost)
+        before = self._limit, self.allowed
+        if self.spent + cost < self._limit:
+            self._limit = self.spent + cost
+            self.allowed = cost
         try:
             yield
         finally:
-            self._limit = before
+            self._limit, self.allowed = before
 
 
 @dataclass

@@ -27,6 +27,10 @@ def test_limits_nest_and_the_tightest_counts():
         assert effort.left == pytest.approx(0.0)
     tally.add()
     assert tally.count == 4
+    with effort.at_most(1.0):
+        tally.add()
+        with pytest.raises(EffortError, match="limit of 1 factorisations"):
+            tally.add()
 
 
 def test_a_watch_stops_a_run_before_the_next_factorisation():

@@ -10,7 +10,12 @@ import pytest
 from fenics_contact import SolverError, limit_load
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.reasons import explained
-from fenics_contact.collapse.strategy import Strategy, WorkOptions, interior_point
+from fenics_contact.collapse.strategy import (
+    Strategy,
+    WorkOptions,
+    along_falling_products,
+    interior_point,
+)
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene import SolveOptions
@@ -87,6 +92,41 @@ def test_reason_where_nothing_is_verified():
     assert end.status == "not_converged" and end.attempts[0].found
     assert "not settled" in end.attempts[0].outcome
     assert f"the best one, with load factor {end.load_factor:.6g}" in end.reason
+
+
+def test_reason_where_the_limit_of_factorisations_ends_the_search():
+    """It is named, with all attempts of the method; more time would not help."""
+    work = WorkOptions(cost=7.0, attempt=5.0)
+    attempts = interior_point, along_falling_products
+    with load_case(wall_recipe("W3", coulomb(0.65)).scene(1)) as case:
+        strategy = Strategy(attempts, GENERAL, work=work)
+        end = explained(case, find_collapse(case, strategy, 1e-6))
+    assert end.status == "not_converged" and "more time" not in end.reason
+    assert end.reason.startswith("the search ended at its limit of 7 factorisations; no state was ")
+    assert "the interior point method found no state" in end.reason
+    assert "the path of falling products found no state" in end.reason
+    assert len(end.attempts) == 2
+
+
+def test_attempts_without_a_factorisation_of_the_structure_are_told():
+    def counts_its_own(task: Task) -> None:
+        raise SolverError("lost")
+
+    with load_case(BOND.scene(1)) as case:
+        end = collapse_of(case, counts_its_own)
+    assert "counts its own found no state (2 times, the last one: lost)" in end.reason
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_more_time_is_advised_where_the_time_ended_this_direction(stopped):
+    """Not where another direction was stopped after this one had come to its end."""
+    with load_case(BOND.scene(1)) as case:
+        found = find_collapse(case, Strategy((finds_nothing,), GENERAL), 1e-6)
+        watch = case.discretization.effort.watch
+        watch.reason = "stopped after 1 s (solve.time)"
+        end = explained(case, replace(found, reason=watch.reason) if stopped else found)
+    assert end.reason.endswith("try more time") is stopped
+    assert ("finds nothing found no state" in end.reason) is not stopped
 
 
 def test_a_method_does_not_recommend_itself():
