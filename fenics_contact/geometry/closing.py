@@ -134,18 +134,13 @@ class Mortar:
         most = like == np.argmax(np.bincount(like, length))
         return float(np.average(size[most], weights=length[most]))
 
-    @cached_property
+    @property
     def range(self) -> Array:
         """Thickness that nine tenths of the open joints are between, m, shape (2,); 0 if none."""
         if not len(self.open):
             return np.zeros(2)
         part = np.cumsum(self.length[self.open])
         return self.thickness[self.open][np.searchsorted(part, (0.05 * part[-1], 0.95 * part[-1]))]
-
-    @property
-    def most(self) -> float:
-        """Largest of the usual thicknesses, m; 0 if there are none."""
-        return float(self.range[1])
 
     def said(self, scale: float, unit: str) -> str:
         """The thickness in a unit of `scale` m, for people; empty if there is none."""
@@ -227,7 +222,6 @@ class ClosedJoints:
         self._turns = np.arange(self._count)
         self._stretch, side = np.divmod(self._turns, 2)
         self._gap = mortar.gap[self._stretch, 1 - side]
-        self._ends = mortar.points[self._stretch, :, 1 - side]  # of both stones
         own = [np.stack([side, 1 - side], axis=1), self._stretch[:, None], side[:, None]]
         self._place = mortar.place[own[1], own[2], own[0]]  # where its stone comes and leaves
         self._own = mortar.points[own[1], own[2], own[0]]
@@ -266,26 +260,24 @@ class ClosedJoints:
         path = [self._own[turn, 1], *outline[(between - first) % len(outline)], self._own[after, 0]]
         for k, reach in ((0, self._gap[turn]), (len(path) - 1, self._gap[after ^ 1])):
             corner = path[1] if k == 0 else path[-2]
-            if (
-                len(between)
-                and np.hypot(*(corner - path[k])) <= LIMITS.corner * reach + mortar.near
-            ):
+            away = np.hypot(*(corner - path[k]))
+            if len(between) and away <= LIMITS.corner * reach + mortar.near:
                 path[k] = corner
         return _without_twins(np.array(path))
 
     def _joints(self) -> tuple[Flags, Array]:
         """Which turns are at pockets that become points, and where joints end at every turn."""
         mortar = self._mortar
-        label = np.repeat(self._pocket, [len(path) for path in self._paths])
-        points = np.concatenate([np.zeros((0, 2)), *self._paths])
-        middle = self._ends.mean(axis=1)
+        middle = mortar.points.mean(axis=1)[self._stretch, 1 - self._turns % 2]
+        points = np.concatenate([middle, *self._paths])
+        lengths = [len(path) for path in self._paths]
+        label = np.concatenate([self._pocket, np.repeat(self._pocket, lengths)])
         count = int(self._pocket.max(initial=-1)) + 1
         box = np.array([np.full((count, 2), np.inf), np.full((count, 2), -np.inf)])
         thick = np.zeros(count)
         np.maximum.at(thick, self._pocket, self._gap)
-        for places, owner in ((points, label), (middle, self._pocket)):
-            np.minimum.at(box[0], owner, places)
-            np.maximum.at(box[1], owner, places)
+        np.minimum.at(box[0], label, points)
+        np.maximum.at(box[1], label, points)
         width = np.ptp(box, axis=0).max(axis=1)
         along = np.diff(mortar.points.mean(axis=1), axis=1)[:, 0][self._stretch]
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -372,14 +364,11 @@ def _crossings(points: Array, normal: Array, label: Indices, width: Array) -> Ar
     np.add.at(right, label, normal * np.sum(normal * (points - centre[label]), axis=1)[:, None])
     inverse = np.linalg.pinv(matrix, rcond=LIMITS.parallel, hermitian=True)
     way = np.einsum("nij,nj->ni", inverse, right)
-    return centre + np.where(np.linalg.norm(way, axis=1) <= width, 1.0, 0.0)[:, None] * way
+    return centre + way * (np.linalg.norm(way, axis=1) <= width)[:, None]
 
 
 def _off(start: Array, point: Array, end: Array) -> float:
-    """Distance of a point from the line between two others."""
+    """Distance of a point from the line between two others; 0 where these are one."""
     along = end - start
-    length = float(np.hypot(*along))
     arm = point - start
-    if length == 0.0:
-        return float(np.hypot(*arm))
-    return abs(float(along[0] * arm[1] - along[1] * arm[0])) / length
+    return abs(along[0] * arm[1] - along[1] * arm[0]) / max(np.hypot(*along), 1e-300)

@@ -106,7 +106,8 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     size = order.size or default_size(list(drawing.blocks))
     pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
     mortar = Mortar.of(list(drawing.blocks))
-    gaps = drawing.gaps(mortar.most)
+    most = float(mortar.range[1])
+    gaps = drawing.gaps(most)
     if order.close:  # corners of the outline beside a joint that was closed face nothing
         gaps = gaps[gaps[:, 3] > 0.0]
     if order.picture is not None:
@@ -117,7 +118,7 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     triangles = _meshed(drawing, size, order.mesh)
     lines = _said(order, read, f"{triangles} triangles, elements of at most {size:.3g} m")
     thickness = mortar.said(UNITS[read.unit], read.unit)
-    gap = _closing_gap(mortar.most, gaps)
+    gap = _closing_gap(most, gaps)
     lines += _gap_warning(read, gaps, gap, thickness)
     if order.picture is not None:
         lines.append(f"picture of what was read: {order.picture}")
