@@ -60,8 +60,8 @@ def _whole(cells: Indices, corners: Array, up: Array) -> Rule:
     b, c, d = _sides(corners)
     area = np.abs(_cross(b + d * place[..., 1:], c + d * place[..., :1]))
     arm = b * place[..., :1] + c * place[..., 1:] + d * place.prod(axis=-1, keepdims=True)
-    factor = 0.25 * np.outer(weight, weight).ravel()
-    return cells, place, area * factor, corners[:, :1] @ up + arm @ up
+    area *= 0.25 * np.outer(weight, weight).ravel()
+    return cells, place, area, corners[:, :1] @ up + arm @ up
 
 
 def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
@@ -75,11 +75,10 @@ def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
     high = outline[..., 0].max(axis=1, keepdims=True)
     ends = np.sort(np.hstack([outline[..., 0], np.clip(levels - base, low, high)]), axis=1)
     row, number = np.nonzero(np.diff(ends, axis=1) > THIN * (high - low))
-    start = ends[row, number]
-    extent = ends[row, number + 1] - start
+    extent = ends[row, number + 1] - ends[row, number]
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS[corners.shape[1]])
     share = 0.5 * (1.0 + abscissa)
-    height = start[:, None] + extent[:, None] * share
+    height = ends[row, number][:, None] + extent[:, None] * share
     left, width = _across(outline[row], height)
     across = left[..., None] + width[..., None] * share
     area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)

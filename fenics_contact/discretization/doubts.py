@@ -146,13 +146,11 @@ def _of_tractions(scene: Scene, boundary: Boundary) -> Iterator[str]:
 def _of_floors(scene: Scene, boundary: Boundary, usual: Usual) -> Iterator[str]:
     """Floors beside the blocks in part, and floors that a seismic check would leave out."""
     for name, strips in floor_strips(scene, boundary).items():
-        floor = scene.floors[name]
-        start, end = floor.x or (0.0, 0.0)
+        wished = float(np.ptp(scene.floors[name].x or (0.0, 0.0)))
         lies = float(strips.length(boundary).sum())
-        if lies < (1.0 - usual.offset) * (end - start):
-            part = f"floors.{name} lies on {lies:.6g} m of its {end - start:.6g} m"
-            yield f"{part}; the rest has no block below and no weight: give x where blocks are"
-        if scene.seismic is not None and not floor.mass:
+        if lies < (1.0 - usual.offset) * wished:
+            yield f"floors.{name} lies on {lies:.6g} m of its {wished:.6g} m; the rest is left out"
+        if scene.seismic is not None and not scene.floors[name].mass:
             yield f"floors.{name} is left out of the seismic check; give it mass = true"
 
 

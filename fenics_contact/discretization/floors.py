@@ -65,6 +65,7 @@ def _missed(boundary: Boundary, strips: Strips, floor: Floor) -> str:
     if floor.y is None:
         return f"at = '{floor.at}': no side of this group looks up; name top sides"
     height = boundary.points[strips.facets, :2, 1].ravel()
-    nearest = height[np.argsort(np.abs(height - floor.y))[:1]]
-    cure = "".join(f"the nearest is at y = {y:g}" for y in nearest) or "give x where blocks are"
-    return f"y = {floor.y:g}: no top side of a block is at this height there; {cure}"
+    missed = f"y = {floor.y:g}: no top side of a block is at this height there"
+    if len(height) == 0:
+        return f"{missed}; give x where blocks are"
+    return f"{missed}; the nearest is at y = {height[np.argmin(np.abs(height - floor.y))]:g}"

@@ -89,8 +89,7 @@ def weights_of_floors(scene: Scene, boundary: Boundary) -> list[tuple[Indices, A
         InputError: If a floor lies nowhere.
     """
     up = upward(scene.dead.acceleration)
-    even = Profile(up, np.zeros(1), np.ones(1))
-    return _on_floors(scene, boundary, scene.floors, even, -up)
+    return _on_floors(scene, boundary, scene.floors, Profile(up, np.zeros(1), np.ones(1)), -up)
 
 
 def inertia_of_floors(

@@ -59,8 +59,7 @@ class Strips:
         first, second = (boundary.points[self.facets, :2] @ up).T
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = (levels - first[:, None]) / (second - first)[:, None]
-        start = self.start[:, None]
-        crossing = np.clip(np.nan_to_num(crossing), start, self.end[:, None])
-        ends = np.sort(np.hstack([start, crossing, self.end[:, None]]), axis=1)
+        crossing = np.clip(np.nan_to_num(crossing), self.start[:, None], self.end[:, None])
+        ends = np.sort(np.hstack([self.start[:, None], crossing, self.end[:, None]]), axis=1)
         row, number = np.nonzero(np.diff(ends, axis=1) > 0.0)
         return Strips(self.facets[row], ends[row, number], ends[row, number + 1])
