@@ -127,12 +127,14 @@ def test_what_only_self_stress_could_hold_has_one_word(blocks, friction, live):
 
 @pytest.mark.parametrize(("pressed", "answer"), [(1.05, True), (0.95, False)])
 def test_a_block_pressed_on_a_rough_wall_stands_by_its_friction(pressed, answer):
-    """F p h against the weight, where friction alone holds and the press is a load."""
+    """F p h against the weight, where friction alone holds; lifted, it slides at W + F p h."""
     thrust = pressed * 1000.0 * 9.81 * 0.5 / (0.5 * 0.5)  # Pa: F = 0.5, h = 0.5 m
     dead = replace(WEIGHT, traction={"left": (thrust, 0.0)})
     scene = between_walls(dead, [LOW], walls=("right",))
     assert stands(scene) is answer and equilibrium(scene, 0.0).proved
-    assert limit_load(scene).status == ("limit" if answer else "unstable")
+    lifted = limit_load(scene)
+    assert lifted.status == ("limit" if answer else "unstable")
+    assert not answer or lifted.load_factor == pytest.approx(1.0 + pressed, rel=1e-6)
 
 
 def between_walls(dead, blocks=(LOW,), friction=0.5, live=LIFT, walls=("left", "right")):
