@@ -214,11 +214,12 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {_listed(reason)}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
-    if end.bounds.meet and end.torn is None:
+    if end.bounds.meet and end.torn is None and not end.rolling:
         first += "; no other collapse state exists"
     return [
         first,
-        f"verified: equilibrium {equilibrium:.0e}, friction {friction:.0e}, gap"
+        f"verified{' as drawn, but blocks roll' if end.rolling else ''}: equilibrium"
+        f" {equilibrium:.0e}, friction {friction:.0e}, gap"
         f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
         *_crushing_lines(end, units),
         *_torn_lines(end, units),

@@ -18,6 +18,7 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.rolling import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array, Indices
@@ -196,6 +197,10 @@ def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
         except Stopped as stop:
             found = ServiceState("not_converged", load_factor, reason=str(stop))
         count = made.factorizations()
+        if found.status == "equilibrium" and found.joint_values is not None:
+            forces = found.joint_values.normal_force
+            if turned := turn_in(made.original.joints.without_ties(), forces):
+                found = replace(found, status="not_converged", reason=turned)
     return Equilibrium(**vars(found), layout=made.layout, factorizations=count)
 
 

@@ -34,6 +34,7 @@ from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.rolling import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
@@ -400,6 +401,9 @@ def _solved(
     for name, end in found.items():
         if end.status == "limit" and blocks.crushing is None:
             found[name] = with_least_forces(cases[name].discretization, end)
+        if end.status == "limit" and end.joints is not None:
+            turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
+            found[name] = replace(found[name], rolling=turned)
         if discretization.effort.watch.reason:
             found[name] = _with_bounds_so_far(cases[name], found[name], lower)
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}

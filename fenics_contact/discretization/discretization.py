@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -45,6 +46,9 @@ from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner
 
 #: Springs of closed joints in the bonded structure, in units of the mean diagonal of K.
 BONDED_SPRING = 1e2
+
+#: Springs to ground at all nodes of bonded blocks that corners hold, in the same unit.
+SOFT_GROUND = 1e-6
 
 #: Cost of a factorisation of block modes, in units of one of the structure; measured.
 MODE_COST = 0.2
@@ -331,11 +335,17 @@ class Discretization(Layout, Closing):
         """
         start = time.perf_counter()
         problem = self.problem
-        stiffness = self.stiffness(kind)
-        spring = np.full(problem.points, BONDED_SPRING * stiffness.mean_diagonal)
-        factor = stiffness.factor(spring, spring / (1.0 + spring * problem.compliance[1]))
-        load, origin = _sizing_load(self, spring)
-        dead, live = (factor.solve(each) for each in (load, problem.live))
+        with ExitStack() as owner:
+            stiffness = self.stiffness(kind)
+            spring = np.full(problem.points, BONDED_SPRING * stiffness.mean_diagonal)
+            if self.joints.corners:  # about which blocks may turn
+                soft = SparseMap(problem.stiffness.matrix.copy())
+                owner.callback(soft.close)
+                soft.matrix.shift(SOFT_GROUND * stiffness.mean_diagonal)
+                stiffness = owner.enter_context(self.stiffness_with(soft, kind))
+            factor = stiffness.factor(spring, spring / (1.0 + spring * problem.compliance[1]))
+            load, origin = _sizing_load(self, spring)
+            dead, live = (factor.solve(each) for each in (load, problem.live))
         pressed = spring * (origin - problem.normal @ dead) + problem.law.bond
         of_dead = np.maximum(pressed, 0.0)
         of_live = np.maximum(-spring * (problem.normal @ live), 0.0)

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.facets import GROUND, Boundary
+from fenics_contact.discretization.facets import GROUND, Boundary, Gaps
 from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.movements import facet_motion
-from fenics_contact.discretization.pairing import Gaps, facing_facets
+from fenics_contact.discretization.pairing import facing_facets
+from fenics_contact.discretization.rolling import possible_turn
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.scene import JointLaw, Material, Scene
 
@@ -64,6 +65,7 @@ def doubts(
         *_of_tractions(scene, boundary),
         *_of_gaps(boundary, joints, usual),
         *_of_hanging_blocks(scene, boundary, joints, usual),
+        *filter(None, [possible_turn(joints.without_ties())]),
         *_of_movements(scene, boundary, usual),
         *_of_floors(scene, boundary, usual),
     )

@@ -34,7 +34,7 @@ class Faces:
 
 
 def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
-    """Faces: joint points grouped by bodies, law and line; with other laws of the points."""
+    """Faces: joint points grouped by bodies, law, friction and line; with other laws of points."""
     law = law or joints.point_laws
     if len(joints.length) == 0:
         none = np.empty(0, dtype=np.int64)
@@ -44,7 +44,10 @@ def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
     across = (joints.sides[:, 1] - joints.sides[:, 0]) / size
     line = np.column_stack([joints.normal, offset, across])
     line = np.round(line / COLLINEAR).astype(np.int64)
-    keys = np.column_stack([joints.bodies, joints.law, line])
+    # Points of a face have one friction: those with another are a face of their own.
+    of_point = np.column_stack([law.friction, law.dilatancy])
+    friction = np.unique(of_point, axis=0, return_inverse=True)[1].ravel()
+    keys = np.column_stack([joints.bodies, joints.law, friction, line])
     face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))

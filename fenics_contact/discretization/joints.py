@@ -14,15 +14,17 @@ rule, degree 2: Simpson's). Ties are more points, after these: they slide, and p
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.discretization.corners import Corners, straight_sides
 from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
 from fenics_contact.discretization.mortar import Pieces, lagrange, pieces_of, stencil_of
-from fenics_contact.discretization.pairing import joint_stretches
+from fenics_contact.discretization.pairing import find_contacts
 from fenics_contact.discretization.stencil import SHARES, Stencil
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
@@ -31,6 +33,9 @@ from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE, arc_heights
 from fenics_contact.scene.scene import JointLaw, Scene
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.problem import sparse_rows
+
+#: Sides whose curvatures differ by less than this part lie along each other.
+ALIKE = 0.25
 
 
 @dataclass(frozen=True)
@@ -55,9 +60,11 @@ class Joints:
         middle: With degree 2, the points inside these, shape (segments,); else none.
         stencil: How displacements of nodes give those of both sides at the points.
         gap: Initial opening of every point, m; 0 where the law gives no gap.
+        curvature: Of one side relative to the other, 1/m; 0 unless sides are curved and unlike.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
         torn: Points that have lost cohesion and tensile strength; none if left out.
         ties: The last points; None: there are none.
+        corners: Number of points before them, in no segment, at which a corner meets a side.
     """
 
     nodes: Indices
@@ -73,9 +80,11 @@ class Joints:
     stencil: Stencil
     middle: Indices
     gap: Array
+    curvature: Array
     offset: float = 0.0
     torn: Flags | None = None
     ties: Ties | None = None
+    corners: int = 0
 
     def with_ties(self, ties: Ties) -> Joints:
         """Joint points, and the bars of ties after them."""
@@ -93,15 +102,19 @@ class Joints:
             "length": ties.share,
             "law": len(self.laws) + ties.tie,
             "gap": np.zeros(count),
+            "curvature": np.zeros(count),
         }
         return replace(
-            self,
-            **{name: np.concatenate([getattr(self, name), of]) for name, of in columns.items()},
-            stencil=self.stencil.followed_by(ties.stencil),
+            self.followed_by(columns, ties.stencil),
             laws=(*self.laws, *(JointLaw("tresca", bound=bound) for bound in half)),
             names=(*self.names, *(f"ties.{name}" for name in ties.names)),
             ties=ties,
         )
+
+    def followed_by(self, columns: Mapping[str, Any], stencil: Stencil) -> Joints:
+        """These points and then others, with arrays over them by name."""
+        both = {name: np.concatenate([getattr(self, name), of]) for name, of in columns.items()}
+        return replace(self, **both, stencil=self.stencil.followed_by(stencil))
 
     def without_ties(self) -> Joints:
         """The joint points alone."""
@@ -109,7 +122,8 @@ class Joints:
             return self
         count = self.joint_count
         laws = len(self.laws) - len(self.ties.names)
-        per_point = "nodes", "bodies", "position", "sides", "normal", "length", "law", "gap"
+        where = "nodes", "bodies", "position", "sides", "normal", "length"
+        per_point = *where, "law", "gap", "curvature"
         return replace(
             self,
             **{name: getattr(self, name)[:count] for name in per_point},
@@ -204,8 +218,11 @@ class Joints:
 
     @property
     def _whole_length(self) -> Array:
-        """Length of joint of every point that is not torn, m."""
-        return self.length if self.torn is None else np.where(self.torn, 0.0, self.length)
+        """Length of joint of every point that carries strengths: not torn, no corner, m."""
+        length = self.length if self.torn is None else np.where(self.torn, 0.0, self.length)
+        length = length.copy()
+        length[self.joint_count - self.corners : self.joint_count] = 0.0
+        return length
 
 
 @dataclass(frozen=True)
@@ -236,9 +253,10 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     """Points of all joints and foundations.
 
     Raises:
-        InputError: As `joint_stretches` says.
+        InputError: As `find_contacts` says.
     """
-    pieces = pieces_of(boundary, *joint_stretches(scene, boundary))
+    stretches, law_of_stretch, corners, law_of_corner = find_contacts(scene, boundary)
+    pieces = pieces_of(boundary, stretches, law_of_stretch)
     per_piece = pieces.nodes.shape[2]
     piece, rows, point = _merge(boundary, pieces)
     share = pieces.length[:, None] * SHARES[per_piece]
@@ -254,7 +272,7 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
     law = pieces.law[piece[rows]]
     gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
-    return Joints(
+    joints = Joints(
         nodes=nodes.reshape(2, -1).T[rows],
         bodies=pieces.bodies[piece[rows]],
         position=position,
@@ -268,8 +286,35 @@ def find_joints(scene: Scene, boundary: Boundary) -> Joints:
         middle=point[:, 2] if per_piece == 3 else point[:0, 0],
         stencil=stencil,
         gap=_gaps(boundary, stencil, normal, gapped[law]),
+        curvature=_curvatures(boundary, pieces, point),
         offset=float(np.abs(closed).max(initial=0.0)),
     )
+    if not len(corners.node):
+        return joints
+    return _with_corners(joints, boundary, corners, law_of_corner)
+
+
+def _with_corners(joints: Joints, boundary: Boundary, corners: Corners, law: Indices) -> Joints:
+    """Joint points, and then corners that meet sides of other blocks."""
+    count = len(corners.node)
+    bodies = corners.bodies(boundary)
+    first = bodies[:, :1] < bodies[:, 1:]  # whether the corner is the first side
+    stencil = corners.stencil(boundary)
+    nodes = np.column_stack([np.full(count, INSIDE), corners.node])
+    gapped = np.array([one.gap > 0.0 for one in joints.laws], dtype=bool)[law]
+    share = SHARES[boundary.nodes.shape[1]][0]
+    columns = {
+        "nodes": np.where(first, nodes[:, ::-1], nodes),
+        "bodies": np.sort(bodies, axis=1),
+        "position": corners.position,
+        "sides": stencil.means(_node_positions(boundary)),
+        "normal": np.where(first, -1.0, 1.0) * corners.normal,
+        "length": share * boundary.length[corners.facets[:, :2]].min(axis=1),
+        "law": law,
+        "gap": np.where(gapped, np.maximum(corners.distance, 0.0), 0.0),
+        "curvature": np.zeros(count),
+    }
+    return replace(joints.followed_by(columns, stencil), corners=count)
 
 
 def _gaps(boundary: Boundary, stencil: Stencil, normal: Array, gapped: Flags) -> Array:
@@ -277,6 +322,17 @@ def _gaps(boundary: Boundary, stencil: Stencil, normal: Array, gapped: Flags) ->
     if not np.any(gapped):
         return np.zeros(len(gapped))
     return np.where(gapped, np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
+
+
+def _curvatures(boundary: Boundary, pieces: Pieces, point: Indices) -> Array:
+    """`Joints.curvature` of joint points; `point` is that of every place, as for `stencil_of`."""
+    facets = pieces.stretches.facets
+    sides = np.where(facets == GROUND, 0.0, straight_sides(boundary)[1][facets])
+    relative = sides.sum(axis=0)
+    unlike = (facets[1] != GROUND) & (relative > ALIKE * np.abs(sides).max(axis=0))
+    curvature = np.zeros(int(point.max(initial=-1)) + 1)
+    np.maximum.at(curvature, point[pieces.of_stretch], np.where(unlike, relative, 0.0)[:, None])
+    return curvature
 
 
 def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
+from fenics_contact.discretization.corners import Corners, find_corners, straight_sides
+from fenics_contact.discretization.facets import (
+    CLOSED,
+    GROUND,
+    INSIDE,
+    Boundary,
+    Gaps,
+    Stretches,
+)
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import arc_heights, near_pairs
@@ -20,45 +28,21 @@ class PairingOptions:
     Attributes:
         matching: Nodes closer than this are one place, as a fraction of their shortest facet.
         apart: Facets are meant to be apart from this distance on, in the same unit.
-        parallel: Cosine of the largest angle between facets that touch.
-        facing: The same for facets with an initial gap.
+        parallel: Cosine of the largest angle between facets that face each other.
     """
 
     matching: float = 1e-4
     apart: float = 5e-3
     parallel: float = float(np.cos(np.radians(20.0)))
-    facing: float = float(np.cos(np.radians(60.0)))
 
 
 OPTIONS = PairingOptions()
 
 
-@dataclass(frozen=True)
-class Gaps:
-    """Distances up to which facets face each other by the laws of their joints.
-
-    Attributes:
-        role: Joint group of every facet as an index into `gap`, -1 for none, shape (facets,).
-        gap: m, by joint group; the last is that of facets in no group.
-    """
-
-    role: Indices
-    gap: Array
-
-    @classmethod
-    def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
-        """Those of a scene's laws."""
-        named = [name for name in scene.joints if name != "default"]
-        laws = [scene.joints.get(name) for name in [*named, "default"]]
-        return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
-
-    def of_pairs(self, facets: Indices) -> Array:
-        """Of pairs of facets, shape (2, pairs), by the group that either is in."""
-        return self.gap[self.role[facets].max(axis=0)]
-
-
-def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices]:
+def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices, Corners, Indices]:
     """Stretches of all joints and foundations, and their law: of the scene's joints, then others.
+
+    And corners that meet sides, and their law.
 
     Raises:
         InputError: If facets of a joint group have none opposite, have no law or two, almost touch,
@@ -69,13 +53,18 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
     ground_role = boundary.role(scene.foundations)
     found, doubtful = _facing(boundary, gaps)
     _check_doubtful(scene.mesh.source, boundary, doubtful)
+    grounded = np.flatnonzero(ground_role >= 0)
+    stretches = _with_ground(boundary, found, grounded)
+    corners = find_corners(boundary, gaps, stretches, scene.mesh.source)
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
+    at_corners = set(gaps.role[corners.facets].ravel().tolist())
     for position, name in enumerate(named):
         mine = gaps.role == position
         alone = np.flatnonzero(mine & ~paired)
         # With a gap, facets further apart are free.
-        if len(alone) and (scene.joints[name].gap == 0.0 or not np.any(mine & paired)):
+        everywhere = scene.joints[name].gap == 0.0 or not np.any(mine & paired)
+        if len(alone) and everywhere and position not in at_corners:
             raise InputError(
                 f"joint group '{name}': {len(alone)} facets have no facet opposite, the first at"
                 f" {_place(boundary, alone[0])}; draw both sides on the same line, or make the"
@@ -88,10 +77,24 @@ def joint_stretches(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indice
                 " ground, make the group a joint"
             )
     _check_tractions(scene, boundary, found.facets)
-    grounded = np.flatnonzero(ground_role >= 0)
     law = _laws(scene, boundary, found.facets, gaps.role)
     law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
-    return _with_ground(boundary, found, grounded), law
+    of_corners = _laws(scene, boundary, _sides_at_corners(corners, gaps.role), gaps.role)
+    return stretches, law, corners, of_corners
+
+
+def _sides_at_corners(corners: Corners, role: Indices) -> Indices:
+    """One facet at every corner and the one that it meets, shape (2, corners).
+
+    At a corner between two groups the one in the group of the other block, else one in a group.
+
+    Raises:
+        InputError: If the corner is between two groups, and the other block in neither.
+    """
+    one, two, met = corners.facets.T
+    second = (role[two] == role[met]) | ((role[one] != role[met]) & (role[two] > role[one]))
+    second = np.where(role[met] < 0, role[two] > role[one], second)
+    return np.stack([np.where(second, two, one), met])
 
 
 def _with_ground(boundary: Boundary, found: Stretches, facets: Indices) -> Stretches:
@@ -136,8 +139,7 @@ def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
     for found in near_pairs(middle, reach, every, every):
         one, other = boundary.body[np.stack(found)]
         facets = np.stack(found)[:, one < other]
-        least = np.where(gaps.of_pairs(facets) > 0.0, OPTIONS.facing, OPTIONS.parallel)
-        pairs.append(facets[:, _against(boundary, *facets) > least])
+        pairs.append(facets[:, _against(boundary, *facets) > OPTIONS.parallel])
     return np.hstack(pairs)
 
 
@@ -149,17 +151,29 @@ def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretc
     height = _arc_heights(boundary)[facets].sum(axis=0)
     least = all_of.offset.min(axis=1)
     gap = gaps.of_pairs(facets)
-    parallel = _against(boundary, *facets) > OPTIONS.parallel
     # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
-    exact = parallel & (far <= OPTIONS.matching * shorter)
+    exact = far <= OPTIONS.matching * shorter
     part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
     covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
     alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
     depth = CLOSED * shorter + height
-    touching = exact | (alone & parallel & (far <= depth))
-    touching |= alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
-    doubtful = alone & ~touching & parallel & (far <= OPTIONS.apart * shorter + height)
+    touching = exact | (alone & (far <= depth))
+    across = alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
+    touching |= across & (_wedges(boundary, facets) <= gap)
+    doubtful = alone & ~touching & (far <= OPTIONS.apart * shorter + height)
     return all_of.take(touching), all_of.take(doubtful)
+
+
+def _wedges(boundary: Boundary, facets: Indices) -> Array:
+    """By how much the distance of two straight sides may change along them, m; 0 at curved sides.
+
+    Sides between which this is more than their gap meet at a corner. `facets` are pairs of facets
+    of such sides, shape (2, pairs).
+    """
+    length, curvature = straight_sides(boundary)
+    sine = np.sqrt(np.maximum(1.0 - _against(boundary, *facets) ** 2, 0.0))
+    curved = np.any(np.abs(curvature[facets]) > 0.0, axis=0)
+    return np.where(curved, 0.0, sine * length[facets].min(axis=0))
 
 
 def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> None:

@@ -165,23 +165,35 @@ def arc_heights(points: Array, nodes: Indices, normal: Array) -> Array:
         normal: Outward unit normals, shape (facets, 2).
     """
     length = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    places, turn = turns(points, nodes, normal)
+    one, two = places // 2
+    turn[np.abs(turn) > SMOOTH_ANGLE] = np.nan
+    angle = np.full(2 * len(nodes), np.nan)
+    for here, other, place in ((one, two, places[0]), (two, one, places[1])):
+        angle[place] = turn * length[here] / (length[here] + length[other])
+    angle = angle.reshape(-1, 2)
+    angle = np.where(np.isnan(angle), angle[:, ::-1], angle)
+    return 0.125 * length * np.nan_to_num(angle).sum(axis=1)
+
+
+def turns(points: Array, nodes: Indices, normal: Array) -> tuple[Indices, Array]:
+    """Angles by which outlines turn at nodes of two facets; arguments as of `arc_heights`.
+
+    Returns:
+        Ends of facets that meet, 2 * facet + end, shape (2, nodes); angles, rad, above 0 where the
+        corner is convex.
+    """
     ends = nodes.ravel()
     order = np.argsort(ends, kind="stable")
     _, first, count = np.unique(ends[order], return_index=True, return_counts=True)
     first = first[count == 2]
-    one = order[first] // 2
-    two = order[first + 1] // 2
+    places = np.stack([order[first], order[first + 1]])
+    one, two = places // 2
     cross = normal[one, 0] * normal[two, 1] - normal[one, 1] * normal[two, 0]
     turn = np.arctan2(np.abs(cross), np.sum(normal[one] * normal[two], axis=1))
     apart = points[one].mean(axis=1) - points[two].mean(axis=1)
-    turn *= np.sign(np.sum((normal[one] - normal[two]) * apart, axis=1))  # outward: above 0
-    turn[np.abs(turn) > SMOOTH_ANGLE] = np.nan
-    angle = np.full(2 * len(nodes), np.nan)
-    for here, other, place in ((one, two, first), (two, one, first + 1)):
-        angle[order[place]] = turn * length[here] / (length[here] + length[other])
-    angle = angle.reshape(-1, 2)
-    angle = np.where(np.isnan(angle), angle[:, ::-1], angle)
-    return 0.125 * length * np.nan_to_num(angle).sum(axis=1)
+    turn *= np.sign(np.sum((normal[one] - normal[two]) * apart, axis=1))
+    return places, turn
 
 
 def near_pairs(

@@ -238,8 +238,11 @@ class Counterparts:
             found = self._spread(everywhere)
         else:
             found = self._gathered(everywhere)
-        ours = self.given.joints.joint_count
-        found[:, self.other.joints.joint_count :] = everywhere[:, ours:]  # ties have counterparts
+        # Corners and ties have counterparts.
+        ours, theirs = (
+            one.joints.joint_count - one.joints.corners for one in (self.given, self.other)
+        )
+        found[:, theirs:] = everywhere[:, ours:]
         return found[:, self.other.operators.points]
 
     def _spread(self, forces: Array) -> Array:

@@ -269,6 +269,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "load_factor": end.load_factor,
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
+        "rolling": end.rolling or None,
         "wedged_blocks": result.wedged(end).tolist(),
         "mechanism": moves,
         "attempts": [dict(vars(trial)) for trial in end.attempts],

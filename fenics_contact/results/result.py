@@ -75,6 +75,7 @@ class Collapse:
         crushed: Where joints crush, the longest places first.
         crushed_ends: The same by faces; None where no joint has a compressive strength.
         torn: Joints that have lost their strengths; None where none may.
+        rolling: Where a block has rolled on a curved side, for people; empty where none has.
     """
 
     status: str
@@ -99,6 +100,7 @@ class Collapse:
     crushed: tuple[CrushedPlace, ...] = ()
     crushed_ends: CrushedEnds | None = None
     torn: Torn | None = None
+    rolling: str = ""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"
@@ -147,9 +149,9 @@ class Collapse:
 
     @property
     def contradiction(self) -> str:
-        """What is to be thought of a load factor outside its bracket, for people; else empty."""
+        """What is to be thought of a load factor outside its bracket, or of blocks that roll."""
         if self.in_bracket:
-            return ""
+            return self.rolling
         outside = f"the load factor {self.load_factor:.6g} is outside its bracket ({self.bounds})"
         return f"{outside}: one of them is wrong, do not rely on it"
 

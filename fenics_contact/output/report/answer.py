@@ -75,6 +75,8 @@ def _verdict(record: Record) -> Iterator[str]:
     if len({end["status"] for end in ends.values()}) < 2:
         status = record["status"]
         name = "verified" if status == "limit" else status.replace("_", " ")
+        if any(end.get("rolling") for end in ends.values()):
+            name = "verified as drawn, but blocks roll (see the warnings)"
         yield f"{name.capitalize()}: {STATUS[status]}"
         return
     for direction, end in ends.items():

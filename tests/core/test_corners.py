@@ -1,0 +1,189 @@
+"""Contacts at a point: corners that meet flat sides, by hand; corners that meet are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from fenics_contact import (
+    InputError,
+    JointLaw,
+    Load,
+    Material,
+    Scene,
+    equilibrium,
+    limit_load,
+)
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.faces import straight_faces
+from fenics_contact.meshing import polygons
+from tests.helpers import Drawing, mesh_of, rectangle, rotation
+
+FLOOR = rectangle(-4, -0.3, 4, 0)
+
+
+def scene(
+    outlines: Sequence,
+    joints: dict[str, JointLaw] | float,
+    size: float = 0.1,
+    *,
+    groups: dict | None = None,
+    turned: float = 0.0,
+    degree: int = 1,
+    material: Material | None = None,
+) -> Scene:
+    """Blocks on the floor, which is the last one and held; the live load pushes sideways."""
+    base = (tuple(outlines[-1][0]), tuple(outlines[-1][1]))
+    model = polygons(
+        [np.array(one, float) for one in outlines], size, groups={"fix": [base]} | (groups or {})
+    )
+    laws = joints if isinstance(joints, dict) else {"default": JointLaw(friction=joints)}
+    weight, push = (tuple(map(float, rotation(turned) @ one)) for one in ([0, -10.0], [10.0, 0]))
+    return Scene(
+        mesh_of(Drawing.of(model).turned(turned).model()),
+        {"default": material or Material(5e9, 0.2, 2000.0)},
+        dead=Load(weight),
+        live=Load(push),
+        joints=laws,
+        supports={"fix": "fixed"},
+        degree=degree,
+    )
+
+
+def on_corner(points: Sequence, angle: float, lift: float = 0.0) -> np.ndarray:
+    """An outline turned by degrees, its lowest corner above the origin."""
+    turned = np.array(points) @ rotation(np.radians(angle)).T
+    low = np.argmin(turned[:, 1])
+    return turned - turned[low] + [0.0, lift]
+
+
+SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
+OCTAGON = [(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2.0 * np.pi, 9)[:-1]]
+KITE = [(0, 0), (0.5, 0.6), (0, 0.9), (-0.5, 0.6)]
+
+
+@pytest.mark.parametrize("size", [0.25, 0.1])
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize(
+    ("points", "angle", "friction"), [(SQUARE, 45.0, 0.0), (OCTAGON, 0.0, 0.6), (KITE, 0.0, 0.4)]
+)
+def test_block_that_stands_on_one_corner_carries_no_push(points, angle, friction, gap, size):
+    law = {"default": JointLaw(friction=friction, gap=2.0 * gap)}
+    result = limit_load(scene([on_corner(points, angle, gap), FLOOR], law, size))
+    assert result.status == "limit"
+    assert result.load_factor == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-3, 5e-3])
+@pytest.mark.parametrize("angle", [5.0, 10.0, 30.0])
+def test_tilted_block_falls_over(angle, gap):
+    # A wider gap pairs no facets with the floor that are far from lying on it.
+    law = {"default": JointLaw(friction=0.6, gap=gap)}
+    assert equilibrium(scene([on_corner(SQUARE, angle), FLOOR], law), 0.0).status == "unstable"
+
+
+TABLE = [(0, 0), (0.15, 0.3), (0.85, 0.3), (1, 0), (1, 1), (0, 1)]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("size", [0.3, 0.1])
+@pytest.mark.parametrize(("gap", "turned"), [(0.0, 0.0), (1e-3, 0.0), (0.0, 0.8)])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_table_on_two_points_rocks_and_slides(size, gap, turned, degree):
+    # By hand: areas and heights of a square less a trapezium; it rocks about a point.
+    cut = 0.5 * (1.0 + 0.7) * 0.3
+    middle = 0.1 * (2 * 0.7 + 1.0) / (0.7 + 1.0)
+    height = (0.5 - cut * middle) / (1.0 - cut)
+    table = np.add(TABLE, [0.0, gap])
+    for friction, expected in ((2.0, 0.5 / height), (0.3, 0.3)):
+        law = {"default": JointLaw(friction=friction, gap=2.0 * gap)}
+        result = limit_load(scene([table, FLOOR], law, size, turned=turned, degree=degree))
+        result = result.hold_against_brackets()
+        assert result.status == "limit"
+        assert result.load_factor == pytest.approx(expected, rel=1e-6)
+        assert result.bounds.upper == pytest.approx(expected, rel=1e-9)
+
+
+def ladder(angle: float, friction: tuple[float, float], gap: float, size: float) -> Scene:
+    """A sharp beam of 3 m x 0.1 m that leans on floor and wall, each at a gap."""
+    beam = on_corner([(0, 0), (3, 0), (3, 0.1), (0, 0.1)], angle)
+    wall = beam[:, 0].max() + gap
+    beam[:, 1] += gap
+    outlines = [beam, rectangle(wall, 0, wall + 0.5, 4), rectangle(-1, -0.3, wall + 0.5, 0)]
+    groups = {"foot": [((-1, 0), (wall, 0))], "side": [((wall, 0), (wall, 4))]}
+    laws = [JointLaw(friction=mu, gap=2.0 * gap) for mu in friction]
+    joints = {"foot": laws[0], "side": laws[1], "default": JointLaw(friction=0.5)}
+    return scene(outlines, joints, size, groups=groups)
+
+
+def steepest(friction: tuple[float, float]) -> float:
+    """Least angle at which it stands, degrees: foot and head slide together."""
+    floor, wall = friction
+
+    def missing(angle: float) -> float:
+        along = np.array([np.cos(angle), np.sin(angle)])
+        middle = 1.5 * along[0] - 0.05 * along[1]
+        push = middle / (3.0 * along[1] + wall * 3.0 * along[0])
+        return push - floor * (1.0 - wall * push)
+
+    low, high = 0.1, 1.5
+    for _ in range(60):
+        mid = 0.5 * (low + high)
+        low, high = (mid, high) if missing(mid) > 0.0 else (low, mid)
+    return float(np.degrees(low))
+
+
+@pytest.mark.parametrize("size", [0.1, 0.05])
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize("friction", [(0.6, 0.1), (0.6, 0.3), (0.3, 0.5)])
+def test_ladder_slides_at_its_hand_value(friction, gap, size):
+    angle = steepest(friction)
+    assert equilibrium(ladder(angle + 0.3, friction, gap, size), 0.0).status == "equilibrium"
+    assert equilibrium(ladder(angle - 0.3, friction, gap, size), 0.0).status == "unstable"
+
+
+@pytest.mark.parametrize("angle", [30.0, 50.0, 75.0])
+def test_ladder_without_friction_slides(angle):
+    assert equilibrium(ladder(angle, (0.0, 0.0), 1e-3, 0.1), 0.0).status == "unstable"
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize(("points", "angle"), [(SQUARE, 45.0), (OCTAGON, 0.0), (KITE, 180.0)])
+def test_two_corners_that_meet_are_refused(points, angle, gap):
+    lower = np.array([(-0.5, 0.0), (0.5, 0.0), (0.0, 1.4)])
+    law = {"default": JointLaw(friction=0.5, gap=2.0 * gap)}
+    upper = on_corner(points, angle, 1.4 + gap)
+    with pytest.raises(InputError, match=r"corners of blocks 0 and 1 meet at \(0, 1\.4\d*\)"):
+        Discretization(scene([upper, lower, FLOOR], law))
+
+
+def test_corners_of_bricks_do_not_meet():
+    # A void at one side of the joint, a brick at the other: the diagonal ones touch at a corner.
+    bricks = [rectangle(0, 0, 1, 1), rectangle(1, 0, 2, 1), rectangle(1, 1, 2, 2), FLOOR]
+    with Discretization(scene(bricks, 0.6)) as made:
+        assert made.joints.corners == 0
+
+
+def test_corner_has_no_area_to_stick_with():
+    law = {"default": JointLaw(friction=0.6, cohesion=1e6, tensile_strength=1e5)}
+    result = limit_load(scene([on_corner(SQUARE, 45.0), FLOOR], law))
+    assert result.load_factor == pytest.approx(0.0, abs=1e-9)
+
+
+def test_law_of_a_corner_is_that_of_the_side_that_it_meets():
+    groups = {"foot": [((-4, 0), (4, 0))]}
+    laws = {"default": JointLaw(friction=0.6), "foot": JointLaw(friction=0.2)}
+    result = limit_load(scene([np.array(TABLE), FLOOR], laws, groups=groups))
+    assert result.load_factor == pytest.approx(0.2, rel=1e-6)
+
+
+def test_points_of_a_face_with_another_friction_are_another_face():
+    with Discretization(scene([rectangle(0, 0, 1, 1), FLOOR], 0.6)) as made:
+        law = made.joints.point_laws
+        assert len(straight_faces(made.joints).ends) == 1
+        half = np.where(made.joints.position[:, 0] < 0.5, 0.1, 0.6)
+        faces = straight_faces(made.joints, type(law)(half, law.strength))
+        assert len(faces.ends) == 2
+        assert faces.law.friction[faces.of_point] == pytest.approx(half)
