@@ -79,11 +79,12 @@ def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices,
     _check_tractions(scene, boundary, found.facets)
     law = _laws(scene, boundary, found.facets, gaps.role)
     law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
-    of_corners = _laws(scene, boundary, _sides_at_corners(corners, gaps.role), gaps.role)
+    sides = _sides_at_corners(scene, corners, gaps.role)
+    of_corners = _laws(scene, boundary, sides, gaps.role)
     return stretches, law, corners, of_corners
 
 
-def _sides_at_corners(corners: Corners, role: Indices) -> Indices:
+def _sides_at_corners(scene: Scene, corners: Corners, role: Indices) -> Indices:
     """One facet at every corner and the one that it meets, shape (2, corners).
 
     At a corner between two groups the one in the group of the other block, else one in a group.
@@ -92,6 +93,14 @@ def _sides_at_corners(corners: Corners, role: Indices) -> Indices:
         InputError: If the corner is between two groups, and the other block in neither.
     """
     one, two, met = corners.facets.T
+    groups = role[corners.facets]
+    unclear = (groups[:, :2].min(axis=1) >= 0) & (groups[:, 0] != groups[:, 1]) & (groups[:, 2] < 0)
+    if np.any(unclear):
+        x, y = corners.position[unclear][0]
+        raise InputError(
+            f"{scene.mesh.source}: the corner at ({x:g}, {y:g}) is between two joint groups, and"
+            " meets a side in neither; put that side into the group whose law is meant"
+        )
     second = (role[two] == role[met]) | ((role[one] != role[met]) & (role[two] > role[one]))
     second = np.where(role[met] < 0, role[two] > role[one], second)
     return np.stack([np.where(second, two, one), met])

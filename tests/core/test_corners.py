@@ -187,3 +187,15 @@ def test_points_of_a_face_with_another_friction_are_another_face():
         faces = straight_faces(made.joints, type(law)(half, law.strength))
         assert len(faces.ends) == 2
         assert faces.law.friction[faces.of_point] == pytest.approx(half)
+
+
+def test_corner_between_two_groups_asks_for_the_law():
+    block = on_corner(SQUARE, 45.0)
+    sides = {name: [(tuple(block[0]), tuple(block[k]))] for name, k in (("left", 3), ("right", 1))}
+    laws = {"default": JointLaw(friction=0.6)}
+    laws |= {name: JointLaw(friction=mu) for name, mu in (("left", 0.2), ("right", 0.4))}
+    with pytest.raises(InputError, match="between two joint groups"):
+        Discretization(scene([block, FLOOR], laws, groups=sides))
+    meant = sides | {"right": [*sides["right"], ((-4, 0), (4, 0))]}
+    with Discretization(scene([block, FLOOR], laws, groups=meant)) as made:
+        assert made.joints.friction == pytest.approx([0.4])
