@@ -250,6 +250,13 @@ def _add_mesh(mesh: argparse.ArgumentParser) -> None:
     mesh.add_argument(
         "--close", action="store_true", help="let stones grow to the middle of their mortar joints"
     )
+    mesh.add_argument(
+        "--snap",
+        type=float,
+        default=0.0,
+        metavar="LENGTH",
+        help="ends of lines go to where they meet another within it, in the drawing's unit",
+    )
     mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
     mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
     mesh.add_argument(

@@ -28,11 +28,12 @@ def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
         options.picture,
         options.scene,
         options.close,
+        options.snap,
     )
     with raised_together(comm):
         if comm.rank == 0:
             made = mesh_drawing(order)
-            lines = [*made.lines, *_next(order, made)]
+            lines = [*made.lines, *_next(order, made), *filter(None, [made.read.slips])]
             if not options.quiet:
                 print("\n".join(lines))
     return 0
@@ -52,6 +53,7 @@ def _next(order: MeshOrder, made: MeshedDrawing) -> list[str]:
         made.roles,
         made.closing_gap,
         made.mortar,
+        read.slips,
     )
     starter.write(order.scene)
     ground = ", ".join(f"'{name}'" for name in made.roles.ground)

@@ -72,6 +72,8 @@ def doubts(
 
 
 def _of_mesh(mesh: BlockMesh) -> Iterator[str]:
+    if mesh.remark:
+        yield mesh.remark
     if mesh.joined:
         yield (
             f"{mesh.joined} of the {mesh.surfaces} surfaces drawn share nodes with others of their"

@@ -9,7 +9,7 @@ import signal
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_like
 from fenics_contact.geometry.gmsh_reader import CELL_TYPES, GmshContents, Tags, contents, read
-from fenics_contact.geometry.msh_text import text_contents
+from fenics_contact.geometry.msh_text import remark_of, text_contents
 from fenics_contact.geometry.planar_cells import (
     Array,
     Indices,
@@ -51,6 +51,7 @@ class TaggedMesh:
         cell_names: Names of all two-dimensional groups.
         facet_names: Names of all one-dimensional groups.
         surfaces: Number of gmsh's surfaces that have cells.
+        remark: What is wrong with the drawing that it was made of; empty if nothing is known.
     """
 
     source: str
@@ -61,6 +62,7 @@ class TaggedMesh:
     cell_names: tuple[str, ...]
     facet_names: tuple[str, ...]
     surfaces: int
+    remark: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def read_file(path: Path) -> GmshMesh:
             found = read(path)
     except ValueError as error:
         raise InputError(f"gmsh cannot read '{path}': {error}; save it again as .msh") from None
-    return mesh_of(found, f"'{path}'")
+    return replace(mesh_of(found, f"'{path}'"), remark=remark_of(path))
 
 
 def extract(model: Any, source: str) -> GmshMesh:

@@ -331,7 +331,7 @@ def default_size(blocks: Polygons) -> float:
     """
     if len(blocks) == 0 or any(np.ndim(block) != 2 or np.shape(block)[1] != 2 for block in blocks):
         raise InputError("blocks: give at least one, each with corners of shape (corners, 2)")
-    return 0.25 * float(np.sqrt(np.mean([abs(_area(block)) for block in blocks])))
+    return 0.25 * float(np.sqrt(np.mean([abs(outline_area(block)) for block in blocks])))
 
 
 def lowest_level(blocks: Polygons) -> Segments:
@@ -348,7 +348,7 @@ def outline_problem(corners: Array) -> str:
         return "needs at least three corners (x, y)"
     if not np.all(np.isfinite(corners)):
         return "has a corner that is not finite"
-    if abs(_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
+    if abs(outline_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
         return "has no area; check its corners"
     if _clearly_convex(corners):
         return ""
@@ -402,8 +402,8 @@ def _cross(first: Array, second: Array) -> Array:
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
-def _area(corners: Array) -> float:
-    """Area of a polygon, negative if its corners run clockwise."""
+def outline_area(corners: Array) -> float:
+    """Area of a polygon, negative if its corners run clockwise, in the square of their unit."""
     x, y = (corners - corners[0]).T
     return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
 
@@ -457,7 +457,7 @@ def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, fl
                 f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) m is too small beside the whole,"
                 f" {near / COINCIDENT:g} m"
             )
-        blocks.append(block if _area(block) > 0.0 else block[::-1])
+        blocks.append(block if outline_area(block) > 0.0 else block[::-1])
     starts, side = divided_segments(sides_of_outlines(blocks), np.unique(corners, axis=0), near)
     first_side = np.cumsum([len(block) for block in blocks])[:-1]
     return np.split(starts, np.searchsorted(side, first_side)), near

@@ -25,6 +25,9 @@ Array = npt.NDArray[np.float64]
 ELEMENTS = {1: (2, "Line 2"), 2: (3, "Triangle 3"), 3: (4, "Quadrilateral 4"), 15: (1, "Point")}
 #: Sections, in the order in which gmsh writes them; the second may be left out.
 SECTIONS = ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements")
+#: Section after all others with what is wrong with the drawing; gmsh passes over it.
+REMARK = "\n$Comments\nfenics-contact: {}\n$EndComments\n"
+_REMARK_HEAD, _, _REMARK_END = REMARK.partition("{}")
 #: Version 4.1, text, with numbers of 8 bytes.
 FORMAT = ["4.1", "0", "8"]
 #: Whole numbers above this are not exact as floating point numbers.
@@ -44,9 +47,18 @@ def text_contents(path: Path) -> GmshContents | None:
         OSError: If the file cannot be read.
     """
     try:
-        return _contents(path.read_text(encoding="utf-8"))
+        return _contents(path.read_text(encoding="utf-8").partition(_REMARK_HEAD)[0])
     except (ValueError, IndexError, DeprecationWarning):
         return None
+
+
+def remark_of(path: Path) -> str:
+    """What `REMARK` says at the end of a file, as one printable line; empty without one."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 2000))
+        end = file.read().decode("utf-8", "replace")
+    text = end.rpartition(_REMARK_HEAD)[2] if _REMARK_HEAD in end else ""
+    return "".join(c for c in text.removesuffix(_REMARK_END) if c.isprintable())
 
 
 class _Numbers:

@@ -8,6 +8,9 @@ import numpy as np
 
 from fenics_contact.geometry.planar_cells import Array, Indices
 
+#: Part of the area of two outlines by which they may differ and be drawn as one.
+SAME = 1e-3
+
 
 def boxes(outlines: Sequence[Array]) -> tuple[Array, Array]:
     """Lower and upper corners of the boxes around outlines, each of shape (outlines, 2)."""
@@ -54,6 +57,21 @@ def overlaps(outlines: Sequence[Array], depth: float) -> tuple[Indices, Array]:
             found.append((first, second))
             places.append((place.x, place.y))
     return np.array(found, dtype=np.int64).reshape(-1, 2), np.array(places).reshape(-1, 2)
+
+
+def equal_outlines(outlines: Sequence[Array], near: float) -> list[tuple[int, int]]:
+    """Outlines that are the same but for a distance between points: the first, and each other."""
+    from scipy.spatial import cKDTree
+    from shapely.geometry import Polygon
+
+    tree = cKDTree(np.concatenate(boxes(outlines), axis=1))
+    found: dict[int, int] = {}
+    for first, second in sorted(tree.query_pairs(2.0 * near)):
+        one, two = Polygon(outlines[first]), Polygon(outlines[second])
+        same = one.symmetric_difference(two).area <= SAME * one.area
+        if first not in found and second not in found and same:
+            found[second] = first
+    return [(first, second) for second, first in found.items()]
 
 
 def _box_pairs(low: Array, high: Array, depth: float) -> Indices:

@@ -138,7 +138,7 @@ def test_line_within_a_block_is_marked(sheet):
     sheet.lines(((0.5, 0), (0.5, 0.4)), ((1.5, 0), (1.5, 0.999)))
     contents = sheet.read()
     assert len(areas(contents)) == 1
-    assert said(contents, "(0.5, 0.4) m a line ends within a block", "a line ends 0.001 m short")
+    assert said(contents, "(0.5, 0.4) m a line ends within", "(1.5, 0.999) m a line ends short")
     assert {(mark.x, mark.y) for mark in contents.marks} == {(0.5, 0.4), (1.5, 0.999)}
 
 

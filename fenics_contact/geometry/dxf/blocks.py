@@ -6,7 +6,7 @@ coordinates is moved to its own origin, because its digits would not do for the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,18 +19,28 @@ from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.closing import ClosedJoints, Mortar
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf import doubts
-from fenics_contact.geometry.dxf.chords import chains_of_chords
-from fenics_contact.geometry.dxf.faces import Faces, faces_between, on_lines, openings
+from fenics_contact.geometry.dxf.chords import as_ring, chains_of_chords
+from fenics_contact.geometry.dxf.faces import (
+    Faces,
+    faces_between,
+    on_lines,
+    openings,
+)
 from fenics_contact.geometry.dxf.reader import UNITS, Curve, Curves, read_curves
-from fenics_contact.geometry.dxf.roles import CurveRoles, LayerRoles, curve_roles
+from fenics_contact.geometry.dxf.returns import end_where_they_return
+from fenics_contact.geometry.dxf.roles import MANY, CurveRoles, LayerRoles, curve_roles
+from fenics_contact.geometry.dxf.slips import Slips, slips_between, values_to_try
+from fenics_contact.geometry.dxf.snap import snapped_curves
 from fenics_contact.geometry.meshing import COINCIDENT, Segments, lowest_level, outline_problem
-from fenics_contact.geometry.outlines import inside_outlines
+from fenics_contact.geometry.outlines import equal_outlines, inside_outlines
 from fenics_contact.geometry.planar_cells import PENETRATION, Array
 
 #: Distance from the origin from which a drawing is moved there, and distance of a block from the
 #: others which is a mistake, both in sizes of the drawing.
 FAR = 100.0
 APART = 100.0
+#: Most places that a warning lists.
+PLACES = 10
 
 
 @dataclass(frozen=True)
@@ -54,6 +64,7 @@ class DxfContents:
         voids: Outlines of openings, m.
         marks: Suspicious places.
         lengths: Of the sides in every group, m, both sides where blocks touch.
+        slips: What is lost because ends of lines miss each other; empty if nothing is.
     """
 
     drawing: Drawing
@@ -63,6 +74,7 @@ class DxfContents:
     voids: Sequence[Array] = ()
     marks: Sequence[Mark] = ()
     lengths: Mapping[str, float] = field(default_factory=dict)
+    slips: str = ""
 
     def place(self, x: float, y: float) -> str:
         """A place in the file's unit, as a CAD program shows it."""
@@ -79,6 +91,7 @@ def read_dxf(
     unit: str | None = None,
     roles: LayerRoles | None = None,
     close: bool = False,
+    snap: float = 0.0,
 ) -> DxfContents:
     """Read a DXF drawing: its blocks are closed curves, or faces between lines.
 
@@ -93,6 +106,8 @@ def read_dxf(
         unit: One of `UNITS`; by default that of the file ($INSUNITS).
         roles: Layers of blocks, lines, openings, and those left out; others are guessed.
         close: Whether stones grow to the middle of the mortar joints between them; see `closing`.
+        snap: Largest way, in the drawing's unit, by which ends of lines between blocks are moved
+            along their own line to where they meet another; ends that near each other become one.
 
     Raises:
         InputError: If ezdxf or shapely is missing, the file is no DXF, has no unit, or no block, or
@@ -101,18 +116,58 @@ def read_dxf(
     found = read_curves(Path(path), unit)
     if not found.curves:
         raise InputError(f"{found.source} has no lines; {_listed_notes(found.notes)}")
+    if not 0.0 <= snap < np.inf:
+        raise InputError(f"snap = {snap:g} must be a length in the drawing's unit")
+    end_where_they_return(found)
     origin, size = _own_origin(found)
     near = COINCIDENT * size
     chains = chains_of_chords(found.curves, near)
-    by_role = curve_roles(found, chains, roles or LayerRoles())
-    read = _Reading(found, chains, by_role, near, origin)
-    if by_role.lines:
-        read.take_faces()
-    else:
-        read.take_closed_curves()
-    if close:
-        read.close_joints()
-    return read.contents()
+    by_role = curve_roles(found, chains, roles or LayerRoles(), near)
+
+    def attempt(reach: float) -> _Reading:
+        curves = snapped_curves(found.curves, by_role.bounding, reach) if reach else found.curves
+        return _Reading(replace(found, curves=curves), by_role, near, origin, reach)
+
+    return _with_slips_told(attempt, snap, close)
+
+
+def _with_slips_told(attempt: Callable[[float], _Reading], snap: float, close: bool) -> DxfContents:
+    """Contents of a drawing read with a `snap`, and what a larger one mends; see `read_dxf`."""
+    read = attempt(snap)
+    failure = None
+    try:
+        read.take_blocks()
+    except InputError as error:
+        failure = error
+    slips = _slips(read, attempt)
+    try:
+        if failure is not None:
+            raise failure
+        if close:
+            read.close_joints()
+        return read.contents(slips)
+    except InputError as error:
+        if not slips.snap:
+            raise
+        raise InputError(
+            f"{error}; ends of lines miss each other: --snap {slips.snap:g} may mend them"
+        ) from None
+
+
+def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> Slips:
+    """What a drawing loses by ends that miss each other, by the smallest `snap` that mends most."""
+    mended = read
+    for value in read.values_to_try():
+        other = attempt(value)
+        try:
+            other.take_blocks()
+        except InputError:
+            continue
+        if len(other.blocks) + len(other.voids) > len(mended.blocks) + len(mended.voids):
+            mended = other
+    if mended is read:
+        return Slips()
+    return slips_between(read.blocks, (mended.blocks, mended.voids), mended.snap)
 
 
 def _listed_notes(notes: Sequence[str]) -> str:
@@ -120,7 +175,7 @@ def _listed_notes(notes: Sequence[str]) -> str:
 
 
 def _own_origin(found: Curves) -> tuple[Array, float]:
-    """Origin of a drawing and its size, in its unit; its curves are moved if it lies far away.
+    """First origin of a drawing and its size, in its unit; curves that lie far are moved there.
 
     The size is that of nine tenths of all points: a stray line changes nothing.
     """
@@ -132,9 +187,6 @@ def _own_origin(found: Curves) -> tuple[Array, float]:
     close = np.all((points >= low - size) & (points <= high + size), axis=1)
     origin = points[close].min(axis=0)
     found.curves = [replace(curve, points=curve.points - origin) for curve in found.curves]
-    found.notes.append(
-        f"moved: map coordinates, the new origin is {_place(origin, found.unit)} of the drawing"
-    )
     return origin, size
 
 
@@ -152,16 +204,18 @@ class _Reading:
     def __init__(
         self,
         found: Curves,
-        chains: Sequence[Array],
         by_role: CurveRoles,
         near: float,
         origin: Array,
+        snap: float,
     ) -> None:
         self.found = found
-        self.chains = chains
+        self.chains = chains_of_chords(found.curves, near)
         self.by_role = by_role
         self.near = near
         self.origin = origin
+        self.snap = snap
+        self.faces: Faces | None = None
         self.blocks: list[Array] = []
         self.names: list[str] = []
         self.voids: list[Array] = []
@@ -173,15 +227,19 @@ class _Reading:
 
     def _rings(self, numbers: Sequence[int]) -> list[Array]:
         """Chains of curves that end as they begin, if closed."""
-        return [
-            np.concatenate([chain, chain[:1]]) if self._curve(k).closed else chain
-            for k, chain in ((k, self.chains[k]) for k in numbers)
-        ]
+        return [as_ring(self._curve(k), self.chains[k]) for k in numbers]
 
     def _place(self, point: Array) -> str:
         return _place(point + self.origin, self.found.unit)
 
     # ---- blocks
+
+    def take_blocks(self) -> None:
+        """Take the blocks: faces between lines, or closed curves."""
+        if self.by_role.lines:
+            self.take_faces()
+        else:
+            self.take_closed_curves()
 
     def take_closed_curves(self) -> None:
         """Take every closed curve of blocks as a block, but for those within openings."""
@@ -201,11 +259,8 @@ class _Reading:
                 " of closed curves with --blocks, or of lines between blocks with --lines"
                 f" ({_listed_notes(self.notes)})"
             )
-        self._leave_out(_in_openings(self.blocks, self.voids, self.near))
-        for k in self.by_role.sides:
-            layer = self._curve(k).layer
-            if layer in self.names:
-                self.marks += doubts.open_polyline(self.chains[k], layer, self.found.unit)
+        self._leave_out(_in_openings(self.blocks, self.voids, self.near), "within openings")
+        self._leave_out(self._drawn_twice(), "drawn twice: each is one block")
         depth = PENETRATION * self.near / COINCIDENT
         self.marks += doubts.openings_over_blocks(self.blocks, self.voids, depth)
 
@@ -213,8 +268,7 @@ class _Reading:
         """Take faces between lines as blocks, but for those within openings."""
         roles = self.by_role
         closed = [self.chains[k] for k in roles.blocks]
-        bounding = [*roles.lines, *roles.voids, *roles.blocks]
-        faces = faces_between(self._rings(bounding), self.near)
+        faces = self.faces = self._faces()
         drawn = on_lines(faces.edges, self._rings(roles.voids), self.near)
         self.voids = openings(faces, drawn)
         by_lines = self._bounded_by_lines(faces)
@@ -246,8 +300,21 @@ class _Reading:
         self.notes.append(
             f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
         )
-        unit = self.found.unit
-        self.marks += doubts.free_ends(faces.free, faces.edges, self.blocks, self.near, unit)
+
+    def _faces(self) -> Faces:
+        """Faces between lines and closed curves, but for those that only name blocks."""
+        roles = self.by_role
+        rings = self._rings([*roles.lines, *roles.voids])
+        closed = self._rings(roles.blocks)
+        faces = faces_between(rings, self.near)
+        if closed and len(faces.outlines) >= MANY * len(closed):
+            closed = [ring for ring in closed if doubts.bounds_faces(ring, faces, self.near)]
+        return faces_between([*rings, *closed], self.near) if closed else faces
+
+    def values_to_try(self) -> list[float]:
+        """Larger values of `snap` with which an end in the air might meet another line."""
+        missed = doubts.missed_ends(self.faces, self.near)[1] if self.faces else np.zeros(0)
+        return [value for value in values_to_try(missed) if value > self.snap]
 
     def _bounded_by_lines(self, faces: Faces) -> list[bool]:
         """Which faces have a side on a line between blocks."""
@@ -263,9 +330,18 @@ class _Reading:
     def _layers(self, numbers: Sequence[int]) -> str:
         return ", ".join(sorted({self._curve(k).layer for k in numbers}))
 
-    def _leave_out(self, numbers: set[int]) -> None:
+    def _drawn_twice(self) -> set[int]:
+        """Blocks with the outline of one before, which are marked."""
+        twice = equal_outlines(self.blocks, self.near)
+        for first, second in twice:
+            layers = " and ".join(sorted({self.names[first], self.names[second]}))
+            text = f"a block on layer {layers} is drawn twice"
+            self.marks.append((doubts.inner_point(self.blocks[first]), text))
+        return {second for _, second in twice}
+
+    def _leave_out(self, numbers: set[int], why: str) -> None:
         if numbers:
-            self.notes.append(f"left out: {len(numbers)} closed curves within openings")
+            self.notes.append(f"left out: {len(numbers)} closed curves {why}")
             keep = [k for k in range(len(self.blocks)) if k not in numbers]
             self.blocks = [self.blocks[k] for k in keep]
             self.names = [self.names[k] for k in keep]
@@ -301,20 +377,20 @@ class _Reading:
 
     # ---- contents
 
-    def contents(self) -> DxfContents:
-        """The drawing in m, with its groups."""
+    def contents(self, slips: Slips) -> DxfContents:
+        """The drawing in m, with its groups, and what it loses by slips."""
         scale = UNITS[self.found.unit]
         self._refuse_far_blocks()
-        self.marks += doubts.small_blocks(self.blocks, self.names, self.found.unit)
-        self.notes += doubts.large_blocks(self.blocks, self.names)
+        self._add_doubts(slips)
+        self._move_to_blocks()
         lengths: dict[str, float] = {}
         groups = self._groups(lengths)
         by_text: dict[str, list[Array]] = {}
         for point, text in self.marks:
             by_text.setdefault(text, []).append(point)
         self.notes += [
-            f"warning: at {self._place(points[0])} {text}"
-            + (f" (and at {len(points) - 1} more places)" if len(points) > 1 else "")
+            f"warning: at {', '.join(map(self._place, points[:PLACES]))} {text}"
+            + (f" (and at {len(points) - PLACES} more places)" if len(points) > PLACES else "")
             for text, points in by_text.items()
         ]
         return DxfContents(
@@ -325,7 +401,40 @@ class _Reading:
             [scale * void for void in self.voids],
             [Mark(scale * point[0], scale * point[1], text) for point, text in self.marks],
             lengths,
+            slips.text,
         )
+
+    def _add_doubts(self, slips: Slips) -> None:
+        """Add what looks wrong."""
+        found = self.found
+        if self.faces is not None:
+            stub = max(self.snap, slips.snap)
+            self.marks += doubts.free_ends(self.faces, self.blocks, self.near, stub)
+        rings = [np.concatenate([block, block[:1]]) for block in self.blocks]
+        for k in self.by_role.sides:
+            chain = self.chains[k]
+            if self._curve(k).layer in self.names and len(chain) > 2 and not self._curve(k).closed:
+                edges = np.stack([chain[:-1], chain[1:]], axis=1)
+                inner = doubts.inner_point(chain)[None]
+                on_sides = on_lines(edges, rings, self.near).all()
+                if not on_sides or inside_outlines(inner, self.blocks)[0] < 0:
+                    self.marks.append(doubts.open_polyline(chain, self._curve(k).layer))
+        self.marks += doubts.small_blocks(self.blocks, self.names)
+        self.notes += doubts.large_blocks(self.blocks, self.names)
+        self.notes += doubts.unit(self.blocks, found.unit, found.unit_given)
+
+    def _move_to_blocks(self) -> None:
+        """Move the origin of a drawing that was moved to the lower left corner of its blocks."""
+        if not np.any(self.origin):
+            return
+        corner = np.concatenate(self.blocks).min(axis=0)
+        self.origin = self.origin + corner
+        self.blocks = [block - corner for block in self.blocks]
+        self.voids = [void - corner for void in self.voids]
+        self.chains = [chain - corner for chain in self.chains]
+        self.marks = [(point - corner, text) for point, text in self.marks]
+        place = self._place(np.zeros(2))
+        self.notes.append(f"moved: map coordinates, the new origin is {place} of the drawing")
 
     def _groups(self, lengths: dict[str, float]) -> Segments:
         """Groups of the lines on which sides of blocks lie, or the lowest level.

@@ -103,6 +103,24 @@ def _chain(
     return np.concatenate(pieces)
 
 
+def as_ring(curve: Curve, chain: Array) -> Array:
+    """Corners of a curve, the first again at the end if it is closed."""
+    return np.concatenate([chain, chain[:1]]) if curve.closed else chain
+
+
+def finely_divided(curve: Curve) -> Array:
+    """Points along a curve, its arcs in chords of a fifth of `ANGLE`; closed ones end as begun."""
+    points = as_ring(curve, curve.points)
+    rows = [points[:1]]
+    for (start, end), bulge in zip(pairwise(points), curve.bulges.tolist(), strict=False):
+        if bulge != 0.0 and np.any(start != end):
+            arc = _Arc(start, end, bulge)
+            count = int(np.ceil(5.0 * abs(arc.angle) / ANGLE))
+            rows.append(arc.points(np.arange(1, count) / count))
+        rows.append(end[None])
+    return np.concatenate(rows)
+
+
 def _divided(
     arc: _Arc, ends: Array, near: float, shared: dict[tuple[int, int, bool], Array]
 ) -> Array:

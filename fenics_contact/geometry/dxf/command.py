@@ -14,12 +14,13 @@ import numpy as np
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.closing import Mortar
 from fenics_contact.geometry.drawing import LIMITS, Drawing
-from fenics_contact.geometry.dxf.blocks import DxfContents, Mark, read_dxf
+from fenics_contact.geometry.dxf.blocks import PLACES, DxfContents, Mark, read_dxf
 from fenics_contact.geometry.dxf.ground import GroupRoles, with_ground
 from fenics_contact.geometry.dxf.reader import UNITS
 from fenics_contact.geometry.dxf.roles import LayerRoles
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.geometry.meshing import default_size, sides_of_outlines
+from fenics_contact.geometry.msh_text import REMARK
 from fenics_contact.geometry.outlines import overlaps
 from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
 
@@ -38,6 +39,7 @@ class MeshOrder:
         scene: File that a scene for the mesh will be written to, or none: the drawing gets a ground
             then.
         close: See `read_dxf`.
+        snap: See `read_dxf`.
     """
 
     drawing: Path
@@ -48,6 +50,7 @@ class MeshOrder:
     picture: Path | None = None
     scene: Path | None = None
     close: bool = False
+    snap: float = 0.0
 
     @property
     def mesh(self) -> Path:
@@ -98,7 +101,7 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
             mesh is written then.
     """
     order.check()
-    read = read_dxf(order.drawing, order.unit, order.roles, order.close)
+    read = read_dxf(order.drawing, order.unit, order.roles, order.close, order.snap)
     roles = None
     if order.scene is not None:
         read, roles = with_ground(read)
@@ -115,7 +118,7 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     if len(pairs):
         raise InputError(_overlap_message(read, pairs, places, f"'{order.drawing}'"))
     _check_size(drawing, size)
-    triangles = _meshed(drawing, size, order.mesh)
+    triangles = _meshed(drawing, size, order.mesh, read.slips)
     lines = _said(order, read, f"{triangles} triangles, elements of at most {size:.3g} m")
     thickness = mortar.said(UNITS[read.unit], read.unit)
     gap = _closing_gap(most, gaps)
@@ -177,7 +180,8 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
             "draw them side by side, or name layers of openings with --voids, of joints with"
             " --lines, and those that are no stones with --ignore"
         )
-    return f"{source}: blocks overlap at {read.place(*places[0])}, {on}{more}; {cure}"
+    shown = ", ".join(read.place(*place) for place in places[:PLACES])
+    return f"{source}: blocks overlap at {shown}, {on}{more}; {cure}"
 
 
 def _gap_warning(read: DxfContents, gaps: Array, gap: str, mortar: str) -> Iterator[str]:
@@ -233,7 +237,7 @@ def _draw(read: DxfContents, gaps: Array, places: Array, target: Path) -> None:
     write_picture(read, marks, target)
 
 
-def _meshed(drawing: Drawing, size: float, output: Path) -> int:
+def _meshed(drawing: Drawing, size: float, output: Path, remark: str) -> int:
     """Mesh a drawing and write it, as a whole or not at all; returns the number of triangles."""
     part = output.with_name(f".{output.stem}.{os.getpid()}.msh")
     try:
@@ -244,6 +248,9 @@ def _meshed(drawing: Drawing, size: float, output: Path) -> int:
         with gmsh_session() as gmsh:
             tags, _ = gmsh.model.mesh.getElementsByType(2)
             gmsh.write(str(part))
+        if remark:
+            with part.open("a", encoding="utf-8") as file:
+                file.write(REMARK.format(remark))
         part.replace(output)
     except OSError as error:
         raise InputError(f"cannot write to '{output}': {error.strerror}") from None

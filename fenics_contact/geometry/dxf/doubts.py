@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.geometry.drawing import LIMITS as DRAWING_LIMITS
-from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.dxf.faces import Faces
+from fenics_contact.geometry.dxf.reader import UNITS
+from fenics_contact.geometry.meshing import outline_area
 from fenics_contact.geometry.outlines import inside_outlines, overlaps
 from fenics_contact.geometry.planar_cells import Array
 from fenics_contact.geometry.point_pairs import points_near_segments
@@ -20,16 +21,25 @@ class DrawingDoubts:
     """From where on something is suspicious.
 
     Attributes:
-        open: Distance between the ends of an open polyline, over its length, below which it might
-            be a block that was not closed.
         small: Area of a block over the median one below which it might be a mistake.
         large: Mean area of the blocks of a layer over the median one above which they might be
             openings.
+        short: Distance from an end to a line, over the root of the median face's area, below which
+            the end misses the line.
+        alone: Part of the area within a closed curve that no face between lines covers, from which
+            it is a block of its own.
+        least: Width of the median block, m, below which its unit is doubtful.
+        most: The same above which it is.
+        usual: Widths of the median block, m, from which on and up to which a unit is proposed.
     """
 
-    open: float = 0.25
     small: float = 1e-3
     large: float = 4.0
+    short: float = 0.06
+    alone: float = 0.9
+    least: float = 0.02
+    most: float = 3.0
+    usual: tuple[float, float] = (0.08, 2.0)
 
 
 DOUBTS = DrawingDoubts()
@@ -38,62 +48,96 @@ DOUBTS = DrawingDoubts()
 Doubt = tuple[Array, str]
 
 
-def open_polyline(chain: Array, layer: str, unit: str) -> Iterator[Doubt]:
-    """An open polyline on a layer of blocks, if its ends are near each other."""
-    length = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
-    distance = float(np.linalg.norm(chain[-1] - chain[0]))
-    if len(chain) > 2 and distance < DOUBTS.open * length:
-        yield (
-            chain[0],
-            f"an open polyline on layer '{layer}' with its ends {distance:.3g} {unit} apart is no"
-            " block: close it if it is one",
-        )
+def open_polyline(chain: Array, layer: str) -> Doubt:
+    """An open polyline on a layer of blocks."""
+    return chain[0], f"an open polyline on layer '{layer}' is no block: close it if it is one"
 
 
-def free_ends(
-    free: Array, edges: Array, blocks: list[Array], near: float, unit: str
-) -> Iterator[Doubt]:
-    """Ends of lines that stop short of another line, or within a block.
+def missed_ends(faces: Faces, near: float, stub: float = 0.0) -> tuple[Array, Array]:
+    """Ends in the air, shape (ends, 2), and the distance of each to a line it stops short of.
 
     Args:
-        free: Edges that end in the air, that end first, shape (ends, 2, 2).
-        edges: All edges, shape (edges, 2, 2).
-        blocks: Outlines of blocks.
+        faces: Faces between lines, with the edges that end in the air.
         near: Distance within which points are the same.
-        unit: Of all coordinates.
+        stub: Length up to which a line that goes beyond another is no doubt.
+
+    Returns:
+        The ends, and the distances, infinite where no line is near, shape (ends,).
     """
-    ends = free[:, 0]
-    reach = 4.0 * DRAWING_LIMITS.gap * default_size(blocks)
-    pairs = points_near_segments(ends, edges, reach)
-    length = np.linalg.norm(free[:, 1] - ends, axis=1)[pairs.point]
-    short = (pairs.distance > near) & (pairs.distance < 0.5 * length)
-    order = np.argsort(pairs.distance[short])
-    point = pairs.point[short][order]
-    _, first = np.unique(point, return_index=True)
-    for row in first.tolist():
-        distance = pairs.distance[short][order][row]
-        text = f"a line ends {distance:.3g} {unit} short of another: extend it, or blocks are one"
-        yield ends[point[row]], text
-    others = np.delete(ends, np.unique(point), axis=0)
+    length = np.linalg.norm(faces.free[:, 1] - faces.free[:, 0], axis=1)
+    ends = faces.free[length > stub, 0]
+    pairs = points_near_segments(ends, faces.edges, _reach(faces))
+    short = (pairs.distance > near) & (pairs.distance < 0.5 * length[length > stub][pairs.point])
+    distance = np.full(len(ends), np.inf)
+    np.minimum.at(distance, pairs.point[short], pairs.distance[short])
+    return ends, distance
+
+
+def _reach(faces: Faces) -> float:
+    """Distance from an end to a line below which it misses the line."""
+    areas = [abs(outline_area(outline)) for outline in faces.outlines]
+    lengths = np.linalg.norm(faces.free[:, 1] - faces.free[:, 0], axis=1)
+    return DOUBTS.short * float(np.sqrt(np.median(areas or np.max(lengths, initial=0.0) ** 2)))
+
+
+def bounds_faces(ring: Array, faces: Faces, near: float) -> bool:
+    """Whether a closed curve bounds blocks that the faces between lines alone lack.
+
+    Lines end on it that would end in the air, or it goes around next to no face.
+    """
+    from shapely.geometry import Polygon
+    from shapely.ops import unary_union
+
+    ends, missed = missed_ends(faces, near)
+    sides = np.stack([ring[:-1], ring[1:]], axis=1)
+    if len(points_near_segments(ends[np.isinf(missed)], sides, _reach(faces)).point):
+        return True
+    whole = Polygon(ring).buffer(0.0)
+    rest = whole.difference(unary_union([Polygon(outline) for outline in faces.outlines]))
+    return bool(rest.area > DOUBTS.alone * whole.area)
+
+
+def free_ends(faces: Faces, blocks: list[Array], near: float, stub: float) -> Iterator[Doubt]:
+    """Ends of lines that stop short of another line, or within a block; see `missed_ends`."""
+    ends, distance = missed_ends(faces, near, stub)
+    for end in ends[np.isfinite(distance)]:
+        yield end, "a line ends short of another: extend it, or blocks are one"
+    others = ends[np.isinf(distance)]
     for end in others[inside_outlines(others, blocks) >= 0]:
         yield end, "a line ends within a block, which it does not divide: extend it"
 
 
-def small_blocks(blocks: Sequence[Array], names: Sequence[str], unit: str) -> Iterator[Doubt]:
+def unit(blocks: Sequence[Array], unit: str, given: bool) -> Iterator[str]:
+    """A warning where blocks are no stones in the unit, or the file says inch, as if not set."""
+    width = float(np.sqrt(np.median([abs(outline_area(block)) for block in blocks])))
+    size = width * UNITS[unit]
+    if DOUBTS.least <= size <= DOUBTS.most and (given or unit != "in"):
+        return
+    likely = [
+        f"--unit {name} makes it {width * metres:.3g} m"
+        for name, metres in UNITS.items()
+        if name != unit and DOUBTS.usual[0] <= width * metres <= DOUBTS.usual[1]
+    ]
+    yield (
+        f"warning: is the unit {unit}? The median block is {size:.3g} m wide (the root of its"
+        f" area); {', '.join(likely) or 'if not, give --unit'}"
+    )
+
+
+def small_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[Doubt]:
     """Blocks that are much smaller than most."""
-    areas = np.array([_area(block) for block in blocks])
-    median = float(np.median(areas))
-    for k in np.flatnonzero(areas < DOUBTS.small * median).tolist():
+    areas = np.array([abs(outline_area(block)) for block in blocks])
+    for k in np.flatnonzero(areas < DOUBTS.small * np.median(areas)).tolist():
         yield (
             inner_point(blocks[k]),
-            f"a block of {areas[k]:.2g} {unit}2 on layer '{names[k]}', the median has"
-            f" {median:.2g}: a sliver between lines that do not meet?",
+            f"a block on layer '{names[k]}' has less than a thousandth of the median area: a sliver"
+            " between lines that do not meet?",
         )
 
 
 def large_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[str]:
     """Warnings on layers of blocks so large that they may be openings."""
-    areas = np.array([_area(block) for block in blocks])
+    areas = np.array([abs(outline_area(block)) for block in blocks])
     median = float(np.median(areas))
     for name, count in Counter(names).items():
         large = areas[np.array(names) == name].mean() / median
@@ -126,8 +170,3 @@ def inner_point(outline: Array) -> Array:
 
     point = Polygon(outline).representative_point()
     return np.array([point.x, point.y])
-
-
-def _area(outline: Array) -> float:
-    x, y = (outline - outline[0]).T
-    return 0.5 * abs(float(x[:-1] @ y[1:] - y[:-1] @ x[1:]))

@@ -17,10 +17,9 @@ from fenics_contact.geometry.dxf.blocks import DxfContents, Mark
 FILLS = ("#d9e3ec", "#f3e3c3", "#cfdcc5", "#e2cdd6", "#d5d5da", "#eedfae")
 LINES = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 SUSPICIOUS = "#D55E00"
-#: Width of a picture, inches; most blocks that are numbered one by one; most places in words.
+#: Width of a picture, inches; most blocks that are numbered one by one.
 WIDTH = 12.0
 NUMBERED = 3000
-IN_WORDS = 8
 
 
 def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> None:
@@ -40,7 +39,7 @@ def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> Non
     axes = figure.add_subplot()
     _draw_blocks(axes, read, inches_per_metre=min(WIDTH / width, tall / height))
     _draw_lines(axes, read)
-    _draw_marks(axes, read, marks)
+    _draw_marks(axes, marks)
     margin = 0.04 * max(width, height)
     axes.set_xlim(corners[:, 0].min() - margin, corners[:, 0].max() + margin)
     axes.set_ylim(corners[:, 1].min() - margin, corners[:, 1].max() + margin)
@@ -49,7 +48,7 @@ def write_picture(read: DxfContents, marks: Sequence[Mark], target: Path) -> Non
     axes.set_ylabel("y in m")
     axes.set_title(f"{len(read.drawing.blocks)} blocks, {width:.4g} m x {height:.4g} m")
     below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.6 / tall)}
-    axes.legend(ncol=4, fontsize=9, frameon=False, **below)
+    axes.legend(ncol=3, fontsize=9, frameon=False, **below)
     try:
         with warnings.catch_warnings():  # characters of layers that the font lacks
             warnings.simplefilter("ignore", UserWarning)
@@ -96,20 +95,16 @@ def _draw_lines(axes: Any, read: DxfContents) -> None:
         axes.add_collection(LineCollection(lines, label=label, **style))
 
 
-def _draw_marks(axes: Any, read: DxfContents, marks: Sequence[Mark]) -> None:
-    """Circles at suspicious places, the first of each kind in words."""
-    if not marks:
-        return
-    x, y = np.array([(mark.x, mark.y) for mark in marks]).T
-    style = {"facecolors": "none", "edgecolors": SUSPICIOUS, "linewidths": 1.2, "zorder": 5}
-    axes.scatter(x, y, s=60, label=f"suspicious: {len(marks)} places", **style)
-    first: dict[str, Mark] = {}
+def _draw_marks(axes: Any, marks: Sequence[Mark]) -> None:
+    """Circles at suspicious places; the number beside one is that of its kind in the legend."""
+    kinds: dict[str, list[Mark]] = {}
     for mark in marks:
-        first.setdefault(mark.text, mark)
-    for mark in list(first.values())[:IN_WORDS]:
-        text = mark.text if len(mark.text) < 80 else f"{mark.text[:77]}..."
-        axes.annotate(
-            plain(f"{text} at {read.place(mark.x, mark.y)}"), (mark.x, mark.y), (8, 8), size=7,
-            textcoords="offset points", color=SUSPICIOUS, zorder=6,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1.0},
-        )  # fmt: skip
+        kinds.setdefault(mark.text, []).append(mark)
+    for number, (text, some) in enumerate(kinds.items(), start=1):
+        x, y = np.array([(mark.x, mark.y) for mark in some]).T
+        style = {"facecolors": "none", "edgecolors": SUSPICIOUS, "linewidths": 1.2, "zorder": 5}
+        label = text if len(text) < 70 else f"{text[:67]}..."
+        axes.scatter(x, y, s=60, label=plain(f"{number}: {label} ({len(some)} places)"), **style)
+        for place in zip(x, y, strict=True):
+            axes.annotate(str(number), place, (4, 3), size=6, textcoords="offset points",
+                          color=SUSPICIOUS, zorder=6)  # fmt: skip

@@ -28,6 +28,7 @@ class ReaderLimits:
         coordinate: Largest coordinate, in the drawing's unit; map coordinates have 1e10 mm.
         parts: Largest number of entities with all inserted blocks.
         depth: Largest number of inserts in each other.
+        name: Most bytes of the name of a layer; gmsh keeps 127.
         bulge: Largest bulge: that of a full circle but for a quarter of a degree.
         chords: Points along an ellipse or a span of a spline from which its chords are chosen.
     """
@@ -35,6 +36,7 @@ class ReaderLimits:
     coordinate: float = 1e12
     parts: int = 200_000
     depth: int = 16
+    name: int = 100
     bulge: float = 1e3
     chords: int = 72
 
@@ -76,12 +78,14 @@ class Curves:
     Attributes:
         source: The file, for messages.
         unit: Unit of the coordinates, one of `UNITS`.
+        unit_given: Whether the user says so, else the file.
         curves: Curves on visible layers.
         notes: What was left out.
     """
 
     source: str
     unit: str
+    unit_given: bool = False
     curves: list[Curve] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -130,13 +134,15 @@ def _read_curves(path: Path, unit: str | None) -> Curves:
     """Curves of a file; see `read_curves`."""
     document = _open_dxf(path)
     source = f"'{path}'"
+    given = unit is not None
     unit = unit or DXF_UNITS.get(document.units, "")
     if unit not in UNITS:
         known = ", ".join(UNITS)
         raise InputError(f"{source} does not say its unit; give one of {known}, as in --unit mm")
-    found = Curves(source, unit)
+    found = Curves(source, unit, given)
     left_out = Counter[str]()
-    for entity, layer in _Parts(document, source, left_out).visible():
+    parts = _Parts(document, source, left_out)
+    for entity, layer in parts.visible():
         kind = entity.dxftype()
         if kind not in _READERS:
             left_out[kind] += 1
@@ -156,6 +162,7 @@ def _read_curves(path: Path, unit: str | None) -> Curves:
             size = np.abs(curve.points).max()
             left_out[f"{kind} on layer '{layer}' with a coordinate of {size:g} {unit}"] += 1
     found.notes += [f"left out: {count} {kind}" for kind, count in left_out.items()]
+    found.notes += parts.renamed()
     return found
 
 
@@ -203,8 +210,27 @@ class _Parts:
             if layer.lower() in self._hidden:
                 self.left_out[f"on layer '{layer}', which is off or frozen"] += 1
             else:
-                printable = layer.encode("utf-8", "replace").decode()
-                yield entity, self._spelling.setdefault(layer.lower(), printable)
+                yield entity, self._name(layer)
+
+    def _name(self, layer: str) -> str:
+        """Name of a layer as a group of gmsh, which keeps no quotes and cuts long names."""
+        key = layer.lower()
+        if key not in self._spelling:
+            name = layer.encode("utf-8", "replace").decode().replace('"', "'")
+            name = "".join(c if c.isprintable() else "?" for c in name)
+            short = name.encode()[: LIMITS.name].decode("utf-8", "ignore")
+            number = 1
+            while short.lower() in {known.lower() for known in self._spelling.values()}:
+                number += 1
+                short = f"{name.encode()[: LIMITS.name - 5].decode('utf-8', 'ignore')}~{number}"
+            self._spelling[key] = short
+        return self._spelling[key]
+
+    def renamed(self) -> Iterator[str]:
+        """Layers that have another name as groups."""
+        for key, name in self._spelling.items():
+            if name.lower() != key and key.isprintable():
+                yield f"layer '{key}' is called '{name}': gmsh does not keep its name"
 
     def _parts(
         self, entities: Iterable[Any], outer: str, inside: tuple[str, ...]

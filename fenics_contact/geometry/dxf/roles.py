@@ -18,6 +18,8 @@ import numpy as np
 
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_types
+from fenics_contact.geometry.dxf.chords import as_ring
+from fenics_contact.geometry.dxf.faces import faces_between
 from fenics_contact.geometry.dxf.reader import Curve, Curves
 from fenics_contact.geometry.outlines import inside_outlines
 from fenics_contact.geometry.planar_cells import Array
@@ -40,6 +42,8 @@ OPENINGS = frozenset(
 )
 #: Part of the length of lines that runs through blocks, from which they are lines between blocks.
 THROUGH = 0.2
+#: Faces of lines alone for every closed curve, from which the closed ones are no blocks.
+MANY = 3.0
 #: Fewest curves that a frame goes around.
 FRAMED = 4
 #: Closed curves of these kinds are symbols, unless their layer is given a role.
@@ -106,14 +110,22 @@ class CurveRoles:
     sides: list[int] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def bounding(self) -> list[int]:
+        """Curves that may bound blocks."""
+        return [*self.lines, *self.voids, *self.blocks]
 
-def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> CurveRoles:
+
+def curve_roles(
+    found: Curves, chains: Sequence[Array], given: LayerRoles, near: float
+) -> CurveRoles:
     """Role of every curve of a drawing, by its index.
 
     Args:
         found: The curves.
         chains: Corners of every curve.
         given: Roles that the user gives.
+        near: Distance within which points are the same.
 
     Raises:
         InputError: See `LayerRoles.of_layers`.
@@ -131,7 +143,16 @@ def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> Cu
         k for k in left if curves[k].closed and by_layer.get(curves[k].layer) in may_be_blocks
     ]
     roles.notes += _said_of_blocks(curves, closed, left, given)
-    between = _lines_between_blocks(curves, chains, left, by_layer, closed, roles.notes)
+    rest = sorted(set(left) - set(closed))
+    between = {curves[k].layer for k in rest if curves[k].layer not in by_layer}
+    rings = [as_ring(curves[k], chains[k]) for k in rest]
+    if closed and between and _many_faces(rings, len(closed), near) and not given.blocks:
+        roles.notes.append(
+            f"lines between blocks: layers {', '.join(sorted(between))}, with many more faces than"
+            " there are closed curves, which name the blocks in them (else give --blocks LAYERS)"
+        )
+    else:
+        between = _lines_between_blocks(curves, chains, left, by_layer, closed, roles.notes)
     for k in left:
         role = by_layer.get(curves[k].layer)
         if role == "voids":
@@ -143,6 +164,11 @@ def curve_roles(found: Curves, chains: Sequence[Array], given: LayerRoles) -> Cu
         else:
             roles.sides.append(k)
     return roles
+
+
+def _many_faces(rings: Sequence[Array], closed: int, near: float) -> bool:
+    """Whether lines alone have many more faces than there are closed curves."""
+    return len(rings) > closed and len(faces_between(rings, near).outlines) >= MANY * closed
 
 
 _BLOCKS = (None, "blocks")

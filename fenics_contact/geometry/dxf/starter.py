@@ -33,6 +33,7 @@ class Starter:
         roles: Of these groups.
         gap: Of mortar joints, m, as text; empty where blocks touch.
         mortar: Their thickness, for people; empty where `mesh --close` finds none.
+        slips: What the drawing loses by ends of lines that miss each other; empty if nothing.
     """
 
     title: str
@@ -42,6 +43,7 @@ class Starter:
     roles: GroupRoles
     gap: str = ""
     mortar: str = ""
+    slips: str = ""
 
     def write(self, target: Path) -> None:
         """Write the scene file; one that is there stays.
@@ -63,6 +65,8 @@ class Starter:
     def _head(self) -> Iterator[str]:
         yield "# A scene to begin with. What is called a guess is not in the drawing: set it right."
         yield "# Units are SI: m, N, Pa, kg/m3. All keys: the scene reference, docs/scene.md."
+        if self.slips:
+            yield f"# warning: in the drawing {self.slips}"
         yield f"title = {_quoted(self.title)}"
         yield f"mesh.file = {_quoted(self.mesh)}"
         yield _line("# plane.thickness = 0.5", "m; forces are printed for the whole thickness then")
