@@ -65,6 +65,7 @@ def joints_in_a_row(count: int) -> Joints:
         middle=places[:0],
         stencil=Stencil(nodes[:, :, None], np.ones((count, 2, 1))),
         gap=np.zeros(count),
+        curvature=np.zeros(count),
     )
 
 
