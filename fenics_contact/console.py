@@ -262,7 +262,7 @@ def _peak_lines(end: Collapse) -> list[str]:
 
 def _crushing_lines(end: Collapse, units: Units) -> list[str]:
     """Where joints crush, and over which length."""
-    if end.crushed_ends is None:
+    if end.crushed is None:
         return []
     if not end.crushed:
         return ["crushing: no joint is at its compressive strength"]

@@ -185,7 +185,7 @@ def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
     strategy = strategy_of(scene)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
-        blocks = RigidBlocks.of(made.original, sign, made.effort.wait)
+        blocks = RigidBlocks.of(made, sign, made.effort.wait)
         proved = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
         if proved is not None:
             return Equilibrium(**vars(proved), layout=made.layout, factorizations=0)

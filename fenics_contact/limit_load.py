@@ -7,7 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.collapse.crushed import CrushedJoints, crushed_collapse, crushed_like
 from fenics_contact.collapse.dead_load import reaching_zero
+from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.further import with_lowest, with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
@@ -209,8 +209,7 @@ def _traced(
         case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
         if end.peak is not None and end.peak.status == "not_known":
             end = with_peak_at_any_cost(case, end, CURVE_SOLVE)
-        with crushed_like(case, end) as crushed:
-            curve = capacity_curve(crushed, end, points, monitor.point)
+        curve = capacity_curve(case, end, points, monitor.point)
     known = end if sign > 0.0 else end.reversed()
     return tuple(replace(p, load_factor=sign * p.load_factor) for p in curve), known.peak
 
@@ -379,7 +378,7 @@ def _solved(
     scene = discretization.scene
     asked = _asked(discretization.scene)
     start = time.perf_counter()
-    blocks = RigidBlocks.of(discretization.original, patient=discretization.effort.wait)
+    blocks = RigidBlocks.of(discretization, patient=discretization.effort.wait)
     lower = 0.0 if blocks.frictionless.stands() else None
     fall = blocks.fall() if lower is None else None
     seconds["bounds"] = time.perf_counter() - start
@@ -393,13 +392,11 @@ def _solved(
     cases = _load_cases(discretization, bonded, monitor, asked)
     for name in asked:
         cases[name].blocks.begin()
-    with _Crushed() as crushed:
-        found, cost = _collapses(cases, asked, lower, crushed)
-        seconds["solve"] = time.perf_counter() - start
-        found = _with_additions(discretization, cases, found, cost, monitor, seconds)
-        found = {name: crushed.on_joints(name, end) for name, end in found.items()}
+    found, cost = _collapses(cases, asked, lower)
+    seconds["solve"] = time.perf_counter() - start
+    found = _with_additions(discretization, cases, found, cost, monitor, seconds)
     for name, end in found.items():
-        if end.status == "limit" and blocks.crushing is None:
+        if end.status == "limit" and not blocks.crushes:
             found[name] = with_least_forces(cases[name].discretization, end)
         if end.status == "limit" and end.joints is not None:
             turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
@@ -451,46 +448,25 @@ def _with_bounds_so_far(case: LoadCase, end: Collapse, lower: float | None) -> C
     return replace(end, program=partial(known_bounds, case.problem.comm.bcast(so_far)))
 
 
-class _Crushed(ExitStack):
-    """How the joints of every direction crush; frees their operators on leaving."""
+def _found(case: LoadCase) -> tuple[Collapse, LoadCase]:
+    """The collapse of a direction, and its load case with the joints that are torn then.
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._joints: dict[str, CrushedJoints] = {}
-
-    def collapse(self, name: str, case: LoadCase) -> tuple[Collapse, LoadCase]:
-        """The collapse of a direction, and its load case with joints that crush as they do there.
-
-        Raises:
-            Stopped: If the run is to end.
-        """
-        if np.any(case.discretization.joints.losing):
-            return torn_collapse(case, _collapse)
-        if case.blocks.crushing is None:
-            return _collapse(case), case
-        try:
-            end, joints = crushed_collapse(case, _collapse)
-        except Stopped:
-            case.record.best = None  # its own forces may not be those at which its joints crush
-            raise
-        self.callback(joints.close)
-        self._joints[name] = joints
-        return end, joints.case
-
-    def on_joints(self, name: str, end: Collapse) -> Collapse:
-        """A collapse with forces at the joint points of whole faces."""
-        return self._joints[name].on_joints(end) if name in self._joints else end
+    Raises:
+        Stopped: If the run is to end.
+    """
+    if np.any(case.discretization.joints.losing):
+        return torn_collapse(case, lambda torn: collapse_by_engine(torn, _collapse))
+    return collapse_by_engine(case, _collapse), case
 
 
 def _collapses(
     cases: dict[str, LoadCase],
     asked: Sequence[str],
     lower: float | None,
-    crushed: _Crushed,
 ) -> tuple[dict[str, Collapse], float]:
     """Collapses by direction, and the cost of one; what is known, where the run is stopped.
 
-    `cases` become those whose joints crush as at the collapse. `lower` is 0 where the dead load
+    `cases` become those whose joints are torn as at the collapse. `lower` is 0 where the dead load
     stands without friction, and None where it does not.
     """
     # Where no state under the dead load alone is known, the range of load factors must reach to
@@ -506,7 +482,7 @@ def _collapses(
         enough = alone is None or alone.status == "equilibrium"
         before = effort.spent
         for name in asked if enough else SIGNS:
-            found[name], cases[name] = crushed.collapse(name, cases[name])
+            found[name], cases[name] = _found(cases[name])
             if alone is not None and not enough and found[name].status == "unbounded":
                 found[name] = replace(found[name], status="not_converged", reason=alone.reason)
         found = reaching_zero(cases, found, asked)

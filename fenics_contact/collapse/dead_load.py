@@ -151,7 +151,7 @@ def reaching_zero(
     margin = -options.tolerance * case.scales.load_factor
     short = {n for n, end in found.items() if end.status == "limit" and end.load_factor < margin}
     lost = {n for n, end in found.items() if end.status == "not_converged"}
-    if case.blocks.crushing is not None:  # a state for a part of the dead load crushes elsewhere
+    if case.blocks.crushes:  # a state for a part of the dead load crushes elsewhere
         return _unknown(found, short, _without_equilibrium(found))
     if not (short or lost) or not case.problem.coulomb:
         return dict(found)

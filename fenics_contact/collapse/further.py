@@ -35,6 +35,7 @@ _log = logging.getLogger("fenics_contact")
 #: Why something is not known.
 NOT_REACHED = "a load that rises step by step does not reach the collapse"
 FAST = "solve.fast = true leaves it out"
+NO_PATH = "the loading path was not followed to its end"
 TEARS = "what joints carry before they tear depends on the way of the load"
 
 
@@ -75,8 +76,8 @@ def _with_peak(case: LoadCase, end: Collapse, search: Callable[[Above], Peak]) -
 
 def _peak(end: Collapse, above: Above, search: Callable[[Above], Peak]) -> Peak:
     """The peak of the path to a collapse, or why it is not known."""
-    if end.crushed_ends is not None:
-        return Peak("not_known", reason="on the way joints crush in other places than at the end")
+    if end.engine == "faces":
+        return Peak("not_known", reason=NO_PATH)
     if end.torn is not None:
         return Peak("not_known", reason=TEARS)
     if end.path is not None:
@@ -129,12 +130,11 @@ def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:
 
 def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     """A collapse with a second opinion on it, where several collapse states may exist."""
+    if end.engine == "faces":
+        return end
     options = case.discretization.scene.solve
     coulomb = case.problem.coulomb
     mode = end.mode
-    if end.crushed_ends is not None:
-        reason = "in other states joints crush in other places"
-        return replace(end, states=(), lowest=Lowest("not_known", reason=reason))
     if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
         return end
     if end.torn is not None:

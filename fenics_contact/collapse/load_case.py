@@ -9,7 +9,6 @@ import numpy as np
 
 from fenics_contact.collapse.record import Listener, Record
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.history import History, Step
@@ -40,8 +39,6 @@ class LoadCase:
         stiffness: K with joint springs.
         sign: 1 for the live load as given, -1 for that load reversed.
         record: What is tried for this load case.
-        crushed: Where joints crush, which `discretization` and `problem` then know by tangents;
-            the bounds of `blocks` have the strengths themselves.
     """
 
     discretization: Discretization
@@ -54,7 +51,6 @@ class LoadCase:
     stiffness: JointStiffness
     sign: float = 1.0
     record: Record = field(default_factory=Record)
-    crushed: CrushedEnds | None = None
 
     @classmethod
     def of(
@@ -80,7 +76,7 @@ class LoadCase:
         stretched = 2.0 * problem.max(problem.law.pull * problem.compliance[1])
         scales = replace(scales, displacement=max(scales.displacement, stretched))
         bonded = replace(bonded, live=sign * bonded.live)
-        blocks = RigidBlocks.of(discretization.original, sign, discretization.effort.wait)
+        blocks = RigidBlocks.of(discretization, sign, discretization.effort.wait)
         stiffness = discretization.stiffness(kind)
         made = cls(discretization, problem, blocks, bonded, scales, kind, monitor, stiffness, sign)
         return replace(made, record=Record(problem.sum(np.abs(problem.live)), sign, listener))
@@ -91,11 +87,11 @@ class LoadCase:
         case = LoadCase.of(self.discretization, given, -self.sign, self.kind, self.monitor)
         problem = case.problem.with_law(slip_origin=self.problem.law.slip_origin)
         record = self.record.reversed()
-        return replace(case, problem=problem, record=record, crushed=self.crushed)
+        return replace(case, problem=problem, record=record)
 
     def with_torn(self, torn: Flags) -> LoadCase:
         """The load case with joint points that have lost their strengths, of all points."""
-        whole = self.discretization.original.with_torn(torn)
+        whole = self.discretization.with_torn(torn)
         given = replace(self.bonded, live=self.sign * self.bonded.live)
         case = LoadCase.of(whole, given, self.sign, self.kind, self.monitor)
         return replace(case, record=self.record)

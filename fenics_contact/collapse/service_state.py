@@ -9,20 +9,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fenics_contact.collapse.crushed import CrushedJoints, settle, strengths
 from fenics_contact.collapse.dead_load import dead_load_state
+from fenics_contact.collapse.face_collapse import force_residuals, strained_state
 from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import LoadCase, joint_values
-from fenics_contact.collapse.load_control import Reached, raise_load_to
+from fenics_contact.collapse.load_control import raise_load_to
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import Strategy
-from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import NoEquilibriumError, SolverError
+from fenics_contact.faces.given_load import state_under
+from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
 from fenics_contact.results.moving_blocks import fall_reason
 from fenics_contact.results.service_state import ServiceState
 from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.solvers.problem import ContactProblem, State
 
 
 def without_equilibrium(
@@ -55,46 +57,46 @@ def service_state(
     case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
 ) -> ServiceState:
     """State of a load case at a load factor >= 0, reached in steps from the dead load."""
-
-    def risen(one: LoadCase, near: Reached | None = None) -> Reached:
-        dead = dead_load_state(one, strategy, options.tolerance) if one.has_dead_load else None
-        return raise_load_to(one, strategy, options, (load_factor, steps), dead)
-
-    crushed = None
+    if case.blocks.crushes:
+        return _by_faces(case, load_factor)
     try:
-        if case.blocks.crushing is None:
-            reached = risen(case)
-        else:
-            first = CrushedEnds.none(case.blocks.crushing)
-            reached, crushed, _ = settle(case, first, risen)
+        dead = dead_load_state(case, strategy, options.tolerance) if case.has_dead_load else None
+        reached = raise_load_to(case, strategy, options, (load_factor, steps), dead)
     except NoEquilibriumError as error:
         return ServiceState("no_equilibrium", case.sign * load_factor, reason=str(error))
     except SolverError as error:
         return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
-    found = _verified(case, reached, crushed)
-    if crushed is not None:
-        crushed.close()
-    return found
-
-
-def _verified(case: LoadCase, reached: Reached, crushed: CrushedJoints | None) -> ServiceState:
-    """A state held against the problem in which it was found, in the user's sign of the load."""
-    problem = reached.problem
-    state = reached.state
-    larger = max(1.0, state.load_factor / case.scales.load_factor)
+    larger = max(1.0, reached.state.load_factor / case.scales.load_factor)
     sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
-    residuals = state_residuals(problem, state, scales)
-    if crushed is not None:
-        residuals["crushing"] = crushed.missed(strengths(case), state)
-        problem = case.problem
-        state = crushed.state_on_joints(state)
+    residuals = state_residuals(reached.problem, reached.state, scales)
+    return _verified(case, reached.problem, reached.state, residuals)
+
+
+def _by_faces(case: LoadCase, load_factor: float) -> ServiceState:
+    """The state of faces that crush, with the strains of the blocks under their forces."""
+    faces = PlanarFaces.of(case.discretization, case.sign)
+    found = None
+    if case.problem.comm.rank == 0:
+        found = state_under(faces.model, load_factor)
+    found = case.problem.comm.bcast(found)
+    if found is None:
+        reason = "no elastic state was found by the forces of joint faces"
+        return ServiceState("not_converged", case.sign * load_factor, reason=reason)
+    state = strained_state(case, faces, found.force, load_factor)
+    return _verified(case, case.problem, state, force_residuals(case, faces, found.force, state))
+
+
+def _verified(
+    case: LoadCase, problem: ContactProblem, state: State, residuals: dict[str, float]
+) -> ServiceState:
+    """A state held against the problem in which it was found, in the user's sign of the load."""
     missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
     sign = case.sign
     written = case.written(state)
     whole = case.discretization
     values = joint_values(problem, whole, state, state.displacement)
-    if crushed is None:  # else forces at a corner are bound by the strength of their faces
+    if not case.blocks.crushes:  # else forces at a corner are bound by the strength of their faces
         values = least_forces(whole, values)
     return ServiceState(
         "not_converged" if missed else "equilibrium",

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -36,7 +35,7 @@ from fenics_contact.discretization.rigid_motions import (
 from fenics_contact.discretization.supports import Supports, supports_of
 from fenics_contact.discretization.ties import find_ties
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Flags, Indices
+from fenics_contact.geometry.mesh import Flags
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
@@ -124,7 +123,6 @@ class Discretization(Layout, Closing):
         self.tally = Tally(effort=self.effort)
         self.mode_tally = Tally(cost=MODE_COST, effort=self.effort)
         self._stiffnesses: dict[str, JointStiffness] = {}
-        self._original: Discretization | None = None
         self.seconds = time.perf_counter() - start
 
     def charge_to(self, other: Discretization, cost: float) -> None:
@@ -145,43 +143,6 @@ class Discretization(Layout, Closing):
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
 
-    def with_points_moved(self, points: Indices, shares: Any, force: Array) -> Discretization:
-        """The structure with joint points that act elsewhere, and forces on the joints.
-
-        The stiffness remains with this object, on which the other one counts its factorisations.
-
-        Args:
-            points: Points that act elsewhere.
-            shares: Their shares in all points, as in `Joints.moved`.
-            force: Normal forces at all points, part of the dead load from now on, N/m.
-        """
-        new = self._copy()
-        problem = self.problem
-        new._original = self.original
-        new._owner = Owner()
-        new._stiffnesses = {}
-        new.__dict__.pop("block_modes", None)
-        new.joints = self.joints.moved(points, shares)
-        mine = self.operators.points
-        elastic = problem.stiffness.matrix
-        new.operators = rows = joint_operators(new.joints, self.supports, elastic, mine)
-        normal = SparseMap(rows.normal)
-        tangential = SparseMap(rows.tangential)
-        for operator in (normal, tangential):
-            new._owner.callback(operator.close)
-        opening, slip = (
-            (shares @ self.all_points(origin))[mine]
-            for origin in (problem.law.opening_origin, problem.law.slip_origin)
-        )
-        new.problem = replace(
-            problem,
-            normal=normal,
-            tangential=tangential,
-            dead=problem.dead + problem.normal.T @ force[mine],
-            law=replace(problem.law, opening_origin=opening, slip_origin=slip),
-        )
-        return new
-
     def with_torn(self, torn: Flags) -> Discretization:
         """The structure with joint points that have lost their strengths; it keeps the matrices."""
         new = self._copy()
@@ -191,15 +152,6 @@ class Discretization(Layout, Closing):
         if "block_modes" in self.__dict__:
             new.block_modes = self.block_modes.changed(new.problem)
         return new
-
-    @property
-    def original(self) -> Discretization:
-        """The structure none of whose joint points were moved."""
-        return self if self._original is None else self._original
-
-    def keep(self, other: Discretization) -> None:
-        """Close another discretisation with this one."""
-        self._owner.callback(other.close)
 
     def check_pushed(self) -> None:
         """Raise `InputError` if the live load pushes no body but those that supports hold."""

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -138,23 +137,6 @@ class Joints:
     def joint_count(self) -> int:
         """Number of points without those of ties."""
         return len(self.length) - (0 if self.ties is None else len(self.ties.tie))
-
-    def moved(self, points: Indices, shares: Any) -> Joints:
-        """Joints some of whose points act elsewhere on their faces, between others.
-
-        Args:
-            points: Points that act elsewhere.
-            shares: Sparse matrix of the shares in all points that the places have, with rows of
-                sum 1, shape (all points, all points).
-        """
-        from scipy.sparse import identity, kron
-
-        position = self.position.copy()
-        sides = self.sides.copy()
-        position[points] = (shares @ self.position)[points]
-        sides[points] = (shares @ self.sides.reshape(-1, 4)).reshape(self.sides.shape)[points]
-        stencil = Stencil.of_rows(kron(shares, identity(2), format="csr") @ self.stencil.rows)
-        return replace(self, position=position, sides=sides, stencil=stencil)
 
     @property
     def neighbours(self) -> Indices:
@@ -393,18 +375,14 @@ def _direction(keys: Indices, normal: Array) -> Indices:
     return direction
 
 
-def joint_operators(
-    joints: Joints, supports: Supports, stiffness: PETSc.Mat, points: Indices | None = None
-) -> JointOperators:
+def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) -> JointOperators:
     """Build B_N and B_T in the supports' coordinates, on the layout of the stiffness.
 
-    A point's row lives on the rank that owns the first node of its second side, or on that where
-    `points` name it.
+    A point's row lives on the rank that owns the first node of its second side.
     """
-    if points is None:
-        start, end = stiffness.getOwnershipRange()
-        owner = joints.stencil.nodes[:, 1, 0]
-        points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
+    start, end = stiffness.getOwnershipRange()
+    owner = joints.stencil.nodes[:, 1, 0]
+    points = np.flatnonzero((owner >= start // 2) & (owner < end // 2))
     dofs, normal_rows, tangential_rows = coefficients(joints, supports, points)
     return JointOperators(
         normal=sparse_rows(stiffness, dofs, normal_rows),

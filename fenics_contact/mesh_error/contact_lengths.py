@@ -41,7 +41,7 @@ class ContactLengths:
     @classmethod
     def of(cls, whole: Discretization) -> ContactLengths:
         """Those of a discretised scene."""
-        joints = whole.original.joints
+        joints = whole.joints
         ends = joints.position[joints.segments]
         side = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         shortest = np.full(len(joints.length), np.inf)

@@ -63,6 +63,9 @@ def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     """A collapse with the estimate of its discretisation error, if its load case led to it."""
     if end.status != "limit" or end.mode is None:
         return end
+    if end.engine == "faces":
+        _log.info("no error estimate: the forces of joint faces depend on no mesh")
+        return end
     if end.torn is not None:
         _log.info("no error estimate: on other meshes other points tear")
         return end

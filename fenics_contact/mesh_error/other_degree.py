@@ -20,11 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.collapse.crushed import CrushedJoints, strengths
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import WarmStart, next_to
-from fenics_contact.discretization.crushing import CrushedEnds
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.geometry.mesh import Array, Indices
@@ -148,34 +146,15 @@ def _other_case(case: LoadCase) -> Iterator[LoadCase]:
             carried.forces(np.stack([r, none]))[0]
             for r in (bonded.dead_pressure, bonded.live_pressure)
         )
-        other = replace(
+        yield replace(
             case,
             discretization=whole,
             problem=replace(whole.problem, live=case.sign * whole.problem.live),
-            blocks=RigidBlocks.of(whole.original, case.sign, whole.effort.wait),
+            blocks=RigidBlocks.of(whole, case.sign, whole.effort.wait),
             bonded=Bonded(dead, live, of_dead, of_live, bonded.seconds),
             kind=GENERAL,
             stiffness=whole.stiffness(GENERAL),
-            crushed=None,
         )
-        if case.crushed is None:
-            yield other
-            return
-        crushed = CrushedJoints.of(other, strengths(other), _ends(case, other, *carried.ends))
-        yield crushed.case
-        crushed.close()
-
-
-def _ends(case: LoadCase, other: LoadCase, ours: Indices, theirs: Indices) -> CrushedEnds:
-    """Where the joints of the other case crush as those of one do; points that both have."""
-    given = strengths(case)
-    found = strengths(other)
-    ends = CrushedEnds.none(strengths(other))
-    if case.crushed is None:
-        return ends
-    for mine, its in ((case.crushed.side, ends.side), (case.crushed.force, ends.force)):
-        its[found.face[theirs]] = mine[given.face[ours]]
-    return ends
 
 
 @dataclass(frozen=True)

@@ -279,14 +279,15 @@ def _end_record(result: Result, end: Collapse) -> Record:
 
 def _collapse_record(result: Result, collapse: Collapse) -> Record:
     """How one end of the range was found, and its verification."""
-    if not collapse.history:
+    if not collapse.history and collapse.engine == "path":
         return {}
     # Nothing is proved by the last state of a load that is not limited.
     certificate = None if collapse.status == "unbounded" else collapse.certificate
-    method = collapse.history[-1].method
+    method = collapse.history[-1].method if collapse.history else "auto"
     if method == "fixed-point" and collapse.splitting is not None:
         method = result.scene.solve.method
-    record: Record = {"method": method, "error_estimate": None, "residuals": None, "failures": []}
+    found = {"method": method, "engine": collapse.engine, "gap": collapse.gap}
+    record: Record = found | {"error_estimate": None, "residuals": None, "failures": []}
     if collapse.path is not None:
         record["continuation"] = {
             "equilibrium_up_to": collapse.path.lower,
@@ -337,7 +338,7 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
 
 def _crushing_record(collapse: Collapse) -> list[Record] | None:
     """Where joints crush; None where no compressive strength is given."""
-    if collapse.crushed_ends is None:
+    if collapse.crushed is None:
         return None
     names = "position", "group", "length", "normal_force"
     return [_record(place, *names) for place in collapse.crushed]
@@ -363,7 +364,7 @@ def _iteration_record(collapse: Collapse) -> Record:
     steps = [step for history in collapse.history for step in history.steps]
     record: Record = {
         "fixed_point": len(steps),
-        "contraction": collapse.history[0].contraction,
+        "contraction": collapse.history[0].contraction if collapse.history else None,
         "cycles": sum(history.cycles for history in collapse.history),
         "work_ratio": collapse.work_ratio,
     }

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.discretization.crushing import CrushedEnds, CrushedPlace
+from fenics_contact.discretization.crushing import CrushedPlace
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
@@ -72,10 +72,13 @@ class Collapse:
         trace: Points of the path that was followed, in order.
         peak: The most that the loading path carries before the collapse; None with given friction,
             where it is the load factor itself, and where there is no limit.
-        crushed: Where joints crush, the longest places first.
-        crushed_ends: The same by faces; None where no joint has a compressive strength.
+        crushed: Where joints crush, the longest places first; None where no joint has a
+            compressive strength.
         torn: Joints that have lost their strengths; None where none may.
         rolling: Where a block has rolled on a curved side, for people; empty where none has.
+        engine: What found it: the loading "path" of elastic blocks, or their "faces".
+        gap: Proved distance of the load factor from what the friction forces of its own state
+            allow, relative; None where it was not computed.
     """
 
     status: str
@@ -97,10 +100,11 @@ class Collapse:
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
     peak: Peak | None = None
-    crushed: tuple[CrushedPlace, ...] = ()
-    crushed_ends: CrushedEnds | None = None
+    crushed: tuple[CrushedPlace, ...] | None = None
     torn: Torn | None = None
     rolling: str = ""
+    engine: str = "path"
+    gap: float | None = None
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"

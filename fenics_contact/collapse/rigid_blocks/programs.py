@@ -21,10 +21,8 @@ On a straight face between two bodies only the resultants matter: the normal for
 with their friction, and one shear force by given strengths are enough, whatever the mesh. Each side
 carries them where its nodes are: across a gap these are two lines, as far apart all along.
 
-Where joints crush (`crushing`), the moment of a face is at most m(N), a concave function. A program
-is solved again with its tangents at the forces found, until no face is beyond its own or the value
-settles (J.E. Kelley, J. Soc. Ind. Appl. Math. 8 (1960) 703). It falls to that with crushing, which
-is associative, and never below it.
+Where joints crush the programs are no longer linear, and the face engine solves them (`faces`): its
+mode proves the end. Whether loads stand is asked as the largest part of them that does.
 """
 
 from __future__ import annotations
@@ -41,15 +39,16 @@ from mpi4py import MPI
 
 from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
-from fenics_contact.collapse.rigid_blocks.linear_program import OPTIONS as HIGHS
 from fenics_contact.collapse.rigid_blocks.linear_program import LinearProgram, least_missing
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
-from fenics_contact.discretization.crushing import Crushing, strength_of
 from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.faces.associative import associative_end, crushed_by
+from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
@@ -63,19 +62,10 @@ class ProgramOptions:
 
     Attributes:
         rounding: Missing forces in units of the largest dead load, summed, that count as none.
-        crushed: Moments beyond m(N) that count as none, in these units times the face's length.
-        rounds: Programs at most for the tangents of m(N).
-        settled: The value of a program is that with all tangents if so many more rounds in a row
-            change it by less than HiGHS' tolerance. Forces that no mechanism needs may change on.
-        parts: Parts k of the strength with which the dead load is seen to stand: what is tried.
         large: Unknowns above which a program is solved in a process of its own: a second or more.
     """
 
     rounding: float = 1e-8
-    crushed: float = 1e-9
-    rounds: int = 60
-    settled: int = 3
-    parts: tuple[float, ...] = (0.5, 0.2, 0.05, 0.01, 0.001)
     large: int = 5000
 
 
@@ -87,15 +77,11 @@ FIRST_METHOD = "highs-ipm"
 
 @dataclass(frozen=True)
 class _Optimum:
-    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points.
-
-    `exact` says whether these forces are within the strength of all joints that crush.
-    """
+    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points."""
 
     factor: float | None = None
     motion: Array | None = None
     pressure: Array | None = None
-    exact: bool = True
 
 
 @dataclass(frozen=True)
@@ -104,12 +90,13 @@ class _Program:
 
     The unknowns x are, at both ends of every face, multiples of the edges (1, F) and (1, -F) of
     Coulomb's cone, one of them where F = 0; then the shear force that a face's strength bounds.
+    `carried` is the most N of every face, infinite where it does not crush; None: nowhere.
     """
 
     joints: Joints
     bodies: RigidBodies
     faces: Faces
-    crushing: Crushing | None = None
+    carried: Array | None = None
 
     @cached_property
     def _ends(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
@@ -151,39 +138,10 @@ class _Program:
         ends, rough = self._ends
         strength = self.faces.law.strength / unit
         most: list[float | None] = [None] * (len(ends) + len(rough))
-        if self.crushing is not None:
-            carried = np.tile(np.where(self.crushing.given, self.crushing.carried / unit, -1.0), 2)
+        if self.carried is not None:
+            carried = np.tile(np.where(self.carried < np.inf, self.carried / unit, -1.0), 2)
             most = [one if one >= 0.0 else None for one in [*carried, *carried[rough]]]
         return [(0.0, one) for one in most] + [*zip(-strength, strength, strict=True)]
-
-    @cached_property
-    def normal(self) -> Any:
-        """Matrix that gives the normal forces at first and second ends of faces from x."""
-        from scipy.sparse import csr_matrix, hstack, identity
-
-        ends, rough = self._ends
-        each = identity(len(ends), format="csc")
-        return hstack([each, each[:, rough], csr_matrix((len(ends), len(self.faces.ends)))]).tocsr()
-
-    def missed_tangents(self, x: Array, unit: float) -> tuple[Any, Array]:
-        """Tangents A x <= b of m(N), at the forces x in a unit, of faces that are beyond theirs."""
-        from scipy.sparse import diags
-
-        crushing = self.crushing
-        count = len(self.faces.ends)
-        if crushing is None or np.isinf(unit):
-            return self.normal[:0], np.empty(0)
-        pressed = unit * (self.normal @ x).reshape(2, count)
-        place = crushing.place[self.faces.ends].T
-        force = pressed.sum(axis=0)
-        beyond, side = crushing.excess(force, np.sum(pressed * place, axis=0))
-        scale = unit * np.where(crushing.given, crushing.length, 1.0)
-        face = np.flatnonzero(beyond > OPTIONS.crushed * scale)
-        couple, inner = crushing.tangent(force, side)
-        lever = (unit / scale * side * (place - inner))[:, face]
-        both = (self.normal[face + start] for start in (0, count))
-        first, second = (diags(arm) @ each for arm, each in zip(lever, both, strict=True))
-        return (first + second).tocsr(), (couple / scale)[face]
 
     def point_forces(self, x: Array) -> Array:
         """Normal and shear forces at the ends of faces, as an array of all points (2, points)."""
@@ -235,9 +193,9 @@ class RigidBlocks:
         dead = bodies.dead - _resultants(joints, bodies, law.bond, joints.normal)
         dead -= _resultants(joints, bodies, law.pull, joints.tangent)
         bodies = replace(bodies, dead=dead, live=sign * bodies.live)
-        faces = straight_faces(joints)
-        crushing = Crushing.of(joints, strength_of(whole.scene, joints), faces.of_point)
-        return cls(joints, bodies, whole.scene.comm, faces, crushing, patient)
+        model = PlanarFaces.of(whole, sign).model
+        crushes = model if np.any(model.crushing) else None
+        return cls(joints, bodies, whole.scene.comm, None, crushes, patient)
 
     def __init__(
         self,
@@ -245,12 +203,13 @@ class RigidBlocks:
         bodies: RigidBodies,
         comm: MPI.Comm,
         faces: Faces | None = None,
-        crushing: Crushing | None = None,
+        model: FaceModel | None = None,
         patient: Callable[[], None] = _wait_on,
     ) -> None:
         """Take all joint points, the bodies' motions and loads, and the ranks to share results.
 
-        Faces have the friction of the scene where none are given, and crush where they may.
+        Faces have the friction of the scene where none are given. Where some crush, `model` has
+        them for the face engine.
         `patient` is called now and then on rank 0 while a large program is solved, and may raise
         `Stopped`.
         """
@@ -260,8 +219,12 @@ class RigidBlocks:
         self._comm = comm
         self._patient = patient
         self._begun: Beside | None = None
-        self._program = _Program(joints, bodies, faces, crushing)
-        self._tangents: _Program | None = None
+        self._model = model
+        carried = None
+        if model is not None:
+            carried = np.full(len(model.crushing), np.inf)
+            np.divide(0.5, model.crushing, out=carried, where=model.crushing > 0.0)
+        self._program = _Program(joints, bodies, faces, carried)
         dead, live = (float(np.abs(load).max(initial=0.0)) for load in (bodies.dead, bodies.live))
         self._force = dead or float(joints.shear_strength.max(initial=0.0)) or live or 1.0
         self._load = self._force / live if live else 1.0
@@ -282,13 +245,18 @@ class RigidBlocks:
         """The same blocks without friction."""
         faces = self._program.faces
         faces = replace(faces, law=faces.law.frictionless())
+        model = self._model
+        if model is not None:
+            law = faces.law
+            none = law.friction
+            model = replace(model, strength=law.strength, friction=none, dilatancy=none)
         whole = self._joints, self._bodies, self._comm
-        return RigidBlocks(*whole, faces, self.crushing, self._patient)
+        return RigidBlocks(*whole, faces, model, self._patient)
 
     @property
-    def crushing(self) -> Crushing | None:
-        """Strengths of the faces; None where there are none."""
-        return self._program.crushing
+    def crushes(self) -> bool:
+        """Whether some face has a compressive strength."""
+        return self._model is not None
 
     def limit(self) -> float | None:
         """Largest load factor: infinite where nothing limits it, None without equilibrium.
@@ -358,24 +326,10 @@ class RigidBlocks:
         (bodies, 3), with f_L.v = 1; None unless the load factor is finite. `strength` is the
         given bound g at all joint points (`joint_law`), N/m, on all ranks.
         """
-        program = self._tangents or self._program
+        program = self._program
         faces = straight_faces(program.joints, program.joints.point_laws.with_given(strength))
         found = self._on_root(lambda: self._largest(replace(program, faces=faces)))
         return found.factor, found.motion
-
-    def with_tangents(self, joints: Joints, force: Array) -> RigidBlocks:
-        """These programs, but for `collapse` with tangents in place of the joints' strengths.
-
-        Args:
-            joints: With points at the places of the tangents.
-            force: Normal forces at the points of these programs that are part of the dead load.
-        """
-        loaded = _resultants(self._joints, self._bodies, force, self._joints.normal)
-        bodies = replace(self._bodies, dead=self._bodies.dead + loaded)
-        new = RigidBlocks.__new__(RigidBlocks)
-        vars(new).update(vars(self))
-        new._tangents = _Program(joints, bodies, straight_faces(joints))
-        return new
 
     def associative_pressure(self) -> Array | None:
         """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
@@ -417,8 +371,8 @@ class RigidBlocks:
     def _bounds(self) -> LimitBounds:
         bounds = self._classical_bounds
         stands = bounds.lower is not None or self._fall is None
-        if bounds.upper is None or bounds.meet or not stands or self.crushing is not None:
-            return bounds  # with tangents the programs bound limit loads from above only
+        if bounds.upper is None or bounds.meet or not stands or self.crushes:
+            return bounds  # the lower end's programs are linear
         lower = lower_end(self, bounds.upper)
         if bounds.lower is not None:
             lower = max(lower, bounds.lower)
@@ -429,8 +383,6 @@ class RigidBlocks:
         bare = self.frictionless._fall is None
         stands = bare or self._fall is None
         lower = self.frictionless._shown() if bare else None
-        if lower is not None and not self.frictionless._optimum.exact:
-            lower = 0.0 if self.frictionless._within_strength(0.0) else None  # it may be less
         lower = None if lower is None else max(lower, 0.0)
         return LimitBounds(lower, self._upper if stands else np.inf, lower)
 
@@ -586,7 +538,11 @@ class RigidBlocks:
     @cached_property
     def _optimum(self) -> _Optimum:
         """Limit state, solved for on this rank alone."""
-        return self._largest(self._program)
+        if self._model is None:
+            return self._largest(self._program)
+        if self._wedging(self._program) is not None:
+            return _Optimum(np.inf)
+        return _Optimum(associative_end(self._model))
 
     @cached_property
     def _fall(self) -> Array | None:
@@ -596,50 +552,25 @@ class RigidBlocks:
     def _fall_under(self, load_factor: float) -> Array | None:
         """Motions by which the loads fall, solved for on this rank alone."""
         program = self._program
-        unit, standing = self._standing(load_factor)
+        standing = self._standing(load_factor)
         # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
         plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
-        tangents = _Tangents(program, unit)
-        if program.crushing is not None:
-            if self._within_strength(load_factor):
-                return None
-        elif tangents.answer(standing, "highs-ds", plain).status == 0:
+        if standing.answer("highs-ds", plain).status != 0:
+            missing, multipliers, _ = least_missing(standing)
+            if missing > OPTIONS.rounding:
+                return program.motions(-multipliers)
+        if self._model is None:
             return None
-        missing, multipliers, _ = least_missing(standing, tangents.answer)
-        return program.motions(-multipliers) if missing > OPTIONS.rounding else None
+        motion = crushed_by(self._model, load_factor)
+        return None if motion is None else program.motions(motion)
 
-    def _standing(self, load_factor: float) -> tuple[float, LinearProgram]:
-        """Unit of force, and the program of any forces in equilibrium with the loads, in it."""
+    def _standing(self, load_factor: float) -> LinearProgram:
+        """The program of any forces in equilibrium with the loads."""
         program = self._program
         unit = max(self._force, abs(load_factor) * self._force / self._load)
         right = -program.load(self._bodies.dead + load_factor * self._bodies.live) / unit
         limits = program.limits(unit)
-        return unit, LinearProgram(np.zeros(len(limits)), program.forces, right, limits)
-
-    def _within_strength(self, load_factor: float) -> bool:
-        """Whether loads were seen to stand within the strength of joints that crush.
-
-        Forces are sought with N <= k f_c L and |M| <= (1 - k) N L / 2, which is less than m(N).
-        """
-        from scipy.sparse import diags, vstack
-
-        program = self._program
-        crushing = self._program.crushing
-        if crushing is None:
-            return False
-        unit, standing = self._standing(load_factor)
-        count = len(crushing.strength)
-        given = np.flatnonzero(crushing.given)
-        first = program.normal[:count]
-        second = program.normal[count:]
-        for part in OPTIONS.parts:
-            whole = diags(np.where(crushing.given, 1.0 - part, 1.0)) @ (first + second)
-            rows = [second - first - whole, first - second - whole, (first + second)[given]]
-            most = np.concatenate([np.zeros(2 * count), part * crushing.carried[given] / unit])
-            answer = replace(standing, rows=vstack(rows).tocsr(), most=most).answer("highs-ds")
-            if answer.status == 0 and not len(program.missed_tangents(answer.x, unit)[1]):
-                return True
-        return False
+        return LinearProgram(np.zeros(len(limits)), program.forces, right, limits)
 
     def _wedging(self, program: _Program) -> Array | None:
         """Forces that balance the live load alone, N/m for a load factor of 1: small and few."""
@@ -665,21 +596,16 @@ class RigidBlocks:
     def _largest(self, program: _Program) -> _Optimum:
         """The largest load factor of a program."""
         largest = self._largest_program(program)
-        tangents = _Tangents(program, self._force, first=1)
         for method in (FIRST_METHOD, "highs-ds"):
-            if program.crushing is None:
-                answer = self._answer_beside(program, largest, method)
-                tangents.complete = answer.status == 0
-            else:
-                answer = tangents.answer(largest, method)
+            answer = self._answer_beside(program, largest, method)
             if answer.status == 0:
                 factor = float(answer.x[0]) * self._load
                 multipliers = answer.eqlin.marginals
                 work = float(program.load(program.bodies.live) @ multipliers)
                 motion = program.motions(multipliers) / work if work else None
                 pressure = program.point_forces(answer.x[1:] * self._force)[0]
-                return _Optimum(factor, motion, pressure, tangents.complete)
-        if least_missing(largest, tangents.answer)[0] > OPTIONS.rounding:
+                return _Optimum(factor, motion, pressure)
+        if least_missing(largest)[0] > OPTIONS.rounding:
             return _Optimum(None)
         if self._wedging(program) is not None:
             return _Optimum(np.inf)
@@ -707,56 +633,6 @@ class RigidBlocks:
         if failure is not None:
             raise failure
         return answer
-
-
-class _Tangents:
-    """Tangents of m(N), collected where the forces of answers are beyond their faces' strength.
-
-    Attributes:
-        complete: Whether the forces of the last answer are beyond no face's strength.
-    """
-
-    def __init__(self, program: _Program, unit: float, first: int = 0) -> None:
-        """None so far; `first` is the place of the program's unknowns x, in a unit of force."""
-        self._program = program
-        self._unit = unit
-        self._first = first
-        self.complete = False
-        self._rows, self._rights = program.missed_tangents(np.zeros(program.forces.shape[1]), unit)
-
-    def answer(
-        self, linear: LinearProgram, method: str, options: dict[str, Any] | None = None
-    ) -> Any:
-        """HiGHS' answer with all tangents that matter; its status is 0 where it has one.
-
-        `complete` says whether its forces are beyond none.
-
-        Raises:
-            SolverError: If there is no end of tangents.
-        """
-        from scipy.sparse import csr_matrix, hstack, vstack
-
-        stop = self._first + self._program.forces.shape[1]
-        after = len(linear.limits) - stop
-        values = [np.inf]
-        for _ in range(OPTIONS.rounds):
-            parts = (csr_matrix((len(self._rights), n)) for n in (self._first, after))
-            before, behind = parts
-            rows = hstack([before, self._rows, behind]).tocsr()
-            tangent = replace(linear, rows=rows, most=self._rights) if len(self._rights) else linear
-            answer = tangent.answer(method, options)
-            if answer.status != 0:
-                return answer
-            x = answer.x[self._first : stop]
-            more, rights = self._program.missed_tangents(x, self._unit)
-            self.complete = not len(rights)
-            values = [*values, float(answer.fun)]
-            change = np.ptp(values[-1 - OPTIONS.settled :])
-            if self.complete or change <= HIGHS.feasibility * max(abs(answer.fun), 1.0):
-                return answer
-            self._rows = vstack([self._rows, more]).tocsr()
-            self._rights = np.concatenate([self._rights, rights])
-        raise SolverError("rigid-block linear program with crushing: no end of tangents")
 
 
 def _resultants(joints: Joints, bodies: RigidBodies, force: Array, along: Array) -> Array:

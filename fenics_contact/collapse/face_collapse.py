@@ -1,0 +1,222 @@
+"""The collapse of one load case by the face engine, with fields of its elastic blocks.
+
+The engine (`faces`) knows rigid blocks and the forces of their joint faces. Its state is put on the
+joint points, and the blocks are strained by it,
+
+    K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T.
+
+Every block is in equilibrium, so u exists up to rigid motions: those with the least openings and
+slips are taken, as the limit of weak springs in the joints. Stresses are exact for these forces;
+that blocks strained from rest would exert them is not claimed.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.collapse.load_case import LoadCase, joint_values
+from fenics_contact.discretization.crushing import CrushedPlace
+from fenics_contact.errors import Stopped
+from fenics_contact.faces.certificate import FaceState
+from fenics_contact.faces.limit import OPTIONS as LIMIT
+from fenics_contact.faces.limit import FaceAttempt, FaceSearch
+from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.results.certificate import Certificate
+from fenics_contact.results.history import Trial
+from fenics_contact.results.result import Collapse
+from fenics_contact.solvers.problem import Array, State
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class FieldOptions:
+    """Numbers of the blocks' strains.
+
+    Attributes:
+        spring: Of the joints, in units of the mean diagonal of K.
+        steps: In which the springs' forces are taken away again.
+        loaded: Faces with less than this part of the largest force do not crush.
+        near: A face is at its strength where so little of its force is left for the other end.
+    """
+
+    spring: float = 1e-8
+    steps: int = 3
+    loaded: float = 1e-6
+    near: float = 1e-4
+
+
+OPTIONS = FieldOptions()
+
+#: Blocks from which on a larger gap is asked for by default, and both gaps.
+MANY_BLOCKS = 1000
+GAP, GAP_OF_MANY = 1e-3, 5e-3
+
+
+def asked_gap(case: LoadCase) -> float:
+    """The gap that a state may have, as the scene asks for it or by default."""
+    given = case.discretization.scene.solve.gap
+    default = GAP if case.block_count < MANY_BLOCKS else GAP_OF_MANY
+    return default if given is None else given
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search came to, for all ranks."""
+
+    state: FaceState | None
+    attempts: tuple[FaceAttempt, ...]
+    stopped: str
+
+
+def face_collapse(case: LoadCase) -> Collapse:
+    """The collapse by the face engine. Collective.
+
+    Raises:
+        Stopped: If the run is to end; the record has the best certified state, if there is one.
+    """
+    faces = PlanarFaces.of(case.discretization, case.sign)
+    asked = asked_gap(case)
+    case.record.phase("face forces")
+    found = case.problem.comm.bcast(_searched(case, faces, asked))
+    for attempt in found.attempts:
+        case.record.attempts.append(_trial(attempt))
+    end = _collapse(case, faces, found, asked)
+    if found.stopped:
+        if end.status == "limit":
+            case.record.best = end
+        raise Stopped(found.stopped)
+    return end
+
+
+def _searched(case: LoadCase, faces: PlanarFaces, asked: float) -> _Found | None:
+    """The search of rank 0."""
+    if case.problem.comm.rank != 0:
+        return None
+    search = FaceSearch(faces.model, asked, check_stop=case.discretization.effort.wait)
+    stopped = ""
+    try:
+        search.run()
+    except Stopped as stop:
+        stopped = str(stop)
+    return _Found(search.best, tuple(search.attempts), stopped)
+
+
+def _trial(attempt: FaceAttempt) -> Trial:
+    """An attempt as the record has it; its factorisations are those of small systems."""
+    found = bool(np.isfinite(attempt.gap))
+    outcome = f"a state with gap {attempt.gap:.1e}" if found else "no state"
+    return Trial(f"faces: {attempt.name}", np.nan, outcome, found, 0, 0.0)
+
+
+def _collapse(case: LoadCase, faces: PlanarFaces, found: _Found, asked: float) -> Collapse:
+    """What was found as a collapse."""
+    state = found.state
+    bounds = case.blocks.bounds
+    if state is None or state.gap > max(asked, LIMIT.limit):
+        best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
+        reason = f"the search on face forces ended with {best}"
+        return Collapse("not_converged", np.nan, bounds, reason=reason, engine="faces")
+    strained = strained_state(case, faces, state.force, state.load_factor)
+    mode = case.discretization.rigid_motion(faces.motions(state.mode))
+    return Collapse(
+        "limit",
+        state.load_factor,
+        bounds,
+        strained,
+        mode,
+        joint_values(case.problem, case.discretization, strained, mode),
+        certified(case, faces, state, strained, mode, asked),
+        crushed=_crushed(case, faces, state.force),
+        engine="faces",
+        gap=state.gap,
+    )
+
+
+def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:
+    """Displacements of the blocks under forces of the faces, shape (faces, 3). Collective."""
+    problem = case.problem
+    mine = case.discretization.operators.points
+    pressure, shear = (forces[mine] for forces in faces.point_forces(force))
+    right = problem.dead + load_factor * problem.live + problem.joint_forces(pressure, shear)
+    spring = np.full(problem.points, OPTIONS.spring * case.stiffness.mean_diagonal)
+    factor = case.stiffness.factor(spring, spring)
+    u = np.zeros_like(right)
+    for _ in range(OPTIONS.steps):
+        u = u + factor.solve(right - problem.stiffness @ u)
+    return problem.state(u, load_factor, pressure, shear)
+
+
+def force_residuals(
+    case: LoadCase, faces: PlanarFaces, force: Array, state: State
+) -> dict[str, float]:
+    """What a state misses of equilibrium and of the strengths of joints, relative. Collective."""
+    problem = case.problem
+    typical = case.scales_at(case.bonded_work, abs(state.load_factor)).force
+    missing = problem.stiffness @ state.elastic - problem.dead - state.load_factor * problem.live
+    missing = missing - problem.joint_forces(state.pressure, state.shear)
+    beyond = np.abs(state.shear) - problem.law.bound(state.pressure)
+    residuals = {
+        "equilibrium": problem.max(np.abs(missing)) / typical,
+        "tension": problem.max(-state.pressure) / typical,
+        "friction": problem.max(beyond) / typical,
+    }
+    if case.blocks.crushes:
+        model = faces.model
+        excess = model.crushing[:, None] * model.normal(force)[:, None] ** 2 - force[:, :2]
+        residuals["crushing"] = float(np.max(excess[model.crushing > 0.0], initial=0.0)) / typical
+    return residuals
+
+
+def certified(
+    case: LoadCase,
+    faces: PlanarFaces,
+    state: FaceState,
+    strained: State,
+    mode: Array,
+    asked: float,
+) -> Certificate:
+    """Residuals of a state and its mode. Collective."""
+    problem = case.problem
+    largest = problem.max(np.abs(problem.normal @ mode))
+    largest = max(largest, problem.max(np.abs(problem.tangential @ mode)), 1e-300)
+    size = faces.model.size(state.load_factor)
+    residuals = {
+        **force_residuals(case, faces, state.force, strained),
+        "mode_work": abs(state.sign * problem.dot(problem.live, mode) - 1.0),
+        "mode_penetration": problem.max(_closing(case, faces, mode)) / largest,
+        "limit": abs(state.gap),
+    }
+    gap = abs(state.gap) * size
+    kinematic, allowed = state.upper, max(asked, LIMIT.limit)
+    return Certificate(residuals, gap, None, kinematic, state.load_factor, size, allowed)
+
+
+def _crushed(case: LoadCase, faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...] | None:
+    """Ends of faces at their strength, the longest blocks of pressure first."""
+    model = faces.model
+    if not case.blocks.crushes:
+        return None
+    normal = model.normal(force)
+    left = force[:, :2] - (model.crushing * normal**2)[:, None]
+    at_strength = (model.crushing > 0.0) & (normal > OPTIONS.loaded * normal.max(initial=0.0))
+    joints = faces.joints
+    places = []
+    # Where little is left at one end, the block of pressure is at the other one.
+    for face, end in np.argwhere(at_strength[:, None] & (left <= OPTIONS.near * normal[:, None])):
+        point = faces.faces.ends[face, 1 - end]
+        length = float(normal[face] / faces.crushing[face])
+        x, y = map(float, joints.position[point])
+        group = joints.names[joints.law[point]]
+        places.append(CrushedPlace((x, y), group, length, float(normal[face])))
+    return tuple(sorted(places, key=lambda place: -place.length))
+
+
+def _closing(case: LoadCase, faces: PlanarFaces, mode: Array) -> Array:
+    """Rates at which this rank's points close that do not crush."""
+    mine = case.discretization.operators.points
+    crushes = np.isfinite(faces.crushing)[faces.faces.of_point][mine]
+    return np.where(crushes, 0.0, -case.problem.clearance_rates(mode))

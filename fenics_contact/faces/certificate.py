@@ -1,0 +1,252 @@
+"""Exact states of face forces near a rough one, with a proved gap.
+
+A state has equilibrium and is inside all cones, with the load factor lambda. A mode v has
+f_L . v = 1 and opens: v_N >= D |v_T|. With the state's own strengths g = c + (F - D) N no state of
+the same strengths carries more than
+
+    hi = g . |v_T| + sigma(v_N - D |v_T|) - f_D . v,
+
+sigma the work of crushing: multiply equilibrium of any other state by v. So the gap hi - lambda is
+not negative, and it is the sum of (strength left) times slip and pressure times opening. It needs
+(a) a mode, of the limit with the strengths of a state, and (b) the state of least gap for a mode,
+
+    min g(N) . |v_T| - lambda   over all states near the load factor.
+
+Live loads may do negative work in the collapse (the dead load drives it): then f_L . v = -1, and
+lambda is as small as these strengths allow. `sign` says which.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_contact.faces.cones import Array
+from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
+from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.system import Equations
+
+
+@dataclass(frozen=True)
+class CertificateOptions:
+    """Numbers of the certificate.
+
+    Attributes:
+        rounds: Pairs of programs at most.
+        slack: Strength added for the mode, in units of the typical force.
+        near: Products at the start of (a), in units of those of the elastic state.
+        far: Products at the start of (b), likewise.
+        goal: Gap at which (b) ends; it costs one or two steps more than the gap asked for.
+        least: Load factors may move by this part of their size at least, or
+        moves: by this part of the iterate's gap, but
+        most: by no more.
+    """
+
+    rounds: int = 3
+    slack: float = 1e-7
+    near: float = 10.0
+    far: float = 100.0
+    goal: float = 3e-7
+    least: float = 1e-3
+    moves: float = 0.3
+    most: float = 0.2
+
+
+OPTIONS = CertificateOptions()
+
+MODE = Tolerances(1e-7)
+NEAR_MODE = Tolerances(1e-6)
+LEAST_GAP = Tolerances(1e-6, 1e-9, 1e-4)
+#: Relative error of equilibrium of a state at most.
+EQUILIBRIUM = 1e-8
+
+
+@dataclass(frozen=True)
+class FaceState:
+    """A certified state, and the mode that bounds it.
+
+    Attributes:
+        load_factor: lambda.
+        force: x, shape (units, m).
+        mode: v, shape (motions,).
+        upper: With the friction forces of this state nothing carries more.
+        gap: upper - lambda in units of the load factor's size, see `FaceModel.size`.
+        missing: Of equilibrium, over the largest force.
+        closing: By how much the mode closes at most, in units of its largest relative motion.
+        sign: Of the live load's work in the mode.
+        iterate: State (b) as it came from the kernel, for other programs to start from.
+    """
+
+    load_factor: float
+    force: Array
+    mode: Array
+    upper: float
+    gap: float
+    missing: float
+    closing: float
+    sign: float
+    iterate: Iterate
+
+
+@dataclass(frozen=True)
+class Certifier:
+    """Programs (a) and (b) of one model, to a gap that is asked for."""
+
+    model: FaceModel
+    equations: Equations
+    asked: float
+    sign: float = 1.0
+    options: CertificateOptions = OPTIONS
+
+    def near(self, elastic: Iterate, work: float, rounds: int) -> tuple[FaceState | None, float]:
+        """The best state near an elastic one under some work; the limit with its strengths.
+
+        The second is nan if none was found.
+        """
+        model = self.model
+        size = model.size(elastic.load_factor)
+        moves = np.clip(self.options.moves * elastic.gap, self.options.least, self.options.most)
+        box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
+        start = _scaled(elastic, 1.0 / work)
+        mu = max(start.mu, 1e-6 * size / model.shape[0]) * self.options.far
+        best: FaceState | None = None
+        limit = np.nan
+        current = elastic
+        for round_ in range(rounds):
+            mode = self._near_mode(start) if round_ == 0 else self.mode(current.force)
+            if mode is None:
+                break
+            if round_ == 0:
+                limit = mode.load_factor
+            state = self.least_gap(current, mode.motion, mu, box)
+            state = state or self.least_gap(None, mode.motion)
+            if state is not None and (best is None or state.gap < best.gap):
+                best = state
+            if state is None or (best is not None and best.gap < self.asked):
+                break
+            current = state.iterate
+            mu = self._next_mu(best, size)
+        return best, limit
+
+    def of(self, force: Array, rounds: int | None = None) -> FaceState | None:
+        """The best state that pairs of programs lead to from the strengths of some forces."""
+        best: FaceState | None = None
+        for _ in range(rounds or self.options.rounds):
+            mode = self.mode(force)
+            state = None if mode is None else self.least_gap(None, mode.motion)
+            if state is None:
+                break
+            if best is None or state.gap < best.gap:
+                best = state
+            if best.gap < self.asked:
+                break
+            force = state.force
+        return best
+
+    def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
+        """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
+        model = self.model
+        strength = model.own_strength(force) + self.options.slack * model.force
+        program = self._program(strength, model.dilatancy)
+        near = None
+        if start is not None:
+            near = solve(program, start, NEAR_MODE, self.options.near * start.mu)
+        if near is None or not near.within(1e-5):
+            near = solve(program, None, MODE)
+        if not near.within(1e-5):
+            return None
+        work = abs(float(model.live @ near.motion))
+        return replace(near, motion=near.motion / work)
+
+    def _near_mode(self, start: Iterate) -> Iterate | None:
+        return self.mode(start.force, start)
+
+    def least_gap(
+        self,
+        near: Iterate | None,
+        mode: Array,
+        mu: float | None = None,
+        box: tuple[float, float] | None = None,
+    ) -> FaceState | None:
+        """(b): the state of least gap for a mode, from a state near it and products of mu."""
+        model = self.model
+        power = model.power(mode)
+        rows: tuple[Row, ...] = ()
+        if box is not None:
+            none = np.zeros(model.shape[0])
+            rows = Row(none, 1.0, box[0]), Row(none, -1.0, -box[1])
+        program = self._program(model.strength, model.friction)
+        cost = model.free_friction * power.slip
+        program = replace(program, cost=cost, rows=rows)
+        found: Iterate | None = None
+        if near is not None:
+            goal = self.options.goal * model.size(near.load_factor)
+            known = power.bound(model.strength)
+
+            def enough(iterate: Iterate) -> bool:
+                inside = box is None or box[0] <= iterate.load_factor <= box[1]
+                if not inside or iterate.missing > 1e-9:
+                    return False
+                own = known + float(cost @ model.normal(iterate.force))
+                return own - self.sign * iterate.load_factor < goal
+
+            start = replace(near, motion=mode, duals=self._duals(mode), row_duals=np.zeros(0))
+            found = solve(program, start, LEAST_GAP, mu, enough=enough)
+            if not (found.missing < 1e-7 and (found.gap < 1e-2 or found.solved)):
+                found = None
+        if found is None:
+            found = solve(program, None, LEAST_GAP)
+        return self.state(found, mode)
+
+    def state(self, found: Iterate, mode: Array) -> FaceState | None:
+        """An iterate as a certified state, held against a mode; None without equilibrium."""
+        model = self.model
+        if not (found.missing < EQUILIBRIUM and np.isfinite(found.load_factor)):
+            return None
+        power = model.power(mode)
+        relative = np.abs(model.relative(mode)).max(initial=1e-300)
+        closed = power.closing * np.maximum(found.force[:, : model.pressing], 0.0)
+        upper = power.bound(model.own_strength(found.force)) + float(closed.sum())
+        return FaceState(
+            found.load_factor,
+            found.force,
+            mode,
+            self.sign * upper,
+            (upper - self.sign * found.load_factor) / model.size(found.load_factor),
+            found.missing,
+            float(power.closing.max(initial=0.0)) / relative,
+            self.sign,
+            found,
+        )
+
+    def _program(self, strength: Array, friction: Array) -> Program:
+        return Program(self.model, self.equations, strength, friction, friction, self.sign)
+
+    def _duals(self, mode: Array) -> tuple[Array, ...]:
+        """Multipliers that a mode has: openings, and slips on their side."""
+        model = self.model
+        relative = model.relative(mode)
+        count = model.pressing
+        slip = np.linalg.norm(relative[:, count:], axis=1)
+        opening = np.maximum(relative[:, :count] - (model.dilatancy * slip)[:, None], 0.0)
+        shear = relative[:, count:]
+        if model.shears == 1:
+            return (np.hstack([opening, np.maximum(-shear, 0.0), np.maximum(shear, 0.0)]),)
+        return opening, np.hstack([slip[:, None], shear])
+
+    def _next_mu(self, best: FaceState | None, size: float) -> float:
+        units = self.model.shape[0]
+        if best is None or not np.isfinite(best.gap):
+            return 1e-3 * size / units
+        return max(best.gap, 1e-6) * size / (4 * units) * self.options.near
+
+
+def _scaled(iterate: Iterate, factor: float) -> Iterate:
+    """Motions and multipliers of an iterate times a factor."""
+    return replace(
+        iterate,
+        motion=factor * iterate.motion,
+        duals=tuple(factor * dual for dual in iterate.duals),
+        mu=factor * iterate.mu,
+    )

@@ -1,0 +1,267 @@
+r"""Cones of the forces at joint faces, in the scaling of Nesterov and Todd.
+
+A slack s and its multiplier z are in the same self-dual cone and complementary, s o z = 0, where o
+is the cone's Jordan product. On the central path s o z = mu e. With the scaling W, W z = W^-1 s =
+l, a Newton step of these conditions is
+
+    dz = V - W^-2 ds,    V = W^-1 (l \ r),    r the change of the product wished for
+
+(Y.E. Nesterov, M.J. Todd, SIAM J. Optim. 8 (1998) 324). W^-2 is given as a sum of squares, weights
+times vectors, from which `springs` inverts without differences of nearly equal numbers.
+
+All arrays have a unit (a face, or a point of one) as their first axis: slacks have the shape
+(units, r).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+#: Smallest number that a determinant is divided by.
+TINY = 1e-300
+
+
+class Scaled(Protocol):
+    """A pair of slack and multiplier in its scaling.
+
+    Attributes:
+        weights: Of the squares of W^-2, shape (units, k).
+        frame: Their vectors, shape (units, k, r); None where these are the unit vectors.
+        products: l o l, shape (units, r).
+    """
+
+    weights: Array
+    products: Array
+
+    @property
+    def frame(self) -> Array | None:
+        """Vectors of the squares."""
+        ...
+
+    def shift(self, change: Array) -> Array:
+        """V for a change of the products."""
+        ...
+
+    def cross(self, ds: Array, dz: Array) -> Array:
+        """(W^-1 ds) o (W dz), the second-order part of the products after a step."""
+        ...
+
+    def linear(self, ds: Array, dz: Array) -> Array:
+        """L o (W^-1 ds + W dz), the first-order part."""
+        ...
+
+    def stretch(self, ds: Array) -> Array:
+        """W^-2 ds."""
+        ...
+
+
+class Cone(Protocol):
+    """A self-dual cone in R^r, once for every unit."""
+
+    def degree(self, slack: Array) -> int:
+        """Number of products that tend to zero."""
+        ...
+
+    def identity(self, slack: Array) -> Array:
+        """e, with products of 1 each."""
+        ...
+
+    def scaled(self, slack: Array, dual: Array) -> Scaled:
+        """A pair in its scaling."""
+        ...
+
+    def longest(self, place: Array, step: Array) -> float:
+        """The longest step that stays in the cone, infinite where all do."""
+        ...
+
+    def margin(self, slack: Array) -> Array:
+        """Least eigenvalue of every unit's slack, positive inside the cone."""
+        ...
+
+    def raised(self, slack: Array, dual: Array, mu: float) -> Array:
+        """A multiplier with products of mu or more."""
+        ...
+
+    def pushed(self, products: Array, least: float, most: float) -> Array:
+        """What brings eigenvalues of products into a range, from above by at most `most`."""
+        ...
+
+
+class _ScaledPositive:
+    """s, z > 0: W^-2 = z / s."""
+
+    frame: Array | None = None
+
+    def __init__(self, slack: Array, dual: Array) -> None:
+        self._slack = slack
+        self._dual = dual
+        self.weights = dual / slack
+        self.products = slack * dual
+
+    def shift(self, change: Array) -> Array:
+        return np.asarray(change / self._slack)
+
+    def cross(self, ds: Array, dz: Array) -> Array:
+        return ds * dz
+
+    def linear(self, ds: Array, dz: Array) -> Array:
+        return self._slack * dz + self._dual * ds
+
+    def stretch(self, ds: Array) -> Array:
+        return self.weights * ds
+
+
+class Positive:
+    """The orthant: every component is positive."""
+
+    def degree(self, slack: Array) -> int:
+        """One for every component."""
+        return slack.size
+
+    def identity(self, slack: Array) -> Array:
+        """Ones."""
+        return np.ones_like(slack)
+
+    def scaled(self, slack: Array, dual: Array) -> Scaled:
+        """See `Cone`."""
+        return _ScaledPositive(slack, dual)
+
+    def longest(self, place: Array, step: Array) -> float:
+        """See `Cone`."""
+        return float(np.min(-place[step < 0.0] / step[step < 0.0], initial=np.inf))
+
+    def margin(self, slack: Array) -> Array:
+        """The least component."""
+        return np.asarray(slack.min(axis=1, initial=np.inf))
+
+    def raised(self, slack: Array, dual: Array, mu: float) -> Array:
+        """See `Cone`."""
+        return np.maximum(dual, mu / np.maximum(slack, TINY))
+
+    def pushed(self, products: Array, least: float, most: float) -> Array:
+        """See `Cone`."""
+        down = np.maximum(most - products, -most)
+        return np.where(products < least, least - products, np.where(products > most, down, 0.0))
+
+
+class _ScaledDisc:
+    """s_0 > |s_1|, z_0 > |z_1|."""
+
+    frame: Array | None
+
+    def __init__(self, slack: Array, dual: Array) -> None:
+        size, other = np.sqrt(_determinant(slack)), np.sqrt(_determinant(dual))
+        unit, mirrored = slack / size[:, None], _mirrored(dual) / other[:, None]
+        sharp = np.sqrt(0.5 * (1.0 + np.sum(unit * _mirrored(mirrored), axis=1)))
+        point = (unit + mirrored) / (2.0 * sharp[:, None])
+        self._eta = np.sqrt(size / other)
+        self._first = point[:, :1]
+        self._rest = point[:, 1:]
+        self._value = self._apply(dual, 1.0)
+        self.products = _product(self._value, self._value)
+        self.weights, self.frame = self._squares()
+
+    def _apply(self, v: Array, sign: float) -> Array:
+        """W v, or W^-1 v for the sign -1."""
+        along = np.sum(self._rest * v[:, 1:], axis=1, keepdims=True)
+        first = self._first * v[:, :1] + sign * along
+        rest = v[:, 1:] + (along / (1.0 + self._first) + sign * v[:, :1]) * self._rest
+        return np.hstack([first, rest]) * (self._eta**sign)[:, None]
+
+    def _squares(self) -> tuple[Array, Array]:
+        """W^-2 = eta^-2 (2 (J w)(J w)^T - J) by its eigenvectors."""
+        size = np.linalg.norm(self._rest, axis=1, keepdims=True)
+        along = np.divide(self._rest, size, out=np.zeros_like(self._rest), where=size > 0.0)
+        large = (self._first + size) ** 2
+        count = along.shape[1]
+        weights = np.hstack([large, 1.0 / large, np.ones_like(along)]) / self._eta[:, None] ** 2
+        frame = np.zeros((len(along), 2 + count, 1 + count))
+        frame[:, :2, 0] = np.sqrt(0.5)
+        frame[:, 0, 1:] = -np.sqrt(0.5) * along
+        frame[:, 1, 1:] = np.sqrt(0.5) * along
+        frame[:, 2:, 1:] = np.eye(count) - along[:, :, None] * along[:, None, :]
+        return weights, frame
+
+    def shift(self, change: Array) -> Array:
+        value = self._value
+        first = np.sum(_mirrored(value) * change, axis=1) / _determinant(value)
+        rest = (change[:, 1:] - first[:, None] * value[:, 1:]) / value[:, :1]
+        return self._apply(np.column_stack([first, rest]), -1.0)
+
+    def cross(self, ds: Array, dz: Array) -> Array:
+        return np.asarray(_product(self._apply(ds, -1.0), self._apply(dz, 1.0)))
+
+    def linear(self, ds: Array, dz: Array) -> Array:
+        both = self._apply(ds, -1.0) + self._apply(dz, 1.0)
+        return np.asarray(_product(self._value, both))
+
+    def stretch(self, ds: Array) -> Array:
+        return self._apply(self._apply(ds, -1.0), -1.0)
+
+
+class Disc:
+    """The second-order cone: the first component is larger than the length of the others."""
+
+    def degree(self, slack: Array) -> int:
+        """Two for every unit: the eigenvalues."""
+        return 2 * len(slack)
+
+    def identity(self, slack: Array) -> Array:
+        """Twice the unit of the Jordan product."""
+        unit = np.zeros_like(slack)
+        unit[:, 0] = 2.0
+        return unit
+
+    def scaled(self, slack: Array, dual: Array) -> Scaled:
+        """See `Cone`."""
+        return _ScaledDisc(slack, dual)
+
+    def longest(self, place: Array, step: Array) -> float:
+        """See `Cone`."""
+        square = step[:, 0] ** 2 - np.sum(step[:, 1:] ** 2, axis=1)
+        half = place[:, 0] * step[:, 0] - np.sum(place[:, 1:] * step[:, 1:], axis=1)
+        inside = _determinant(place)
+        root = half**2 - square * inside
+        nearest = np.sqrt(np.maximum(root, 0.0)) - half
+        leaves = (nearest > 0.0) & (root >= 0.0)
+        with np.errstate(divide="ignore"):
+            length = np.where(leaves, inside / nearest, np.inf)
+            apex = np.where(step[:, 0] < 0.0, -place[:, 0] / step[:, 0], np.inf)
+        return float(np.minimum(length, apex).min(initial=np.inf))
+
+    def margin(self, slack: Array) -> Array:
+        """The least eigenvalue."""
+        return np.asarray(slack[:, 0] - np.linalg.norm(slack[:, 1:], axis=1))
+
+    def raised(self, slack: Array, dual: Array, mu: float) -> Array:
+        """See `Cone`."""
+        short = self.margin(_product(slack, dual)) < 2.0 * mu
+        inverse = 2.0 * mu * _mirrored(slack) / _determinant(slack)[:, None]
+        return np.where(short[:, None], dual + inverse, dual)
+
+    def pushed(self, products: Array, least: float, most: float) -> Array:
+        """By the eigenvalues of the products."""
+        size = np.linalg.norm(products[:, 1:], axis=1, keepdims=True)
+        along = np.divide(products[:, 1:], size, out=np.zeros_like(products[:, 1:]), where=size > 0)
+        both = 0.5 * np.hstack([products[:, :1] + size, products[:, :1] - size])
+        both = Positive().pushed(both, least, most)
+        return np.hstack([both.sum(axis=1, keepdims=True), (both[:, :1] - both[:, 1:]) * along])
+
+
+def _determinant(v: Array) -> Array:
+    size = np.linalg.norm(v[:, 1:], axis=1)
+    return np.maximum((v[:, 0] - size) * (v[:, 0] + size), TINY)
+
+
+def _mirrored(v: Array) -> Array:
+    return np.hstack([v[:, :1], -v[:, 1:]])
+
+
+def _product(v: Array, w: Array) -> Any:
+    first = np.sum(v * w, axis=1, keepdims=True)
+    return np.hstack([first, v[:, :1] * w[:, 1:] + w[:, :1] * v[:, 1:]])

@@ -1,0 +1,259 @@
+"""The limit load of face forces: an elastic state with Coulomb's law, made exact by a certificate.
+
+The elastic state, rigid blocks on the springs of their faces, under a large work W of the live
+load is near a collapse state. Coulomb's law in it, |t| <= c + F N without dilatancy, is not
+associated; one solve with it suffices on most structures. Else the friction bound is
+
+    c + theta (F - D) N + (1 - theta) (F - D) N_k,   N_k the pressing forces of the step before,
+
+and theta is small enough for these steps to converge. Every iterate that is near enough is handed
+to the certificate; the best state with its proved gap is the result.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_contact.faces.associative import associative_state
+from fenics_contact.faces.certificate import Certifier, FaceState
+from fenics_contact.faces.cones import Array
+from fenics_contact.faces.kernel import (
+    Iterate,
+    Program,
+    Tolerances,
+    elastic_response,
+    solve,
+)
+from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.system import Equations
+
+_log = logging.getLogger("fenics_contact")
+
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Numbers of the search.
+
+    Attributes:
+        work: W, in units of that of the elastic response to the live load of factor 1.
+        growth: Of W where the limit with the state's strengths is
+        far: above it by this part of its size, at most
+        works: times.
+        first: Relative gap of the elastic state with Coulomb's law.
+        lost: Gap above which that is no start for anything.
+        rough: Gap below which an iterate is a state.
+        thetas: What is tried in turn.
+        steps: Of each at most.
+        gap: Relative gap of each.
+        kept: Gap of the iterate from which the next one starts.
+        tried: Part of the dissipation that the bound misses, from which the certificate is tried.
+        settled: Part below which more steps do not help.
+        limit: Gap of a state that counts as one at all.
+        reached: Part of its size by which the load factor of a state whose live load does negative
+            work may be below the associative limit.
+    """
+
+    work: float = 300.0
+    growth: float = 10.0
+    far: float = 0.02
+    works: int = 3
+    first: float = 1e-2
+    lost: float = 3.0
+    rough: float = 0.1
+    thetas: tuple[float, ...] = (0.5, 0.8, 0.3)
+    steps: int = 10
+    gap: float = 3e-2
+    kept: float = 10.0
+    tried: float = 2e-2
+    settled: float = 1e-3
+    limit: float = 1e-2
+    reached: float = 1e-3
+
+
+OPTIONS = LimitOptions()
+
+
+@dataclass(frozen=True)
+class FaceAttempt:
+    """What was tried: its name, the gap that it came to, factorisations until then."""
+
+    name: str
+    load_factor: float
+    gap: float
+    factorizations: int
+
+
+class FaceSearch:
+    """Certified states of one model, and what was tried for them.
+
+    Attributes:
+        best: The state of least gap so far.
+        attempts: In order.
+    """
+
+    def __init__(
+        self,
+        model: FaceModel,
+        asked: float,
+        effort: int = 300,
+        check_stop: Callable[[], None] = lambda: None,
+        options: LimitOptions = OPTIONS,
+    ) -> None:
+        """Take a model, the gap asked for, and the most factorisations.
+
+        `check_stop` is called between solves and may raise `Stopped`.
+        """
+        self.model = model
+        self.equations = Equations(model)
+        self.best: FaceState | None = None
+        self.attempts: list[FaceAttempt] = []
+        self._asked = asked
+        self._effort = effort
+        self._check_stop = check_stop
+        self._options = options
+        self._certifier = Certifier(model, self.equations, asked)
+
+    def run(self) -> FaceState | None:
+        """Search until a state has the gap asked for; the best one."""
+        state, work = self._with_coulomb(self.work)
+        if not self._found:
+            pressed = self._first_forces(state)
+            for theta in self._options.thetas:
+                pressed = self._with_given_part(theta, pressed, work)
+                if self._found or self._is_spent:
+                    break
+        if not self._found:
+            self._from_associative()
+        return self.best
+
+    def associative(self) -> Iterate:
+        """The limit with associative friction: nothing carries more."""
+        self._check_stop()
+        return associative_state(self.model, self.equations)
+
+    def _from_associative(self) -> None:
+        """States with the strengths of the associative limit.
+
+        The live load may do negative work there: what drives the collapse is the dead load.
+        """
+        upper = self.associative()
+        for sign in (1.0, -1.0):
+            self._check_stop()
+            found = Certifier(self.model, self.equations, self._asked, sign).of(upper.force)
+            size = self.model.size(upper.load_factor)
+            least = upper.load_factor - self._options.reached * size
+            if sign < 0.0 and found is not None and found.load_factor < least:
+                found = None
+            self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
+            if self._found:
+                return
+
+    @property
+    def work(self) -> float:
+        """W, the first one."""
+        return self._options.work * elastic_response(self.model, self.equations).work
+
+    @property
+    def _found(self) -> bool:
+        return self.best is not None and self.best.gap < self._asked
+
+    @property
+    def _is_spent(self) -> bool:
+        return self.equations.factorizations >= self._effort
+
+    def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
+        """The elastic state with Coulomb's law, and its work; more work where it is too little."""
+        options, model = self._options, self.model
+        state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
+        for again in range(options.works):
+            if again:
+                work *= options.growth
+                state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
+            if state.gap > options.lost:
+                break
+            limit = self._certified("Coulomb's law", state, work, self._certifier.options.rounds)
+            below = limit - state.load_factor > options.far * model.size(state.load_factor)
+            if self._found or self._is_spent or not (state.gap < options.rough and below):
+                break
+        return state, work
+
+    def _first_forces(self, state: Iterate) -> Array:
+        """Pressing forces to begin with: those reached, or of the dead load."""
+        response = elastic_response(self.model, self.equations)
+        force = state.force if state.gap < self._options.lost else response.dead_force
+        return np.maximum(self.model.normal(np.maximum(force, 0.0)), 0.0)
+
+    def _with_given_part(self, theta: float, pressed: Array, work: float) -> Array:
+        """Steps with a part of the bound given; the pressing forces that they end with."""
+        options, model = self._options, self.model
+        warm: Iterate | None = None
+        for _ in range(options.steps):
+            if self._is_spent:
+                break
+            state = None
+            if warm is not None:
+                state = self.elastic(theta, pressed, work, options.gap, warm)
+            if state is None or state.gap > options.rough:
+                state = self.elastic(theta, pressed, work, options.gap)
+            warm = state.early
+            own = np.maximum(model.normal(state.force), 0.0)
+            missed = self._missed(theta, state, own - pressed, work)
+            near = state.gap < options.rough
+            pressed = own if near else 0.5 * (pressed + own)
+            if near and missed < options.tried:
+                self._certified(f"theta {theta:g}", state, work, 1)
+                if self._found or missed < options.settled:
+                    break
+        return pressed
+
+    def elastic(
+        self,
+        theta: float,
+        pressed: Array,
+        work: float,
+        gap: float,
+        start: Iterate | None = None,
+    ) -> Iterate:
+        """The elastic state under a work, with a part theta of Coulomb's law and the rest given."""
+        self._check_stop()
+        model = self.model
+        program = Program(
+            model,
+            self.equations,
+            model.strength + (1.0 - theta) * model.free_friction * pressed,
+            model.dilatancy + theta * model.free_friction,
+            model.dilatancy,
+            work,
+            elastic=True,
+        )
+        mu = None if start is None else start.mu
+        asked = Tolerances(gap, 1e-5, 1e-3)
+        return solve(program, start, asked, mu, keep=self._options.kept)
+
+    def _missed(self, theta: float, state: Iterate, change: Array, work: float) -> float:
+        """Work of friction by which the bound differs from the state's own, over lambda W."""
+        model = self.model
+        relative = model.relative(state.motion)
+        slip = np.linalg.norm(relative[:, model.pressing :], axis=1)
+        lost = (1.0 - theta) * float(np.sum(model.free_friction * np.abs(change) * slip))
+        return lost / (work * model.size(state.load_factor))
+
+    def _certified(self, name: str, state: Iterate, work: float, rounds: int) -> float:
+        """Hand a state to the certificate; the limit with its strengths."""
+        self._check_stop()
+        found, limit = self._certifier.near(state, work, rounds)
+        self._take(name, state.load_factor, found)
+        return limit
+
+    def _take(self, name: str, load_factor: float, found: FaceState | None) -> None:
+        """Record an attempt, and keep its state if it is the best."""
+        if found is not None and (self.best is None or found.gap < self.best.gap):
+            self.best = found
+        gap = np.nan if found is None else found.gap
+        attempt = FaceAttempt(name, load_factor, gap, self.equations.factorizations)
+        self.attempts.append(attempt)
+        _log.debug("  %s", attempt)

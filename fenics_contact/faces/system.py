@@ -1,0 +1,114 @@
+"""The matrices A = H^T M^-1 H of one model: a fixed pattern, ordered once, factored for each M.
+
+H has rows of a few motions for every unit, so that A is a sum of small dense matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix, identity
+from scipy.sparse.linalg import splu
+
+from fenics_contact.errors import SolverError
+from fenics_contact.faces.cones import Array
+from fenics_contact.faces.model import FaceModel
+
+#: Added to the diagonal of the scaled matrix, in steps only: residuals are recomputed.
+SHIFT = 1e-13
+#: Steps of iterative refinement.
+REFINED = 2
+#: SuperLU's ordering for symmetric patterns.
+ORDERING = "MMD_AT_PLUS_A"
+
+Solve = Callable[[Array], Array]
+
+
+class Equations:
+    """Pattern, ordering and number of factorisations of one model."""
+
+    def __init__(self, model: FaceModel) -> None:
+        self.factorizations = 0
+        self.response: Any = None
+        units, size = model.shape
+        count = model.motion.shape[1]
+        table = model.motion.tocoo()
+        used = table.data != 0.0
+        unit, component = np.divmod(table.row[used], size)
+        pairs = np.unique(np.column_stack([unit, table.col[used]]), axis=0)
+        first = np.searchsorted(pairs[:, 0], np.arange(units))
+        place = np.arange(len(pairs)) - first[pairs[:, 0]]
+        width = int(place.max(initial=0)) + 1
+        columns = np.full((units, width), -1)
+        columns[pairs[:, 0], place] = pairs[:, 1]
+        key = pairs[:, 0] * count + pairs[:, 1]
+        place_of = place[np.searchsorted(key, unit * count + table.col[used])]
+        self._local = np.zeros((units, size, width))
+        self._local[unit, component, place_of] = table.data[used]
+        self._transposed = np.ascontiguousarray(self._local.transpose(0, 2, 1))
+        self._set_pattern(columns, count)
+
+    def _set_pattern(self, columns: Array, count: int) -> None:
+        """Where the entries of the units' matrices are in A, in SuperLU's ordering."""
+        shape = (*columns.shape, columns.shape[1])
+        row = np.broadcast_to(columns[:, :, None], shape)
+        column = np.broadcast_to(columns[:, None, :], shape)
+        used = (row >= 0) & (column >= 0)
+        diagonal = np.arange(count)
+        rows = np.concatenate([row[used], diagonal])
+        cols = np.concatenate([column[used], diagonal])
+        ones = csc_matrix((np.ones(len(rows)), (rows, cols)), (count, count))
+        ordered = splu(
+            ones + (ones.nnz + 1.0) * identity(count, format="csc"),
+            permc_spec=ORDERING,
+            options={"SymmetricMode": True},
+        )
+        self._order = ordered.perm_c
+        rows, cols = self._order[rows], self._order[cols]
+        keys, place = np.unique(cols.astype(np.int64) * count + rows, return_inverse=True)
+        self._used = np.flatnonzero(used.ravel())
+        self._place = place[: len(self._used)]
+        self._diagonal = place[len(self._used) :][np.argsort(self._order)]
+        self._entries = len(keys)
+        self._rows = (keys % count).astype(np.int32)
+        self._cols = (keys // count).astype(np.int32)
+        self._start = np.searchsorted(self._cols, np.arange(count + 1)).astype(np.int32)
+        self._back = np.argsort(self._order)
+
+    def factored(self, inverse: Array, symmetric: bool) -> Solve:
+        """Solves A x = b, refined; b of shape (motions,) or (motions, k).
+
+        Raises:
+            SolverError: If A is singular or not finite.
+        """
+        self.factorizations += 1
+        local = np.matmul(np.matmul(self._transposed, inverse), self._local)
+        entries = np.bincount(self._place, local.ravel()[self._used], self._entries)
+        if not np.all(np.isfinite(entries)):
+            raise SolverError("face forces: springs are not finite")
+        scale = 1.0 / np.sqrt(np.maximum(entries[self._diagonal], 1e-300))
+        scaled = entries * scale[self._rows] * scale[self._cols]
+        shifted = scaled.copy()
+        shifted[self._diagonal] += SHIFT
+        size = (len(scale), len(scale))
+        matrix = csc_matrix((scaled, self._rows, self._start), size)
+        try:
+            factor = splu(
+                csc_matrix((shifted, self._rows, self._start), size),
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.0 if symmetric else 1e-3,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise SolverError(f"face forces: {error}") from None
+
+        def solve(right: Array) -> Array:
+            scaled_right = (right[self._back].T * scale).T
+            x = factor.solve(scaled_right)
+            for _ in range(REFINED):
+                x += factor.solve(scaled_right - matrix @ x)
+            return np.asarray((x.T * scale).T[self._order])
+
+        return solve
