@@ -18,11 +18,11 @@ from dolfinx import fem
 
 from fenics_contact.collapse.dead_load import reaching_zero
 from fenics_contact.collapse.engine import collapse_by_engine
-from fenics_contact.collapse.further import with_lowest, with_peak, with_peak_at_any_cost
+from fenics_contact.collapse.further import with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve, raise_load
-from fenics_contact.collapse.lowest import find_lowest
+from fenics_contact.collapse.lowest import with_lowest
 from fenics_contact.collapse.reasons import explained
 from fenics_contact.collapse.record import Listener
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
@@ -533,8 +533,6 @@ def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:
             return replace(found, history=near.history + found.history)
     if options.control == "load":
         return raise_load(case, strategy_of(scene), options, find_collapse)
-    if options.states == "lowest" and case.problem.coulomb:
-        return find_lowest(case, options.tolerance)
     return find_collapse(case, strategy_of(scene), options.tolerance)
 
 

@@ -13,7 +13,7 @@ that blocks strained from rest would exert them is not claimed.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -115,17 +115,22 @@ def _trial(attempt: FaceAttempt) -> Trial:
 def _collapse(case: LoadCase, faces: PlanarFaces, found: _Found, asked: float) -> Collapse:
     """What was found as a collapse."""
     state = found.state
-    bounds = case.blocks.bounds
     if state is None or state.gap > max(asked, LIMIT.limit):
         best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
         reason = f"the search on face forces ended with {best}"
-        return Collapse("not_converged", np.nan, bounds, reason=reason, engine="faces")
+        nothing = Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
+        return replace(nothing, engine="faces")
+    return collapse_of(case, faces, state, asked)
+
+
+def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: float) -> Collapse:
+    """A certified state as a collapse of the structure. Collective."""
     strained = strained_state(case, faces, state.force, state.load_factor)
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
     return Collapse(
         "limit",
         state.load_factor,
-        bounds,
+        case.blocks.bounds,
         strained,
         mode,
         joint_values(case.problem, case.discretization, strained, mode),

@@ -1,4 +1,4 @@
-"""What is said of a collapse beside its load factor: the peak of its path, and lower states.
+"""What is said of a collapse beside its load factor: the peak of its path.
 
 Each has a hard limit on its cost, in units of that of the collapse. Where a run is stopped, what
 was found before stays, and the rest is not known.
@@ -13,7 +13,6 @@ from dataclasses import replace
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.load_control import OPTIONS as RISING
 from fenics_contact.collapse.load_control import raised_path
-from fenics_contact.collapse.lowest import second_opinion
 from fenics_contact.collapse.peak import (
     ABOVE,
     CLIMB,
@@ -27,7 +26,7 @@ from fenics_contact.collapse.peak import (
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.results.history import Lowest, Peak
+from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse
 
 _log = logging.getLogger("fenics_contact")
@@ -126,25 +125,3 @@ def _raised(case: LoadCase, above: Above, before: Peak, limits: Limits) -> Peak:
     if found.status == "none" and above(path.lower) < -ABOVE:
         return Peak("not_known", reason=NOT_REACHED)
     return found
-
-
-def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
-    """A collapse with a second opinion on it, where several collapse states may exist."""
-    if end.engine == "faces":
-        return end
-    options = case.discretization.scene.solve
-    coulomb = case.problem.coulomb
-    mode = end.mode
-    if end.status != "limit" or mode is None or not coulomb or end.lowest is not None:
-        return end
-    if end.torn is not None:
-        return replace(end, lowest=Lowest("not_known", reason="in other states other joints tear"))
-    if end.path is not None:
-        reason = "lower states are not looked for where the load is raised step by step"
-        return replace(end, lowest=Lowest("not_known", reason=reason))
-    if case.problem.dot(case.problem.live, mode) < 0.0:  # the dead load does the work
-        return with_lowest(case.reversed(), end.reversed(), cost).reversed()
-    try:
-        return second_opinion(case, end, options.tolerance, cost)
-    except Stopped as stop:
-        return replace(end, lowest=Lowest("not_known", reason=str(stop)))

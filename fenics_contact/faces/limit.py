@@ -181,11 +181,17 @@ class FaceSearch:
                 break
         return state, work
 
+    @property
+    def dead_forces(self) -> Array:
+        """Pressing forces under the dead load with all faces closed, where they press."""
+        response = elastic_response(self.model, self.equations)
+        return self.model.normal(np.maximum(response.dead_force, 0.0))
+
     def _first_forces(self, state: Iterate) -> Array:
         """Pressing forces to begin with: those reached, or of the dead load."""
-        response = elastic_response(self.model, self.equations)
-        force = state.force if state.gap < self._options.lost else response.dead_force
-        return np.maximum(self.model.normal(np.maximum(force, 0.0)), 0.0)
+        if state.gap < self._options.lost:
+            return self.model.normal(np.maximum(state.force, 0.0))
+        return self.dead_forces
 
     def _with_given_part(self, theta: float, pressed: Array, work: float) -> Array:
         """Steps with a part of the bound given; the pressing forces that they end with."""

@@ -3,25 +3,33 @@
     state for a mode v:  min lambda   over states inside all cones with gap(N, v) <= eps lambda,
     mode for a state:    the limit with its own strengths, (a) of `certificate`,
 
-in turn until the load factor stands. Self-stress of the blocks is free in these states: elastic
-blocks may not reach them from rest. Not proved: that there is none lower.
+in turn until the load factor stands. They lead from where they start to a state near it, so that
+several starts are tried. Self-stress of the blocks is free in these states: elastic blocks may not
+reach them from rest. Not proved: that there is none lower.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact.faces.certificate import LEAST_GAP, Certifier, FaceState
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import Program, Row, elastic_response, solve
+from fenics_contact.faces.kernel import (
+    Iterate,
+    Program,
+    Row,
+    Tolerances,
+    solve,
+)
 from fenics_contact.faces.limit import FaceSearch
 
 
 @dataclass(frozen=True)
 class LowestOptions:
-    """Numbers of the search.
+    """Numbers of the searches.
 
     Attributes:
         gap: eps, relative.
@@ -32,7 +40,12 @@ class LowestOptions:
         theta: part of Coulomb's law in these steps, and
         steps: their number at most, until the forces change by
         settled: less than this part.
-        start: Gap of the state to go down from, at most.
+        rough: Relative gap of elastic states to start from.
+        start: Gap of certified states to go down from, where that can be had.
+        friction: Part of it with which growing friction begins, and
+        stages: its steps up to the whole, with products that fall as friction to the power
+        power: of minus one over this, down to
+        products: these in the end, in units of force times displacement.
     """
 
     gap: float = 1e-4
@@ -43,45 +56,108 @@ class LowestOptions:
     theta: float = 0.5
     steps: int = 6
     settled: float = 3e-2
+    rough: float = 1e-2
     start: float = 1e-2
+    friction: float = 0.25
+    stages: int = 16
+    power: float = 0.2
+    products: float = 1e-3
 
 
 OPTIONS = LowestOptions()
 
+#: A start: elastic states, from rough to settled, each of which may be gone down from.
+Start = Callable[[FaceSearch], Iterator[Iterate]]
 
-def lowest_state(search: FaceSearch, options: LowestOptions = OPTIONS) -> FaceState | None:
-    """The lowest state from the dead load's part of the bound; None without a start."""
+
+def little_friction(search: FaceSearch) -> Iterator[Iterate]:
+    """From a part of the friction under the dead load: it grows with the live load's forces."""
     model = search.model
-    response = elastic_response(model, search.equations)
-    work = search.work
-    pressed = options.part * np.maximum(model.normal(np.maximum(response.dead_force, 0.0)), 0.0)
-    for _ in range(options.steps):
-        state = search.elastic(options.theta, pressed, work, 1e-2)
+    pressed = OPTIONS.part * search.dead_forces
+    for step in range(OPTIONS.steps):
+        state = search.elastic(OPTIONS.theta, pressed, search.work, OPTIONS.rough)
         own = np.maximum(model.normal(state.force), 0.0)
-        change = np.abs(own - pressed).sum() / max(own.sum(), 1e-300)
+        change = float(np.abs(own - pressed).sum())
         pressed = own
-        if change < options.settled:
-            break
-    certifier = Certifier(model, search.equations, options.start)
-    start, _ = certifier.near(state, work, 2)
-    return None if start is None else lowered(certifier, start, options)
+        settled = change < OPTIONS.settled * float(own.sum())
+        if step == 0 or settled or step == OPTIONS.steps - 1:
+            yield state
+        if settled:
+            return
 
 
-def lowered(certifier: Certifier, start: FaceState, options: LowestOptions = OPTIONS) -> FaceState:
+def coulomb(search: FaceSearch) -> Iterator[Iterate]:
+    """The elastic state with Coulomb's law."""
+    none = np.zeros(search.model.shape[0])
+    yield search.elastic(1.0, none, search.work, OPTIONS.rough)
+
+
+def growing_friction(search: FaceSearch) -> Iterator[Iterate]:
+    """Friction grows as the products fall: low states are met first."""
+    model, work = search.model, search.work
+    unit = model.force * work / model.load
+    state: Iterate | None = None
+    for part in np.geomspace(OPTIONS.friction, 1.0, OPTIONS.stages).tolist():
+        goal = OPTIONS.products * part ** (-1.0 / OPTIONS.power) * unit if part < 1.0 else 0.0
+        program = Program(
+            model,
+            search.equations,
+            part * model.strength,
+            model.dilatancy + part * model.free_friction,
+            model.dilatancy,
+            work,
+            elastic=True,
+        )
+        state = solve(
+            program,
+            state,
+            Tolerances(OPTIONS.rough, 1e-5, 1e-3),
+            enough=lambda iterate, goal=goal: iterate.mu < goal,  # type: ignore[misc]
+        )
+    if state is not None:
+        yield state
+
+
+#: Starts by name, the usual one first.
+STARTS: dict[str, Start] = {
+    "little friction": little_friction,
+    "Coulomb's law": coulomb,
+    "growing friction": growing_friction,
+}
+
+
+def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
+    """The lowest state that one start leads to; None if it leads to none.
+
+    Raises:
+        Stopped: If the search is to end.
+    """
+    certifier = Certifier(search.model, search.equations, OPTIONS.start)
+    for state in start(search):
+        first, _ = certifier.near(state, search.work, 2)
+        if first is None:
+            continue
+        found = lowered(certifier, first)
+        if found.gap <= OPTIONS.allowed * OPTIONS.gap:
+            return found
+    return None
+
+
+def lowered(certifier: Certifier, start: FaceState) -> FaceState:
     """The lowest state that pairs of programs lead to from one."""
     model = certifier.model
     best = start
     mode = start.mode
     last = start.load_factor
-    for _ in range(options.pairs):
-        state = _least(certifier, mode, last, options)
-        if state is None or state.gap > options.allowed * options.gap:
+    for _ in range(OPTIONS.pairs):
+        state = _least(certifier, mode, last)
+        if state is None or state.gap > OPTIONS.allowed * OPTIONS.gap:
             break
-        if state.load_factor < best.load_factor or best.gap > options.allowed * options.gap:
+        if state.load_factor < best.load_factor or best.gap > OPTIONS.allowed * OPTIONS.gap:
             best = state
         moved = abs(state.load_factor - last)
         last = state.load_factor
-        if moved < options.stands * model.size(last):
+        if moved < OPTIONS.stands * model.size(last):
             break
         next_mode = certifier.mode(state.force)
         if next_mode is None:
@@ -90,21 +166,12 @@ def lowered(certifier: Certifier, start: FaceState, options: LowestOptions = OPT
     return best
 
 
-def _least(
-    certifier: Certifier, mode: Array, last: float, options: LowestOptions
-) -> FaceState | None:
+def _least(certifier: Certifier, mode: Array, last: float) -> FaceState | None:
     """The state of least load factor with a small gap to a mode."""
     model = certifier.model
     power = model.power(mode)
-    known = power.bound(model.strength)
-    row = Row(-model.free_friction * power.slip, 1.0, known - options.gap * model.size(last))
-    program = Program(
-        model,
-        certifier.equations,
-        model.strength,
-        model.friction,
-        model.friction,
-        -1.0,
-        rows=(row,),
-    )
+    least = power.bound(model.strength) - OPTIONS.gap * model.size(last)
+    row = Row(-model.free_friction * power.slip, 1.0, least)
+    laws = model.strength, model.friction, model.friction
+    program = Program(model, certifier.equations, *laws, -1.0, rows=(row,))
     return certifier.state(solve(program, None, LEAST_GAP), mode)

@@ -295,7 +295,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
             "steps": [_record(step, "load_factor", "displacement") for step in collapse.path.steps],
         }
     if collapse.states:
-        names = ("start", "status", "load_factor")
+        names = ("start", "status", "load_factor", "gap")
         record["states"] = [_record(state, *names) for state in collapse.states]
     record["lowest"] = collapse.lowest and _lowest_record(collapse.lowest)
     if certificate is not None:
@@ -316,7 +316,9 @@ def _peak_record(peak: Peak) -> Record:
 
 def _lowest_record(lowest: Lowest) -> Record:
     """What searches for a lower collapse state found."""
-    return _record(lowest, "status", "load_factor", "starts") | {"reason": lowest.reason or None}
+    return _record(lowest, "status", "load_factor", "gap", "starts") | {
+        "reason": lowest.reason or None
+    }
 
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:

@@ -185,6 +185,7 @@ class CollapseState:
     load_factor: float
     mode: Array | None = field(default=None, repr=False, compare=False)
     joints: JointValues | None = field(default=None, repr=False, compare=False)
+    gap: float | None = None
 
 
 @dataclass(frozen=True)
@@ -197,12 +198,14 @@ class Lowest:
         load_factor: Of the lowest verified one; nan if not known.
         starts: Number of searches that ended in a state; 0 where the bracket proves "none".
         reason: Why it is not known, for people.
+        gap: Its proved gap, relative; None where it was not computed.
     """
 
     status: str
     load_factor: float = float("nan")
     starts: int = 0
     reason: str = ""
+    gap: float | None = None
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,6 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.collapse.rigid_blocks.fixed_point import RigidState, rigid_fixed_point
 from fenics_contact.collapse.rigid_blocks.linear_program import LinearProgram, least_missing
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
 from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
@@ -400,16 +399,6 @@ class RigidBlocks:
         """Sums over the joint points of every face, shape (faces,)."""
         faces = self._program.faces
         return np.bincount(faces.of_point, values, len(faces.ends)).astype(float)
-
-    def rigid_state(self, pressure: Array, low: float = np.inf) -> RigidState:
-        """Where `rigid_fixed_point` leads from normal forces at all joint points, N/m.
-
-        It is not taken to its end where the load factor stays above `low`.
-
-        Raises:
-            SolverError: If it does not settle, or the structure is too large.
-        """
-        return self._on_root(lambda: rigid_fixed_point(self, pressure, low))
 
     @property
     def unit(self) -> float:

@@ -113,8 +113,8 @@ def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
     proved = lowest["starts"] == 0 or end["bounds"].get("meet")
     text = {
         "lower": (
-            f"{alike(lowest['load_factor'], factor)}: another collapse state, verified. A load"
-            " that rises may end there: the capacity curve tells."
+            f"{alike(lowest['load_factor'], factor)}, with some self-stress in the blocks and a"
+            " proved gap. Blocks that are loaded from rest need not reach it."
         ),
         "none": (
             "there is no lower one, as the bracket proves"
@@ -125,7 +125,8 @@ def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
     }
     yield "lowest collapse state found", text[lowest["status"]]
     for number, state in enumerate(details.get("states", [])[1:], start=2):
-        yield f"collapse state {number}", alike(state["load_factor"], factor)
+        where = f"{alike(state['load_factor'], factor)} (from: {state['start']})"
+        yield f"collapse state {number}", where
 
 
 def _bracket_rows(
