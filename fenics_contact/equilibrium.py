@@ -199,7 +199,7 @@ def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
         count = made.factorizations()
         if found.status == "equilibrium" and found.joint_values is not None:
             forces = found.joint_values.normal_force
-            if turned := turn_in(made.original.joints.without_ties(), forces):
+            if turned := turn_in(made.joints.without_ties(), forces):
                 found = replace(found, status="not_converged", reason=turned)
     return Equilibrium(**vars(found), layout=made.layout, factorizations=count)
 

@@ -85,7 +85,7 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
     problem = case.problem
     work = problem.dot(problem.dead, case.bonded.dead)
     given = problem.max(np.abs(problem.law.origins)) + problem.max(problem.law.strength)
-    crushes = case.blocks.crushing is not None
+    crushes = case.blocks.crushes
     if work > 0.0 and given == 0.0 and not crushes:
         with effort.at_most(OPTIONS.alone * strategy.work.cost):
             state = _under_a_part(_under_the_dead_load(case, work, tolerance), strategy)
