@@ -165,7 +165,7 @@ def reaching_zero(
     for name in (short | lost).intersection(asked):
         # From afar nothing was found before.
         alone = replace(strategy.work, missing=OPTIONS.missing, cost=OPTIONS.cost)
-        near = replace(strategy, attempts=(), once=(), work=alone) if name in lost else strategy
+        near = replace(strategy, attempts=(), work=alone) if name in lost else strategy
         ends[name] = _raised_from(dead, cases[name], near, margin)
     return ends
 

@@ -17,7 +17,6 @@ METHODS = "auto", "fixed-point", "monolithic"
 ATTEMPTS = {
     "along block modes": "the path on block modes",
     "further along rising work": "the path from the last state",
-    "through lower friction": "the path through lower friction",
     "along falling products": "the path of falling products",
     "next to another state": "the search next to the last state",
     "interior point": "the interior point method",

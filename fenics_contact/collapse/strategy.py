@@ -110,38 +110,6 @@ class WarmStart:
 WARM = WarmStart()
 
 
-@dataclass(frozen=True)
-class HighFrictionOptions:
-    """From a state with lower friction to one with the scene's.
-
-    Attributes:
-        lower: Coefficient from which on paths are lost at points that slide under little pressure.
-        early: Coefficient above which this is tried before the whole path of block modes, which is
-            lost or takes hundreds of steps with 3 and more, and a few tens with 1.5.
-        brief: Cost of that path at most before this is tried: on simple structures it suffices, in
-            units of one factorisation of the structure.
-        change: Of the friction bound on block modes, relative, at which it has followed.
-        on_modes: Iterations of the bound on block modes at most.
-        between: Those on the structure between two tries with friction in the equations.
-        direct: Cost of the first such try at most, in units of one factorisation.
-        warm: The other tries.
-    """
-
-    lower: float = 1.0
-    early: float = 2.0
-    brief: float = 20.0
-    change: float = 1e-3
-    on_modes: int = 30
-    between: int = 20
-    direct: float = 100.0
-    warm: WarmStart = WarmStart(
-        (1e-3, 1e-5, 1e-7), (), Tolerances(), InteriorPointOptions(window=6)
-    )
-
-
-HIGH_FRICTION = HighFrictionOptions()
-
-
 Minimiser = Callable[[ProximalStep, Array], Array]
 _Given = ParamSpec("_Given")
 
@@ -222,50 +190,6 @@ def along_block_modes(task: Task) -> Solution:
     raise failed
 
 
-@wraps(along_block_modes)
-def briefly_along_block_modes(task: Task) -> Answer:
-    """State by continuation in block modes, if it does not take long."""
-    with task.case.discretization.effort.at_most(HIGH_FRICTION.brief):
-        return along_block_modes(task)
-
-
-@monolithic
-def through_lower_friction(task: Task) -> Solution:
-    """State next to one with friction of at most 1, as the bound on friction follows.
-
-    Friction above what joint forces ask for changes nothing, but where nearly open joints slide the
-    shear force changes F times as fast as the normal force, and paths turn back again and again.
-
-    Raises:
-        SolverError: If the scene has no higher friction, or no state is found.
-    """
-    case = task.case
-    options = HIGH_FRICTION
-    problem = task.case.problem
-    if problem.max(problem.law.friction) <= options.lower:
-        raise SolverError(f"no friction is above {options.lower:g}")
-    modes = case.discretization.block_modes.changed(problem)
-    lower = modes.changed(replace(problem, law=problem.law.at_most(options.lower)))
-    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
-    start = next(_ends_of_modes(task, lower, stiffness, "block modes, lower friction")).state
-    of_modes = replace(case, problem=modes.reduced, stiffness=stiffness)
-    start = _followed(replace(task, case=of_modes), start, options.on_modes).state
-    start = modes.prolonged(start)
-    try:
-        with case.discretization.effort.at_most(options.direct):
-            return to_end(task, start, task.mu(OPTIONS.ends[0]))
-    except SolverError as error:
-        _log.info("  friction in the equations: %s", error)
-    while True:  # until the limit of the attempt
-        start = _followed(task, start, options.between).state
-        try:
-            return _warm(task, task.kkt, start, options.warm)
-        except EffortError:
-            raise
-        except SolverError as error:
-            _log.info("  friction in the equations: %s", error)
-
-
 def _ends_of_modes(
     task: Task, modes: BlockModes, stiffness: JointStiffness, name: str
 ) -> Iterator[PathPoint]:
@@ -306,17 +230,6 @@ def _ends_of_modes(
         yield point
     if not points:
         raise failed
-
-
-def _followed(task: Task, start: State, iterations: int) -> Solution:
-    """State after some iterations of the friction bound from that of another state."""
-    options = replace(coulomb.OPTIONS, max_iterations=iterations)
-    count = task.case.discretization.factorizations
-    problem = task.case.problem
-    solve = _interior_point(task)
-    told = task.case.monitor, count, options
-    fixed_point = FixedPoint(problem, solve, HIGH_FRICTION.change, *told)
-    return fixed_point.run(start, problem.law.given(np.maximum(start.pressure, 0.0)))[0]
 
 
 def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
@@ -531,8 +444,8 @@ class WorkOptions:
     first: float = 300.0
     first_of_many: float = 0.2
     growth: float = 10.0
-    largest: float = 1e10
-    missing: int = 4
+    largest: float = 1e3
+    missing: int = 2
     gap: float = 2.5e-2
     change: float = 100.0
     unlimited: float = 0.9
@@ -563,7 +476,6 @@ class Strategy:
         attempts: States at a prescribed work: what is tried, in order.
         kind: Of factorisation, see `JointStiffness`.
         further: State from one at less work, tried first where there is one; None: nothing.
-        once: What is tried after the attempts, at the first work where they find nothing.
         equilibrium: State at a prescribed load factor, next to another one.
         work: How the work grows.
     """
@@ -571,7 +483,6 @@ class Strategy:
     attempts: tuple[Attempt, ...]
     kind: str
     further: Attempt | None = None
-    once: tuple[Attempt, ...] = ()
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
     work: WorkOptions = WorkOptions()
 
@@ -594,7 +505,6 @@ COULOMB: dict[str, Strategy] = {
         (along_block_modes,),
         GENERAL,
         further_along_rising_work,
-        once=(through_lower_friction, along_falling_products, interior_point),
     ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy(
@@ -602,13 +512,6 @@ COULOMB: dict[str, Strategy] = {
     ),
     **JOINT_FORCES,
 }
-
-#: With high friction: paths of block modes are lost where joints slide under little pressure.
-HIGH = replace(
-    COULOMB["auto"],
-    attempts=(briefly_along_block_modes, through_lower_friction, along_block_modes),
-    once=(along_falling_products, interior_point),
-)
 
 #: With given friction, or none, the problem is convex and the interior point method finds it.
 GIVEN = Strategy((interior_point,), SYMMETRIC)
@@ -618,8 +521,5 @@ def strategy_of(scene: Scene) -> Strategy:
     """How states of a scene are found."""
     laws = [*scene.joints.values(), *scene.foundations.values()]
     if any((law.friction or 0.0) > law.dilation for law in laws):
-        highest = max(law.friction or 0.0 for law in laws)
-        if scene.solve.method == "auto" and highest > HIGH_FRICTION.early:
-            return HIGH
         return COULOMB[scene.solve.method]
     return JOINT_FORCES.get(scene.solve.method, GIVEN)

@@ -46,7 +46,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     case.record.exhausted = 0.0
     try:
         with case.discretization.effort.at_most(strategy.work.cost):
-            status = _searched(search, strategy.work, case.block_count)
+            status = _at_growing_work(search, strategy.work, case.block_count)
         found = search.result(status)
         if status == "limit":
             case.record.best = case.record.best or found
@@ -56,18 +56,6 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
             status = "limit" if search.verified else "not_converged"
             case.record.best = search.result(status)
         raise
-
-
-def _searched(search: _Search, options: WorkOptions, blocks: int) -> str:
-    """The status that states at growing work lead to.
-
-    What costs most is tried where the other attempts have found no state at any work.
-    """
-    status = _at_growing_work(search, options, blocks)
-    if search.found or status == "unbounded" or not search.strategy.once:
-        return status
-    search.attempts = search.strategy.once
-    return _at_growing_work(search, replace(options, missing=1), blocks)
 
 
 def _at_growing_work(search: _Search, options: WorkOptions, blocks: int) -> str:
@@ -125,7 +113,6 @@ class _Search:
         self.tolerance = tolerance
         self.gap = strategy.work.gap * tolerance
         self.found: list[_Found] = []
-        self.attempts = strategy.attempts
         self._last_found = False
 
     def at(self, ratio: float) -> _Found | None:
@@ -172,7 +159,7 @@ class _Search:
             yield strategy.further
             if self.verified:
                 return
-        yield from self.attempts
+        yield from strategy.attempts
 
     @property
     def best(self) -> _Found | None:
