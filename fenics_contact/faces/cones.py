@@ -133,7 +133,8 @@ class Positive:
 
     def longest(self, place: Array, step: Array) -> float:
         """See `Cone`."""
-        return float(np.min(-place[step < 0.0] / step[step < 0.0], initial=np.inf))
+        ratio = float(np.min(step / place, initial=0.0))
+        return -1.0 / ratio if ratio < 0.0 else np.inf
 
     def margin(self, slack: Array) -> Array:
         """The least component."""

@@ -482,9 +482,9 @@ class _Method:
         cones, duals, slacks = self._model.cones, step.duals, step.slacks
         changes = []
         for cone, one, ds, dz in zip(cones, newton.scaled, slacks, duals, strict=True):
-            cross = np.clip(one.cross(ds, dz), -most, most)
+            cross = np.maximum(np.minimum(one.cross(ds, dz), most), -most)
             changes.append(target * cone.identity(ds) - cross)
-        cross = np.clip(step.row_duals * step.row_slacks, -most, most)
+        cross = np.maximum(np.minimum(step.row_duals * step.row_slacks, most), -most)
         return _Targets(tuple(changes), target - cross)
 
     def _centred(self, newton: _Newton, target: float) -> _Targets:
@@ -497,11 +497,15 @@ class _Method:
         self, iterate: Iterate, predictor: _Step, corrector: _Step, length: float
     ) -> _Step:
         """Predictor and corrector with the weight that allows the longest step."""
-        count = 5 if length < 1.0 else 1
-        weights = np.linspace(1.0, length**2, count).tolist()
-        steps = [predictor.plus(corrector, weight) for weight in weights]
-        lengths = [self._straight(iterate, step) for step in steps]
-        return steps[int(np.argmax(lengths))]
+        best = predictor.plus(corrector)
+        longest = self._straight(iterate, best)
+        for weight in np.linspace(1.0, length**2, 5).tolist()[1:] if longest < 0.9 else ():
+            step = predictor.plus(corrector, weight)
+            found = self._straight(iterate, step)
+            if found > longest:
+                best = step
+                longest = found
+        return best
 
     def _pushed(self, iterate: Iterate, newton: _Newton, step: _Step, target: float) -> _Step:
         """A step with outlying products pushed back, as long as that makes it longer."""
