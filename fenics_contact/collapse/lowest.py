@@ -17,13 +17,11 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import OPTIONS as SEARCHES
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.results.history import CollapseState, Lowest
+from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Collapse
 
 #: A state is lower by this part of the load factor's size at least.
 LOWER = 2e-3
-#: States whose load factors differ by less than this part of it are told as one.
-SAME = 1e-3
 #: Why nothing is known.
 NO_STATE = "the search found no state; solve.states = 'lowest' tries more starts"
 TEARS = "in other states other joints tear"
@@ -66,23 +64,14 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
         "lower" if lower else "none",
         best.load_factor if lower else end.load_factor,
         len(states),
-        gap=best.gap if lower else end.gap,
+        gap=best.gap if lower else end.as_state.gap,
     )
-    alike = SAME * end.size
-    told_states = [
-        CollapseState(end.engine, end.status, end.load_factor, end.mode, end.joints, end.gap)
-    ]
-    for name, state in states:
-        known = [abs(state.load_factor - one.load_factor) <= alike for one in told_states]
-        if any(known):
-            one = told_states[known.index(True)]
-            told_states[known.index(True)] = replace(one, start=f"{one.start}; {name}")
-        else:
-            told_states.append(CollapseState(name, "limit", state.load_factor, gap=state.gap))
+    others = [CollapseState(name, "limit", one.load_factor, gap=one.gap) for name, one in states]
+    known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
     if lower and every:
         asked = SEARCHES.allowed * SEARCHES.gap
         end = replace(collapse_of(case, faces, best, asked), attempts=end.attempts, trace=end.trace)
-    return replace(end, lowest=told, states=tuple(told_states))
+    return replace(end, lowest=told, states=known)
 
 
 def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | None:

@@ -52,7 +52,7 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
             case.record.best = case.record.best or found
         return found
     except Stopped:
-        if search.best is not None:
+        if search.verified or (search.best is not None and case.record.best is None):
             status = "limit" if search.verified else "not_converged"
             case.record.best = search.result(status)
         raise

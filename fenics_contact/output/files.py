@@ -286,7 +286,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     method = collapse.history[-1].method if collapse.history else "auto"
     if method == "fixed-point" and collapse.splitting is not None:
         method = result.scene.solve.method
-    found = {"method": method, "engine": collapse.engine, "gap": collapse.gap}
+    found = {"method": method, "engine": collapse.engine, "gap": collapse.as_state.gap}
     record: Record = found | {"error_estimate": None, "residuals": None, "failures": []}
     if collapse.path is not None:
         record["continuation"] = {

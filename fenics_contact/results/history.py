@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
+
+#: States whose load factors differ by less than this part of their size are told as one.
+SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -186,6 +191,20 @@ class CollapseState:
     mode: Array | None = field(default=None, repr=False, compare=False)
     joints: JointValues | None = field(default=None, repr=False, compare=False)
     gap: float | None = None
+
+
+def alike_as_one(states: Iterable[CollapseState], size: float) -> tuple[CollapseState, ...]:
+    """States with those of nearly equal load factors told as the first of them, by all names."""
+    known: list[CollapseState] = []
+    for state in states:
+        apart = [abs(state.load_factor - one.load_factor) for one in known]
+        nearest = int(np.argmin(apart)) if apart else 0
+        if apart and apart[nearest] <= SAME * size:
+            one = known[nearest]
+            known[nearest] = replace(one, start=f"{one.start}; {state.start}")
+        else:
+            known.append(state)
+    return tuple(known)
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,16 @@ class Collapse:
         return abs(self.load_factor) if self.certificate is None else self.certificate.size
 
     @property
+    def as_state(self) -> CollapseState:
+        """This end as one of several collapse states."""
+        gap = self.gap
+        if gap is None and self.certificate is not None:
+            gap = self.certificate.residuals.get("limit")
+        return CollapseState(
+            self.engine, self.status, self.load_factor, self.mode, self.joints, gap
+        )
+
+    @property
     def splitting(self) -> SplittingHistory | None:
         """Counts of a method on joint forces; None for other methods."""
         return self.history[-1].splitting if self.history else None
