@@ -141,6 +141,8 @@ class FaceSearch:
         The live load may do negative work there: what drives the collapse is the dead load.
         """
         upper = self.associative()
+        if not upper.within(self._options.reached):
+            return
         for sign in (1.0, -1.0):
             self._check_stop()
             found = Certifier(self.model, self.equations, self._asked, sign).of(upper.force)
