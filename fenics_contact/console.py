@@ -226,7 +226,7 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         *_peak_lines(end),
         *_lowest_lines(end),
         *_mesh_lines(end),
-        *([f"warning: {end.contradiction}"] if end.contradiction else []),
+        *(f"warning: {text}" for text in (end.pressed, end.contradiction) if text),
     ]
 
 
@@ -293,6 +293,11 @@ def _lowest_lines(end: Collapse) -> list[str]:
     lowest = end.lowest
     if lowest is None:
         return []
+    if lowest.status == "lower" and lowest.load_factor == end.load_factor:
+        return [
+            "lower state: this is the lowest one found, with some self-stress in the blocks;"
+            " blocks that are loaded from rest need not reach it"
+        ]
     if lowest.status == "lower":
         return [
             f"lower state: with some self-stress in the blocks there is one at"
@@ -335,19 +340,17 @@ def _mesh_lines(end: Collapse) -> list[str]:
         known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
         found = "not found: its load factor is not known" if np.isnan(one.after) else known
         lines.append(f"mesh: another collapse state {where}, {found}")
-    lines += [f"mesh: {error.unknown}"] if error.unknown else []
-    return lines + [f"warning: {text}" for text in error.warnings]
+    return lines + ([f"mesh: {error.unknown}"] if error.unknown else [])
 
 
 def _hinge_text(load_factor: float, error: MeshError) -> str:
     """Load factors for the lengths of hinges."""
     if error.load_factor_point_hinges == load_factor:
         return "the load factor does not depend on the length of hinges"
-    parts = [f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm"]
-    if not np.isnan(error.load_factor_hinges):
-        length = 1e3 * error.contact_length
-        parts.append(f"{error.load_factor_hinges:.4g} for {length:.3g} mm by compressive strength")
-    return "; ".join([*parts, f"{error.load_factor_point_hinges:.4g} for point hinges"])
+    return (
+        f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm;"
+        f" {error.load_factor_point_hinges:.4g} for point hinges"
+    )
 
 
 def _other_errors(error: MeshError) -> str:

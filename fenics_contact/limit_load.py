@@ -32,6 +32,7 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
+from fenics_contact.discretization.crushing import pressed_too_much
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rolling import turn_in
@@ -70,6 +71,8 @@ _log = logging.getLogger("fenics_contact")
 CURVE = 25
 #: Points of a capacity curve, at most.
 MOST_POINTS = 1000
+#: Why a limit load by the forces of joint faces is without one.
+NO_CURVE = "capacity curve: no loading path leads to a limit load by the forces of joint faces"
 #: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
 CURVE_SOLVE = 10.0
 
@@ -131,6 +134,10 @@ class LimitLoad(Result, ForForms, Pictured):
             return self
         if end.torn is not None:
             raise InputError("joints with opened = 'lost' have no capacity curve")
+        if end.engine == "faces":
+            if self.scene.comm.rank == 0:
+                _log.warning("warning: %s", NO_CURVE)
+            return replace(self, skipped=tuple(dict.fromkeys([*self.skipped, NO_CURVE])))
         with Discretization(self.scene) as made:
             made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
             curve, peak = _traced(made, end, SIGNS[direction], points, monitor or _Silent())
@@ -162,6 +169,8 @@ class LimitLoad(Result, ForForms, Pictured):
         if self._view().values is None:
             raise SolverError(f"there is no capacity curve: the status is '{self.status}'")
         curve = self.capacity or self.trace_capacity()
+        if not curve:
+            raise SolverError(NO_CURVE)
         if self.scene.comm.rank != 0:
             return None
         axes = new_axes() if axes is None else axes
@@ -400,7 +409,8 @@ def _solved(
             found[name] = with_least_forces(cases[name].discretization, end)
         if end.status == "limit" and end.joints is not None:
             turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
-            found[name] = replace(found[name], rolling=turned)
+            pressed = pressed_too_much(scene, discretization.joints, end.joints.normal_force)
+            found[name] = replace(found[name], rolling=turned, pressed=pressed)
         if discretization.effort.watch.reason:
             found[name] = _with_bounds_so_far(cases[name], found[name], lower)
     ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}

@@ -72,7 +72,7 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
         tolerance: On the load factor, relative.
 
     Raises:
-        NoEquilibriumError: If none is found with Coulomb friction, and no joint crushes.
+        NoEquilibriumError: If none is found with Coulomb friction.
         SolverError: If none is found otherwise: the rigid-block program proves that there is one.
     """
     effort = case.discretization.effort
@@ -85,15 +85,14 @@ def dead_load_state(case: LoadCase, strategy: Strategy, tolerance: float) -> Sta
     problem = case.problem
     work = problem.dot(problem.dead, case.bonded.dead)
     given = problem.max(np.abs(problem.law.origins)) + problem.max(problem.law.strength)
-    crushes = case.blocks.crushes
-    if work > 0.0 and given == 0.0 and not crushes:
+    if work > 0.0 and given == 0.0:
         with effort.at_most(OPTIONS.alone * strategy.work.cost):
             state = _under_a_part(_under_the_dead_load(case, work, tolerance), strategy)
         if state is not None:
             part = state.load_factor
             forces = state.pressure / part, state.shear / part
             return problem.state(state.displacement / part, 0.0, *forces)
-    if crushes or not problem.coulomb:
+    if not problem.coulomb:
         raise SolverError("no equilibrium was found under the dead load")
     raise NoEquilibriumError(NOT_KNOWN)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from fenics_contact.collapse.face_collapse import collapse_of
+from fenics_contact.collapse.further import NO_PATH
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import Stopped
 from fenics_contact.faces.certificate import FaceState
@@ -17,7 +18,7 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import OPTIONS as SEARCHES
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
+from fenics_contact.results.history import CollapseState, Lowest, Peak, alike_as_one
 from fenics_contact.results.result import Collapse
 
 #: A state is lower by this part of the load factor's size at least.
@@ -70,7 +71,10 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
     if lower and every:
         asked = SEARCHES.allowed * SEARCHES.gap
-        end = replace(collapse_of(case, faces, best, asked), attempts=end.attempts, trace=end.trace)
+        peak = Peak("not_known", reason=NO_PATH)
+        found_by = end
+        end = collapse_of(case, faces, best, asked)
+        end = replace(end, attempts=found_by.attempts, trace=found_by.trace, peak=peak)
     return replace(end, lowest=told, states=known)
 
 

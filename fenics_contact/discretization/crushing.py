@@ -16,9 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.scene.scene import Scene
+
+#: Places that a warning names.
+NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -48,3 +52,25 @@ def strength_of(scene: Scene, joints: Joints) -> Array:
     scene.comm.Allreduce(MPI.IN_PLACE, of_body, MPI.MIN)
     of_law = np.array([law.compressive_strength or np.nan for law in joints.laws])[joints.law]
     return np.where(np.isnan(of_law), of_body[joints.bodies].min(axis=1, initial=np.inf), of_law)
+
+
+def pressed_too_much(scene: Scene, joints: Joints, force: Array) -> str:
+    """Where pressures exceed the strength of curved joints, which do not crush, for people.
+
+    `force` is normal, N/m, at all joint points. Collective.
+    """
+    strength = strength_of(scene, joints)
+    face = straight_faces(joints).of_point
+    pressure = force / joints.length
+    beyond = np.flatnonzero((np.bincount(face)[face] == 1) & (pressure > strength))
+    if not len(beyond):
+        return ""
+    beyond = beyond[np.argsort(-pressure[beyond])]
+    places = []
+    for point in beyond[:NAMED]:
+        x, y = np.round(joints.position[point], 9) + 0.0
+        pair = f"{1e-6 * pressure[point]:.3g} MPa, strength {1e-6 * strength[point]:.3g} MPa"
+        places.append(f"({x:.3g}, {y:.3g}) ({pair})")
+    more = f" and {len(beyond) - NAMED} more" if len(beyond) > NAMED else ""
+    text = "the compressive strength is exceeded at curved joints, which do not crush here: at"
+    return f"{text} {', '.join(places)}{more}"

@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_matrix, vstack
 
 from fenics_contact.discretization.crushing import strength_of
 from fenics_contact.discretization.faces import Faces, relative_motions, straight_faces
@@ -54,6 +53,8 @@ class PlanarFaces:
     @classmethod
     def of(cls, layout: Layout, sign: float = 1.0) -> PlanarFaces:
         """Those of a structure, with its live load or the reverse of it (sign -1)."""
+        from scipy.sparse import csr_matrix, vstack
+
         joints = layout.joints
         bodies = _loaded(joints, layout.bodies, sign)
         faces = straight_faces(joints)

@@ -9,8 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, identity
-from scipy.sparse.linalg import splu
 
 from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import Array
@@ -52,6 +50,9 @@ class Equations:
 
     def _set_pattern(self, columns: Array, count: int) -> None:
         """Where the entries of the units' matrices are in A, in SuperLU's ordering."""
+        from scipy.sparse import csc_matrix, identity
+        from scipy.sparse.linalg import splu
+
         shape = (*columns.shape, columns.shape[1])
         row = np.broadcast_to(columns[:, :, None], shape)
         column = np.broadcast_to(columns[:, None, :], shape)
@@ -83,6 +84,9 @@ class Equations:
         Raises:
             SolverError: If A is singular or not finite.
         """
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import splu
+
         self.factorizations += 1
         local = np.matmul(np.matmul(self._transposed, inverse), self._local)
         entries = np.bincount(self._place, local.ravel()[self._used], self._entries)

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.errors import EffortError, Stopped
-from fenics_contact.geometry.mesh import Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.mesh_error import hinges
-from fenics_contact.mesh_error.contact_lengths import ContactLengths
 from fenics_contact.mesh_error.hinges import Way, determinate, independent, to_point_hinges
-from fenics_contact.mesh_error.nearby import Softened, collapse_next_to, near, on_mesh
+from fenics_contact.mesh_error.nearby import Softened, on_mesh
 from fenics_contact.mesh_error.other_degree import first_look_cost, with_other_degree
 from fenics_contact.results.joint_values import Contact, JointValues
 from fenics_contact.results.mesh_error import MeshError, StateChange
@@ -42,8 +42,6 @@ class ErrorOptions:
         rough: Those below this are none, relative.
         error_of_degree: Error of the load factor of a degree, in units of the difference between
             degrees 1 and 2; measured. For degree 2 it is 0.3 mostly, and 1 where corners decide.
-        lengths: Solves at most for the lengths of hinges by the compressive strength.
-        settled: They end where the load factor changes by less than this, relative.
     """
 
     share: float = 0.6
@@ -52,11 +50,12 @@ class ErrorOptions:
     large: float = 1e-3
     rough: float = 1e-5
     error_of_degree: tuple[float, float] = (1.15, 0.5)
-    lengths: int = 6
-    settled: float = 1e-5
 
 
 OPTIONS = ErrorOptions()
+
+#: Length of a hinge in units of its element side, by degree; measured.
+OF_SIDE = {1: 1.0, 2: 0.2}
 
 
 def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
@@ -64,8 +63,7 @@ def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     if end.status != "limit" or end.mode is None:
         return end
     if end.engine == "faces":
-        _log.info("no error estimate: the forces of joint faces depend on no mesh")
-        return end
+        return replace(end, mesh_error=MeshError(math.nan, end.load_factor, 0.0, 0.0))
     if end.torn is not None:
         _log.info("no error estimate: on other meshes other points tear")
         return end
@@ -114,16 +112,28 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
 def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: float) -> Collapse:
     """As `with_mesh_error`, as far as the effort allows."""
     whole = case.discretization
-    lengths = ContactLengths.of(whole)
     points = values.hinges(whole.joints.neighbours)
     way = Way((end,), (points,), ended=len(points) == 0 or determinate(case, end))
     way = to_point_hinges(case, way, max(tolerance, hinges.OPTIONS.unchanged))
-    length = lengths.of_mesh(points, values.normal_force)
+    length = _length_on_mesh(whole, points, values.normal_force)
     error = replace(_hinge_error(way), hinge_length=length)
     if way.complete:
         error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough))
-    error = _with_lengths(case, way, error, lengths)
     return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
+
+
+def _length_on_mesh(whole: Discretization, points: Indices, force: Array) -> float:
+    """Length of the most loaded of some hinges on the mesh, m; nan without.
+
+    With such a length it is as compliant as on elements with these sides.
+    """
+    if not len(points):
+        return math.nan
+    joints = whole.joints
+    ends = joints.position[joints.segments]
+    side = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    there = np.any(joints.segments == points[np.argmax(force[points])], axis=1)
+    return float(OF_SIDE[whole.scene.degree] * side[there].min(initial=np.inf))
 
 
 def _largest_cost(case: LoadCase, end: Collapse) -> float:
@@ -198,48 +208,3 @@ def _at_point_hinges(case: LoadCase, way: Way, error: MeshError) -> Collapse | N
     found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
     left = abs(way.rest) / way.states[0].size
     return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))
-
-
-def _with_lengths(case: LoadCase, way: Way, error: MeshError, lengths: ContactLengths) -> MeshError:
-    """With the load factor for hinges of the lengths that their compressive strength leaves."""
-    end = way.states[0]
-    if not lengths.given or end.joints is None:
-        return error
-    if math.isnan(error.load_factor_point_hinges):
-        return replace(error, warnings=lengths.warnings(end.joints))
-    state = end
-    points = way.points[0]
-    if len(way.states) > 1:
-        state, points = _with_strength(case, way, lengths)
-    values = state.joints or end.joints
-    length = lengths.by_strength(points, values.normal_force)
-    factor = state.load_factor
-    warnings = lengths.warnings(values)
-    return replace(error, contact_length=length, load_factor_hinges=factor, warnings=warnings)
-
-
-def _with_strength(case: LoadCase, way: Way, lengths: ContactLengths) -> tuple[Collapse, Indices]:
-    """The collapse with lengths of hinges that its own forces give, and its hinges."""
-    end = way.states[0]
-    size = way.states[0].size
-    if end.joints is None:
-        return end, way.points[0]
-    halvings = lengths.halvings(way.points[-1], end.joints.normal_force)
-    # Start from the stiffest hinges that are not stiffer than most of them.
-    start = np.searchsorted(way.halvings, np.median(halvings), side="right") - 1
-    state = way.states[start]
-    points = way.points[start]
-    for _ in range(OPTIONS.lengths):
-        force = (state.joints or end.joints).normal_force
-        soft = Softened(points, lengths.halvings(points, force))
-        new = collapse_next_to(case, state, soft, near)
-        if new.status != "limit" or new.joints is None:
-            return replace(state, load_factor=math.nan), points
-        settled = abs(new.load_factor - state.load_factor) <= OPTIONS.settled * size
-        found = np.union1d(points, new.joints.hinges(case.discretization.joints.neighbours))
-        settled &= len(found) == len(points)
-        state = new
-        points = found
-        if settled:
-            break
-    return state, points

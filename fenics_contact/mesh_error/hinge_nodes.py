@@ -76,10 +76,8 @@ class HingeNodes:
         frame = whole.supports.free_directions(nodes)
         return cls(nodes, np.einsum("nji,njk,nkl->nil", frame, compliance, frame))
 
-    def soften(
-        self, problem: ContactProblem, halvings: Array | float, owner: Owner
-    ) -> ContactProblem:
-        """The problem with the compliance of so many halvings at the nodes, all or each.
+    def soften(self, problem: ContactProblem, halvings: float, owner: Owner) -> ContactProblem:
+        """The problem with the compliance of so many halvings at the nodes.
 
         `owner` frees its stiffness.
         """
@@ -111,7 +109,7 @@ class HingeNodes:
             loads = [f - give.T @ f[rows] for f in (problem.dead, problem.live)]
         return replace(problem, stiffness=result, dead=loads[0], live=loads[1])
 
-    def indentation(self, forces: Array, halvings: Array | float, first: int) -> Array:
+    def indentation(self, forces: Array, halvings: float, first: int) -> Array:
         """By how much the nodes give way under forces on them with so many halvings, m.
 
         Forces, N per metre of thickness, and displacements are this rank's part, in the supports'
@@ -120,12 +118,11 @@ class HingeNodes:
         given = forces.reshape(-1, 2)
         result = np.zeros_like(given)
         mine = (self.nodes >= first) & (self.nodes < first + len(given))
-        each = np.broadcast_to(halvings, len(self.nodes))[mine, None, None] * self.compliance[mine]
         at = self.nodes[mine] - first
-        result[at] = np.einsum("nij,nj->ni", each, given[at])
+        result[at] = halvings * np.einsum("nij,nj->ni", self.compliance[mine], given[at])
         return result.ravel()
 
-    def _inner(self, between: PETSc.Mat, halvings: Array | float) -> Any:
+    def _inner(self, between: PETSc.Mat, halvings: float) -> Any:
         """M for K_hh, a scipy matrix on all ranks; held displacements have no compliance."""
         from scipy.sparse import bsr_matrix, csc_matrix, csr_matrix, hstack, identity, vstack
         from scipy.sparse.linalg import splu
@@ -134,8 +131,7 @@ class HingeNodes:
         mine = csr_matrix((values, columns, start), (len(start) - 1, between.getSize()[1]))
         between_nodes = vstack(between.comm.tompi4py().allgather(mine))
         place = np.arange(len(self.nodes) + 1)
-        each = np.broadcast_to(halvings, len(self.nodes))[:, None, None]
-        compliance = bsr_matrix((each * self.compliance, place[:-1], place)).tocsc()
+        compliance = bsr_matrix((halvings * self.compliance, place[:-1], place)).tocsc()
         # C (1 + K_hh C)^-1 is symmetric.
         give = splu((identity(2 * len(self.nodes)) + compliance @ between_nodes).tocsc())
         several = (compliance[:, k : k + AT_ONCE] for k in range(0, 2 * len(self.nodes), AT_ONCE))

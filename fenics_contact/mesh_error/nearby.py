@@ -186,11 +186,11 @@ class Softened:
 
     Attributes:
         points: Joint points.
-        halvings: m of all of them, or of each.
+        halvings: m.
     """
 
     points: Indices
-    halvings: Array | float = 0.0
+    halvings: float = 0.0
 
     @classmethod
     def nowhere(cls) -> Softened:
@@ -198,24 +198,29 @@ class Softened:
         return cls(np.empty(0, dtype=np.int64))
 
     @property
-    def most(self) -> float:
-        """The largest number of halvings."""
-        return float(np.max(self.halvings, initial=0.0)) if len(self.points) else 0.0
+    def anywhere(self) -> bool:
+        """Whether some hinge is more compliant than its mesh."""
+        return len(self.points) > 0 and self.halvings > 0.0
+
+    def nodes(self, whole: Discretization) -> HingeNodes:
+        """Nodes at the hinges."""
+        nodes = whole.joints.nodes[self.points]
+        return HingeNodes.of(whole, nodes[nodes != GROUND])
 
 
 @contextmanager
 def softened(case: LoadCase, soft: Softened) -> Iterator[LoadCase]:
     """A load case with more compliant hinges, that tells nobody how its solves go."""
     silent = replace(case, monitor=lambda step: None)
-    if not soft.most > 0.0:
+    if not soft.anywhere:
         yield silent
         return
-    with _with_nodes(silent, *_nodes_of(case.discretization, soft)) as softer:
+    with _with_nodes(silent, soft.nodes(case.discretization), soft.halvings) as softer:
         yield softer
 
 
 @contextmanager
-def _with_nodes(case: LoadCase, hinge_nodes: HingeNodes, halvings: Array) -> Iterator[LoadCase]:
+def _with_nodes(case: LoadCase, hinge_nodes: HingeNodes, halvings: float) -> Iterator[LoadCase]:
     """A load case with the compliance of so many halvings at nodes."""
     with Owner() as owner:
         problem = hinge_nodes.soften(case.problem, halvings, owner)
@@ -233,23 +238,12 @@ def on_mesh(case: LoadCase, end: Collapse, soft: Softened) -> Collapse:
     """
     if end.state is None:
         return end
-    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
     forces = case.problem.acting_forces(end.state)
-    give = hinge_nodes.indentation(forces, halvings, case.problem.stiffness.first_row // 2)
+    first = case.problem.stiffness.first_row // 2
+    give = soft.nodes(case.discretization).indentation(forces, soft.halvings, first)
     u = end.state.displacement - give
     elastic = end.state.elastic - case.problem.elastic_part(give)
     return replace(end, state=replace(end.state, displacement=u, elastic=elastic))
-
-
-def _nodes_of(whole: Discretization, soft: Softened) -> tuple[HingeNodes, Array]:
-    """Nodes at hinges, and the halvings of each."""
-    nodes = whole.joints.nodes[soft.points]
-    used = nodes != GROUND
-    each = np.broadcast_to(soft.halvings, len(nodes))[:, None] * np.ones(nodes.shape)
-    hinge_nodes = HingeNodes.of(whole, nodes[used])
-    halvings = np.zeros(len(hinge_nodes.nodes))
-    np.maximum.at(halvings, np.searchsorted(hinge_nodes.nodes, nodes[used]), each[used])
-    return hinge_nodes, halvings
 
 
 def collapse_next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
@@ -266,8 +260,8 @@ def collapse_and_rate(
     The rate is nan where the load factor does not change, and where it is not known.
     """
     silent = replace(case, monitor=lambda step: None)
-    hinge_nodes, halvings = _nodes_of(case.discretization, soft)
-    with _with_nodes(silent, hinge_nodes, halvings) as softer:
+    hinge_nodes = soft.nodes(case.discretization)
+    with _with_nodes(silent, hinge_nodes, soft.halvings) as softer:
         found = _next_to(softer, last, soft, start)
         change = abs(found.load_factor - last.load_factor)
         if found.status != "limit" or change <= OPTIONS.hinges.tolerance * last.size:
@@ -281,13 +275,13 @@ def collapse_and_rate(
 
 def _next_to(case: LoadCase, last: Collapse, soft: Softened, start: Start) -> Collapse:
     """The verified collapse next to another one, in a case with more compliant hinges."""
-    first = start.work.first * (1.0 + start.more_work * soft.most)
+    first = start.work.first * (1.0 + start.more_work * soft.halvings)
     work = replace(start.work, first=max(last.work_ratio, first))
     strategy = Strategy((start.attempt(last),), GENERAL, work=work)
     found = find_collapse(case, strategy, start.tolerance)
     text = "  %g halvings, degree %d, %s: %s, load factor %.8g"
     degree = case.discretization.scene.degree
-    _log.info(text, soft.most, degree, start.name, found.status, found.load_factor)
+    _log.info(text, soft.halvings, degree, start.name, found.status, found.load_factor)
     return found
 
 

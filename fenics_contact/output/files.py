@@ -250,7 +250,7 @@ def result_record(result: Result) -> Record:
         **origin_record(layout),
         "ends": ends,
         "directions": directions,
-        "warnings": [*layout.warnings, *result.contradictions, *_mesh_warnings(result)],
+        "warnings": [*layout.warnings, *result.contradictions, *_other_warnings(result)],
         "skipped": list(result.skipped),
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
@@ -348,17 +348,16 @@ def _crushing_record(collapse: Collapse) -> list[Record] | None:
 
 def _mesh_error_record(error: MeshError) -> Record:
     """What the load factor owes to the mesh."""
-    lengths = "hinge_length", "contact_length", "load_factor_point_hinges", "load_factor_hinges"
-    names = (*lengths, "hinge_error", "algebraic_error", "estimate")
+    errors = "hinge_error", "algebraic_error", "estimate"
+    names = ("hinge_length", "load_factor_point_hinges", *errors)
     changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
     return _record(error, *names) | {"state_changes": changes, "unknown": error.unknown or None}
 
 
-def _mesh_warnings(result: Result) -> list[str]:
+def _other_warnings(result: Result) -> list[str]:
     """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
     missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
-    errors = [end.mesh_error for end in result.ends.values() if end.mesh_error is not None]
-    return missed + list(dict.fromkeys(text for error in errors for text in error.warnings))
+    return missed + list(dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed))
 
 
 def _iteration_record(collapse: Collapse) -> Record:

@@ -40,7 +40,6 @@ TOLERANCES: Mapping[str, float] = {
     "bracket": 1e-6,
     # Moment of a joint beyond that of its compressive strength: in units of force times length.
     "crushing": 1e-6,
-    "mode_crushing": 1e-4,
 }
 
 

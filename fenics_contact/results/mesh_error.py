@@ -35,10 +35,6 @@ class MeshError:
         algebraic_error: Error of joints that are closed over a length, relative.
         state_changes: Changes of state on the way to point hinges or to the other degree of the
             displacements: no part of the errors.
-        contact_length: Length of the most loaded hinge for the compressive strength, m; nan
-            without a strength.
-        load_factor_hinges: Load factor for the lengths of hinges by the compressive strength.
-        warnings: Where the compressive strength is exceeded, for people.
         unknown: Why an error is not known, and what to do, for people; empty where all are.
     """
 
@@ -47,9 +43,6 @@ class MeshError:
     hinge_error: float
     algebraic_error: float = math.nan
     state_changes: tuple[StateChange, ...] = ()
-    contact_length: float = math.nan
-    load_factor_hinges: float = math.nan
-    warnings: tuple[str, ...] = ()
     unknown: str = ""
 
     @property

@@ -76,6 +76,7 @@ class Collapse:
             compressive strength.
         torn: Joints that have lost their strengths; None where none may.
         rolling: Where a block has rolled on a curved side, for people; empty where none has.
+        pressed: Where curved joints are pressed beyond their strength, for people, or empty.
         engine: What found it: the loading "path" of elastic blocks, or their "faces".
         gap: Proved distance of the load factor from what the friction forces of its own state
             allow, relative; None where it was not computed.
@@ -103,6 +104,7 @@ class Collapse:
     crushed: tuple[CrushedPlace, ...] | None = None
     torn: Torn | None = None
     rolling: str = ""
+    pressed: str = ""
     engine: str = "path"
     gap: float | None = None
 
@@ -227,7 +229,7 @@ class Collapse:
             at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
             peak=self.peak and self.peak.reversed(),
             torn=_negated(self.torn, "load_factor_whole"),
-            mesh_error=_negated(error, "load_factor_point_hinges", "load_factor_hinges"),
+            mesh_error=_negated(error, "load_factor_point_hinges"),
         )
 
 

@@ -135,7 +135,7 @@ class Material:
         young: Young's modulus, Pa.
         poisson: Poisson's ratio.
         density: kg/m3.
-        compressive_strength: f_c, Pa: hinges have the length N / f_c; None: that of the mesh.
+        compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
     """
 
     young: float
@@ -648,6 +648,7 @@ class Scene(_Shared):
         self._check_materials()
         self._check_dilatancy()
         self._check_bonds()
+        self._check_engine()
         self._check_lost()
         self._check_ties()
         self._check_profile()
@@ -788,23 +789,30 @@ class Scene(_Shared):
     def _check_bonds(self) -> None:
         laws = self._laws()
         bonded = [f"{name}.tensile_strength" for name, law in laws.items() if law.tensile_strength]
-        strengths = [law.compressive_strength for law in laws.values()]
-        crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
         text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
-        require(not (bonded and crushes), f"{text} tensile_strength and compressive_strength")
+        require(not (bonded and self._crushes), f"{text} tensile_strength and compressive_strength")
+
+    @property
+    def _crushes(self) -> bool:
+        """Whether a compressive strength is given."""
+        strengths = [law.compressive_strength for law in self._laws().values()]
+        return any([*strengths, *(one.compressive_strength for one in self.materials.values())])
+
+    def _check_engine(self) -> None:
+        by_path = self.solve.engine == "path" and self._crushes
+        text = "solve.engine = 'path' knows no joints that crush; leave it out, or"
+        require(not by_path, f"{text} compressive_strength")
 
     def _check_lost(self) -> None:
         solve = self.solve
         losing = [f"{name}.opened" for name, law in self._laws().items() if law.loses]
-        strengths = [law.compressive_strength for law in self._laws().values()]
-        crushes = any([*strengths, *(one.compressive_strength for one in self.materials.values())])
         for refused, option in (
             (solve.control == "load", "solve.control = 'load'"),
             (solve.states == "lowest", "solve.states = 'lowest'"),
             (solve.accuracy is not None, "solve.accuracy"),
             (solve.peak is True, "solve.peak = true"),
             (self.output.capacity > 0, "output.capacity"),
-            (crushes, "compressive_strength"),
+            (self._crushes, "compressive_strength"),
         ):
             text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
             require(not (losing and refused), f"{text} it cannot be used with {option}")

@@ -14,7 +14,7 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from tests import bank
-from tests.bank import GRAVITY, STONE, Known, Recipe, block_recipe, coulomb, tresca
+from tests.bank import GRAVITY, STONE, Known, Recipe, block_recipe, coulomb
 
 WIDTH, HEIGHT = 0.4, 1.0
 BLOCK_WEIGHT = STONE.density * GRAVITY * WIDTH * HEIGHT
@@ -65,7 +65,6 @@ def test_directions_of_the_live_load(friction, live, expected):
         bounds = blocks.bounds()
         assert blocks.limit() == bounds.upper == pytest.approx(expected, rel=1e-9)
         assert blocks.stands() and blocks.frictionless.stands() and bounds.lower >= 0.0
-        assert (blocks.associative_pressure() is None) == (expected == np.inf)
 
 
 @pytest.mark.parametrize("held", ["fixed sill", "roller at the back"])
@@ -91,7 +90,7 @@ def test_block_on_a_slope_needs_its_friction(degrees, stands):
         assert not blocks.frictionless.stands()
     off = bank.on_slope(degrees, (0.0, GRAVITY))
     with programs(block(SMOOTH, **off)) as (blocks, _):
-        assert blocks.limit() is None and blocks.associative_pressure() is None
+        assert blocks.limit() is None
 
 
 def test_loads_a_billion_times_the_weight_have_an_answer():
@@ -159,16 +158,3 @@ def test_limit_does_not_depend_on_the_mesh(associative):
             limits.append(blocks.limit() if associative else blocks.collapse(strength)[0])
     assert limits[1:] == pytest.approx([limits[0]] * 3, rel=1e-9)
     assert 0.0 < limits[0] < 1.0
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("law", [coulomb(0.3), coulomb(1.0), tresca(2e3), SMOOTH])
-def test_associative_pressure_of_a_block_balances_it(law):
-    """It acts at the ends of the face, where weight and load have their resultant."""
-    with programs(block(law), 4) as (blocks, made):
-        pressure, x = blocks.associative_pressure(), made.joints.position[:, 0]
-        moment = BLOCK_WEIGHT * 0.5 * (WIDTH + blocks.limit() * HEIGHT)
-    assert np.all(pressure >= 0.0)
-    assert pressure.sum() == pytest.approx(BLOCK_WEIGHT, rel=1e-9)
-    assert pressure @ (x - x.min()) == pytest.approx(moment, rel=1e-7)
-    assert np.all(pressure[(x > x.min() + 1e-9) & (x < x.max() - 1e-9)] == 0.0)

@@ -27,6 +27,7 @@ FLOORS = (
     {"geometry"},
     {"scene"},
     {"discretization"},
+    {"faces"},
     {"results"},
     {"collapse", "output", "console"},
     {"mesh_error"},

@@ -40,7 +40,7 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.linear_program import LinearProgram, least_missing
 from fenics_contact.collapse.rigid_blocks.lower_end import GivenFriction, LeastForces, lower_end
-from fenics_contact.discretization.faces import COLLINEAR, Faces, relative_motions, straight_faces
+from fenics_contact.discretization.faces import Faces, relative_motions, straight_faces
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies
@@ -76,11 +76,10 @@ FIRST_METHOD = "highs-ipm"
 
 @dataclass(frozen=True)
 class _Optimum:
-    """Load factor as `limit` gives it; if finite, rigid motions and pressure of joint points."""
+    """Load factor as `limit` gives it; if finite, rigid motions."""
 
     factor: float | None = None
     motion: Array | None = None
-    pressure: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -186,15 +185,10 @@ class RigidBlocks:
         cls, whole: Layout, sign: float = 1.0, patient: Callable[[], None] = _wait_on
     ) -> RigidBlocks:
         """Those of a structure, with its live load or the reverse of it (sign -1)."""
-        joints = whole.joints
-        bodies = whole.bodies
-        law = joints.point_laws
-        dead = bodies.dead - _resultants(joints, bodies, law.bond, joints.normal)
-        dead -= _resultants(joints, bodies, law.pull, joints.tangent)
-        bodies = replace(bodies, dead=dead, live=sign * bodies.live)
-        model = PlanarFaces.of(whole, sign).model
-        crushes = model if np.any(model.crushing) else None
-        return cls(joints, bodies, whole.scene.comm, None, crushes, patient)
+        planar = PlanarFaces.of(whole, sign)
+        crushes = planar.model if np.any(planar.model.crushing) else None
+        comm = whole.scene.comm
+        return cls(planar.joints, planar.bodies, comm, planar.faces, crushes, patient)
 
     def __init__(
         self,
@@ -330,34 +324,12 @@ class RigidBlocks:
         found = self._on_root(lambda: self._largest(replace(program, faces=faces)))
         return found.factor, found.motion
 
-    def associative_pressure(self) -> Array | None:
-        """Normal forces of the associative limit state at all joint points, N/m, on all ranks.
-
-        They act at the ends of straight faces; None unless the load factor is finite.
-        """
-        return self.associative_collapse()[0]
-
-    def associative_collapse(self) -> tuple[Array | None, Array | None]:
-        """These forces, and the rigid motions as `collapse` gives them."""
-        found = self._on_root(lambda: self._optimum)
-        return found.pressure, found.motion
-
-    def turning(self, motion: Array) -> npt.NDArray[np.bool_]:
-        """Joint points at which the two sides turn against each other in rigid motions."""
-        rotation = np.append(motion[:, 2], 0.0)  # the last one: rigid ground
-        relative = np.abs(np.diff(rotation[self._joints.bodies], axis=1)).ravel()
-        return np.asarray(relative > COLLINEAR * relative.max(initial=0.0))
-
     def bounds(self) -> LimitBounds:
         """The bracket, its lower end as in `lower_end` where that is better than no friction.
 
         Solved on rank 0, once, when it is first asked for; collective, as all that is solved here.
         """
         return self._on_root(lambda: self._bounds)
-
-    def proved_lower(self) -> float | None:
-        """The lower end of `bounds`, on all ranks."""
-        return self._on_root(lambda: self._bounds.lower)
 
     def classical_bounds(self) -> LimitBounds:
         """Drucker's bounds, without friction and with associative friction; else as `bounds`.
@@ -592,8 +564,7 @@ class RigidBlocks:
                 multipliers = answer.eqlin.marginals
                 work = float(program.load(program.bodies.live) @ multipliers)
                 motion = program.motions(multipliers) / work if work else None
-                pressure = program.point_forces(answer.x[1:] * self._force)[0]
-                return _Optimum(factor, motion, pressure)
+                return _Optimum(factor, motion)
         if least_missing(largest)[0] > OPTIONS.rounding:
             return _Optimum(None)
         if self._wedging(program) is not None:
@@ -622,12 +593,3 @@ class RigidBlocks:
         if failure is not None:
             raise failure
         return answer
-
-
-def _resultants(joints: Joints, bodies: RigidBodies, force: Array, along: Array) -> Array:
-    """Resultants on the bodies of forces along directions at joint points, shape (bodies, 3)."""
-    if not np.any(force):
-        return np.zeros((len(bodies.centre), 3))
-    moved = relative_motions(joints, bodies, np.arange(len(force)), along)
-    loaded = (moved.T @ force).reshape(-1, 3)
-    return np.asarray(np.einsum("bmk,bk->bm", bodies.free, loaded))

@@ -50,7 +50,6 @@ RESIDUALS: Mapping[str, tuple[str, str]] = {
     ),
     "bracket": ("bracket", "The load factor lies in its bracket."),
     "crushing": ("compressive strength", "No joint carries more than its strength."),
-    "mode_crushing": ("crushing joints", "Joints crush only where they are at their strength."),
 }
 
 KEYS: Mapping[str, str] = {
