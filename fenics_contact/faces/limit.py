@@ -99,7 +99,7 @@ class FaceSearch:
         self,
         model: FaceModel,
         asked: float,
-        effort: int = 300,
+        effort: int = 600,
         check_stop: Callable[[], None] = lambda: None,
         options: LimitOptions = OPTIONS,
     ) -> None:
