@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, joint_values
+from fenics_contact.collapse.reasons import missed
 from fenics_contact.discretization.crushing import CrushedPlace
 from fenics_contact.errors import Stopped
 from fenics_contact.faces.certificate import FaceState
@@ -124,17 +125,20 @@ def _collapse(case: LoadCase, faces: PlanarFaces, found: _Found, asked: float) -
 
 
 def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: float) -> Collapse:
-    """A certified state as a collapse of the structure. Collective."""
+    """A certified state as a collapse of the structure, if its blocks have strains. Collective."""
     strained = strained_state(case, faces, state.force, state.load_factor)
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
+    certificate = certified(case, faces, state, strained, mode, asked)
+    misses = f"with the forces of the search on joint faces the blocks miss {missed(certificate)}"
     return Collapse(
-        "limit",
+        "limit" if certificate.passed else "not_converged",
         state.load_factor,
         case.blocks.bounds,
         strained,
         mode,
         joint_values(case.problem, case.discretization, strained, mode),
-        certified(case, faces, state, strained, mode, asked),
+        certificate,
+        reason="" if certificate.passed else misses,
         crushed=_crushed(case, faces, state.force),
         engine="faces",
         gap=state.gap,

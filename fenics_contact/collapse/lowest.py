@@ -70,11 +70,10 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     others = [CollapseState(name, "limit", one.load_factor, gap=one.gap) for name, one in states]
     known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
     if lower and every:
-        asked = SEARCHES.allowed * SEARCHES.gap
+        collapse = collapse_of(case, faces, best, SEARCHES.allowed * SEARCHES.gap)
         peak = Peak("not_known", reason=NO_PATH)
-        found_by = end
-        end = collapse_of(case, faces, best, asked)
-        end = replace(end, attempts=found_by.attempts, trace=found_by.trace, peak=peak)
+        if collapse.status == "limit":
+            end = replace(collapse, attempts=end.attempts, trace=end.trace, peak=peak)
     return replace(end, lowest=told, states=known)
 
 

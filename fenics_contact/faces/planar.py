@@ -69,7 +69,7 @@ class PlanarFaces:
         length = np.linalg.norm(np.diff(joints.position[faces.ends], axis=1)[:, 0], axis=1)
         crushing = _strengths(layout, faces, length)
         crushes = np.isfinite(crushing)
-        safe = np.where(crushes, crushing * length, 1.0)
+        safe = np.where(crushes, crushing, 1.0) * np.where(crushes, length, 1.0)
         dead, live = (
             np.einsum("bmk,bm->bk", bodies.free, load).ravel()[used]
             for load in (bodies.dead, bodies.live)

@@ -77,20 +77,6 @@ def test_a_path_without_an_end_answers_to_the_tolerance(wall, monkeypatch):
         attempts.to_end(replace(task, tolerance=1e-12), start, 1.0)
 
 
-@pytest.mark.parametrize("friction", [3.0, 10.0])
-def test_high_friction_is_reached_through_lower_friction(friction):
-    """Nearly open joints that slide turn paths back; the bound that follows has no path."""
-    with load_case(wall_recipe("W1", coulomb(friction)).scene(2)) as case:
-        state = attempts.through_lower_friction(task_of(case))[0].state
-        assert max(misses(case, state).values()) < 1e-5
-        assert 0.0 < state.load_factor <= case.blocks.limit()
-
-
-def test_low_friction_needs_no_lower_one(wall):
-    with pytest.raises(SolverError, match="no friction is above 1"):
-        attempts.through_lower_friction(task_of(wall))
-
-
 def test_states_from_others(wall):
     """At more work, from one at less; and next to another one in a direction."""
     task, (less, last) = task_of(wall), (solved(wall, part * FAR).state for part in (0.8, 0.9))

@@ -137,7 +137,9 @@ class _Program:
         strength = self.faces.law.strength / unit
         most: list[float | None] = [None] * (len(ends) + len(rough))
         if self.carried is not None:
-            carried = np.tile(np.where(self.carried < np.inf, self.carried / unit, -1.0), 2)
+            crushes = self.carried < np.inf
+            carried = np.tile(np.where(crushes, 0.0, -1.0), 2)
+            carried[np.tile(crushes, 2)] = np.tile(self.carried[crushes] / unit, 2)
             most = [one if one >= 0.0 else None for one in [*carried, *carried[rough]]]
         return [(0.0, one) for one in most] + [*zip(-strength, strength, strict=True)]
 
