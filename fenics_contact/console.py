@@ -18,6 +18,7 @@ from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.mesh_error import MeshError, Pass
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.plan import skipped
+from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS, WITHOUT_PATH
 from fenics_contact.results.result import Collapse, Result
 from fenics_contact.results.tie_values import TieState
 from fenics_contact.scene.scene import JointLaw, Tie
@@ -181,6 +182,7 @@ def summary(result: Result) -> str:
         lines += tension_lines(tie_arrays(result.layout, end.joints), units)
         if direction in result.seismic:
             lines.append(seismic_line(vars(result.seismic[direction]), units))
+    lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
     if result.inaccurate:
@@ -218,9 +220,10 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         first += "; no other collapse state exists"
     return [
         first,
+        *filter(None, [end.proof]),
         f"verified{' as drawn, but blocks roll' if end.rolling else ''}: equilibrium"
-        f" {equilibrium:.0e}, friction {friction:.0e}, gap"
-        f" {certificate.error_estimate:.0e} to the limit load for the friction of this state",
+        f" {equilibrium:.0e}, friction {friction:.0e}, gap {certificate.gap:.0e} to the limit load"
+        " for the friction of this state",
         *_crushing_lines(end, units),
         *_torn_lines(end, units),
         *_peak_lines(end),
@@ -245,11 +248,9 @@ def _known_bracket(end: Collapse) -> list[str]:
 def _peak_lines(end: Collapse) -> list[str]:
     """The most that the path to a collapse carries."""
     peak = end.peak
-    if peak is None:
+    if peak is None or end.proof:
         return []
     if peak.status == "none":
-        if end.lowest is not None and end.lowest.status == "lower":
-            return ["peak: no state was found that carries more than this collapse"]
         return ["peak: none found, the load factor rises to that of the collapse"]
     if peak.status == "not_known":
         return [f"peak: not known, {peak.reason}"]
@@ -293,23 +294,22 @@ def _lowest_lines(end: Collapse) -> list[str]:
     lowest = end.lowest
     if lowest is None:
         return []
-    if lowest.status == "lower" and lowest.load_factor == end.load_factor:
-        return [
-            "lower state: this is the lowest one found, with some self-stress in the blocks;"
-            " blocks that are loaded from rest need not reach it"
-        ]
-    if lowest.status == "lower":
-        return [
-            f"lower state: with some self-stress in the blocks there is one at"
-            f" {lowest.load_factor:.6g}, with a proved gap of {lowest.gap or 0.0:.0e}; blocks that"
-            " are loaded from rest need not reach it"
-        ]
     if lowest.status == "not_known":
         return [f"lower state: not known, {lowest.reason}"]
-    if lowest.starts == 0 or end.bounds.meet:
+    if end.bounds.meet:
         return ["lower state: none, as the bracket proves"]
+    factors = [state.load_factor for state in end.states]
+    several = f"; states were found from {min(factors):.6g} to {max(factors):.6g}"
+    others = several if len(factors) > 1 else ""
+    if end.is_lowest:
+        return [f"lower state: none found below the one reported{others}"]
+    if lowest.status == "lower":
+        return [
+            f"lower state: the lowest one found, {SELF_STRESS}, is at {lowest.load_factor:.6g} with"
+            f" a gap of {lowest.gap or 0.0:.0e}; {NOT_FROM_REST}{others}"
+        ]
     plural = "es" * (lowest.starts != 1)
-    return [f"lower state: none found by {lowest.starts} search{plural}, which is no proof"]
+    return [f"lower state: none found by {lowest.starts} search{plural}, which is no proof{others}"]
 
 
 def _pass_line(one: Pass) -> str:
@@ -325,7 +325,7 @@ def _pass_line(one: Pass) -> str:
 def _mesh_lines(end: Collapse) -> list[str]:
     """What a load factor owes to the mesh, and other states that a finer one leads to."""
     error = end.mesh_error
-    if error is None:
+    if error is None or end.proof:
         return []
     if np.isnan(error.load_factor_point_hinges):
         lines = ["mesh: what the length of hinges does to the load factor is not known"]

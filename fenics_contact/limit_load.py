@@ -55,7 +55,7 @@ from fenics_contact.output.files import write_result
 from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
-from fenics_contact.output.view import UNVERIFIED, View, view_of
+from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.bounds import LimitBounds, rounded
 from fenics_contact.results.history import CapacityPoint, Peak, Step, TracePoint
 from fenics_contact.results.mechanism import mechanism
@@ -118,7 +118,8 @@ class LimitLoad(Result, ForForms, Pictured):
         """The result with its capacity curve, hundreds of factorisations. Collective.
 
         It is none of `limit_load`; `write` does so where the scene asks for a curve. It counts
-        for `solve.time` like the solve before.
+        for `solve.time` like the solve before. Where the loading path was not followed to the
+        collapse there is none, as `skipped` says.
 
         Args:
             monitor: Told of every point.
@@ -130,7 +131,7 @@ class LimitLoad(Result, ForForms, Pictured):
             raise InputError(f"points = {points} must lie in 0 ... {MOST_POINTS}")
         direction, end = next(iter(self.ends.items()), ("", None))
         points = points or self.scene.output.capacity or CURVE
-        if end is None or end.status != "limit":
+        if end is None or end.status != "limit" or NO_CURVE in self.skipped:
             return self
         if end.torn is not None:
             raise InputError("joints with opened = 'lost' have no capacity curve")
@@ -189,7 +190,7 @@ class LimitLoad(Result, ForForms, Pictured):
             raise SolverError(f"there is no collapse to draw: the status is '{self.status}'")
         sign = -1.0 if self.positive is None else 1.0
         view = view_of(self.layout, end.mode, end.joints, sign)
-        return view if self.status == "limit" else replace(view, caption=UNVERIFIED)
+        return replace(view, caption=caption_of(self.status, end.engine))
 
     @checked
     def write(self, folder: str | Path, hurry: Callable[[], bool] = lambda: False) -> None:

@@ -142,6 +142,7 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         crushed=_crushed(case, faces, state.force),
         engine="faces",
         gap=state.gap,
+        asked=asked,
     )
 
 
@@ -199,9 +200,9 @@ def certified(
         "mode_penetration": problem.max(_closing(case, faces, mode)) / largest,
         "limit": abs(state.gap),
     }
-    gap = abs(state.gap) * size
-    kinematic, allowed = state.upper, max(asked, LIMIT.limit)
-    return Certificate(residuals, gap, None, kinematic, state.load_factor, size, allowed)
+    allowed = max(asked, LIMIT.limit)
+    # The gap is no estimate of an error.
+    return Certificate(residuals, np.nan, None, state.upper, state.load_factor, size, allowed)
 
 
 def _crushed(case: LoadCase, faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...] | None:

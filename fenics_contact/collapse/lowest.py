@@ -24,7 +24,8 @@ from fenics_contact.results.result import Collapse
 #: A state is lower by this part of the load factor's size at least.
 LOWER = 2e-3
 #: Why nothing is known.
-NO_STATE = "the search found no state; solve.states = 'lowest' tries more starts"
+NO_STATE = "the search found no state"
+MORE = f"{NO_STATE}; solve.states = 'lowest' tries more starts"
 TEARS = "in other states other joints tear"
 DEAD_LOAD = "the dead load drives the collapse"
 BY_LOAD = "lower states are not looked for where the load is raised step by step"
@@ -57,7 +58,8 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     faces = PlanarFaces.of(case.discretization, case.sign)
     found = case.problem.comm.bcast(_searched(case, faces, names))
     if found.stopped or not found.states:
-        return replace(end, lowest=Lowest("not_known", reason=found.stopped or NO_STATE))
+        reason = found.stopped or (NO_STATE if every else MORE)
+        return replace(end, lowest=Lowest("not_known", reason=reason))
     states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
     best = states[0][1]
     lower = best.load_factor < end.load_factor - LOWER * end.size
@@ -67,7 +69,7 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
         len(states),
         gap=best.gap if lower else end.as_state.gap,
     )
-    others = [CollapseState(name, "limit", one.load_factor, gap=one.gap) for name, one in states]
+    others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
     known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
     if lower and every:
         collapse = collapse_of(case, faces, best, SEARCHES.allowed * SEARCHES.gap)

@@ -200,13 +200,14 @@ def write_joints(
     values: JointValues,
     displacement: Array,
     mode: Array | None,
+    about: str = "",
 ) -> None:
     """Write the joints as lines, an XML file of VTK, on rank 0. Collective.
 
     By point: "pressure" and "shear" in Pa, "gap" and "slip" in m, "displacement" (mean of both
     sides) and "collapse_mode", which moves the lines with the blocks; it and the rates are scaled
     by "mode_scale"; without a mode they are left out. By line: "state" 0 open, 1 slip, 2 stick;
-    "group" and "friction" of its law.
+    "group" and "friction" of its law. A comment has what there is to say `about` the state.
 
     Raises:
         OutputError: On all ranks, with the reason, if the file cannot be written.
@@ -231,7 +232,7 @@ def write_joints(
     cells = {"connectivity": joints.segments.ravel(), "offsets": 2 * np.arange(1, len(first) + 1)}
     cells["types"] = np.full(len(first), VTK_LINE, dtype=np.uint8)
     file = Element("VTKFile", type="UnstructuredGrid", version="0.1", byte_order="LittleEndian")
-    file.append(Comment(_numbers_in_words(joints)))
+    file.append(Comment(f" {about};" * bool(about) + _numbers_in_words(joints)))
     grid = SubElement(file, "UnstructuredGrid")
     _add_arrays(grid, "FieldData", numbers)
     sizes = {"NumberOfPoints": str(len(joints.position)), "NumberOfCells": str(len(first))}

@@ -18,11 +18,11 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.motion import motion_record
-from fenics_contact.output.plotting import draw_forces, draw_mode, save_capacity
+from fenics_contact.output.plotting import save_capacity
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
-from fenics_contact.output.report.words import DRAWN_STATES, MOTION
+from fenics_contact.output.report.words import MOTION
 from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.state_files import (
     draw_blocks,
@@ -31,7 +31,7 @@ from fenics_contact.output.state_files import (
     picture_paths,
     short_title,
 )
-from fenics_contact.output.view import UNVERIFIED, View, view_of
+from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Lowest, Peak
 from fenics_contact.results.mechanism import mechanism
@@ -164,12 +164,10 @@ def _draw_collapse(result: Result, direction: str, folder: Path, lost: list[str]
     if end.state is None or end.mode is None or end.joints is None:
         return None
     view = view_of(layout, end.mode, end.joints, sign)
-    view = view if end.status == "limit" else replace(view, caption=UNVERIFIED)
+    view = replace(view, caption=caption_of(end.status, end.engine))
     elastic = layout.with_imposed(end.state).elastic
     with going_on(lost):
         draw_state(layout, view, elastic, _title(end, reversal), first)
-    with going_on(lost):
-        _draw_other_states(result, end, sign, first)
     return view
 
 
@@ -183,28 +181,14 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
     path = folder / f"blocks{suffix}.pvd"
     write_blocks(path, layout, state.displacement, state.elastic, end.mode)
     path = folder / f"joints{suffix}.vtu"
-    write_joints(path, layout, end.joints, state.displacement, end.mode)
-
-
-def _draw_other_states(result: Result, end: Collapse, sign: float, first: Path) -> None:
-    """Mode and forces of the collapse states that are not reported, by number from 2. Collective.
-
-    `first` is the picture of the one that is, without its ending.
-    """
-    for number, state in enumerate(end.states[1:DRAWN_STATES], start=2):
-        if state.mode is None or state.joints is None:
-            continue
-        view = view_of(result.layout, state.mode, state.joints, sign)
-        factor = rounded_alike([state.load_factor])[0]
-        title = f"another collapse state, load factor {factor}"
-        name = first.name.replace("collapse", f"collapse_state_{number}")
-        pictures = {first.with_name(name): [draw_mode, draw_forces]}
-        draw_pictures(result.scene, view, title, pictures)
+    write_joints(path, layout, end.joints, state.displacement, end.mode, end.proof)
 
 
 def _title(end: Collapse, reversal: str) -> str:
     """Status and load factor of a collapse and its bracket, rounded alike."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
+    status += "lowest state found, " if end.is_lowest else ""
+    reversal += f", gap {end.gap:.0e}" if end.gap is not None else ""
     factor = end.load_factor
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
     return f"{status}load factor {rounded_alike([factor])[0]}{reversal} ({bounds})"
@@ -228,6 +212,8 @@ def result_record(result: Result) -> Record:
         "falling_blocks": result.falling.tolist(),
         "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),
         "method": None,
+        "engine": None,
+        "gap": None,
         "error_estimate": None,
         "residuals": None,
         "discretization": None,
@@ -267,6 +253,10 @@ def _end_record(result: Result, end: Collapse) -> Record:
     return {
         "status": end.status,
         "load_factor": end.load_factor,
+        "engine": end.engine,
+        "gap": end.as_state.gap,
+        "proof": end.proof or None,
+        "is_lowest": end.is_lowest,
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "rolling": end.rolling or None,

@@ -177,7 +177,7 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
     label = f"larger compressive principal stress ({unit})\n{crosses}"
     axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
-    axes.set_title(f"principal stresses {view.caption.state}", fontsize=10)
+    axes.set_title(f"principal stresses {view.caption.stress or view.caption.state}", fontsize=10)
     return axes
 
 

@@ -50,14 +50,23 @@ class Caption:
     Attributes:
         motion: What the motion of the blocks is; "{}" stands for its scale.
         state: To which state the joint forces belong.
+        stress: To which state the stresses belong, where more is to be said of it.
     """
 
     motion: str
     state: str
+    stress: str = ""
 
 
 COLLAPSE = Caption("collapse mode", "at collapse")
 UNVERIFIED = Caption("motion, not verified", "of a state that is not verified")
+BY_FACES = Caption("collapse mode", "of the certified state", "under the certified joint forces")
+
+
+def caption_of(status: str, engine: str) -> Caption:
+    """Of a collapse with this status, found by this engine."""
+    verified = BY_FACES if engine == "faces" else COLLAPSE
+    return verified if status == "limit" else UNVERIFIED
 
 
 @dataclass(frozen=True)

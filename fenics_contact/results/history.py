@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
@@ -188,8 +187,6 @@ class CollapseState:
     start: str  # the searches that led to it
     status: str
     load_factor: float
-    mode: Array | None = field(default=None, repr=False, compare=False)
-    joints: JointValues | None = field(default=None, repr=False, compare=False)
     gap: float | None = None
 
 
@@ -215,7 +212,7 @@ class Lowest:
         status: "lower" if one is below the collapse that is reported, "none" if there is none
             below it, "not_known".
         load_factor: Of the lowest verified one; nan if not known.
-        starts: Number of searches that ended in a state; 0 where the bracket proves "none".
+        starts: Number of searches that ended in a state.
         reason: Why it is not known, for people.
         gap: Its proved gap, relative; None where it was not computed.
     """

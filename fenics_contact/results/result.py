@@ -37,6 +37,7 @@ from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mesh_error import MeshError, Pass
 from fenics_contact.results.moving_blocks import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
+from fenics_contact.results.proof import proof
 from fenics_contact.results.seismic import SeismicCheck
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
@@ -79,7 +80,8 @@ class Collapse:
         pressed: Where curved joints are pressed beyond their strength, for people, or empty.
         engine: What found it: the loading "path" of elastic blocks, or their "faces".
         gap: Proved distance of the load factor from what the friction forces of its own state
-            allow, relative; None where it was not computed.
+            allow, relative; None where the path's certificate has it: see `as_state`.
+        asked: Largest gap that was asked for.
     """
 
     status: str
@@ -107,6 +109,7 @@ class Collapse:
     pressed: str = ""
     engine: str = "path"
     gap: float | None = None
+    asked: float = math.inf
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"
@@ -122,9 +125,21 @@ class Collapse:
         gap = self.gap
         if gap is None and self.certificate is not None:
             gap = self.certificate.residuals.get("limit")
-        return CollapseState(
-            self.engine, self.status, self.load_factor, self.mode, self.joints, gap
-        )
+        return CollapseState(self.engine, self.status, self.load_factor, gap)
+
+    @property
+    def is_lowest(self) -> bool:
+        """Whether it was searched for as the lowest state, in which self-stress is free."""
+        told = None if self.lowest is None else (self.lowest.status, self.lowest.load_factor)
+        return told == ("lower", self.load_factor)
+
+    @property
+    def proof(self) -> str:
+        """What is proved of a load factor by the forces of joint faces, in words; else empty."""
+        if self.gap is None or self.certificate is None:
+            return ""
+        limit = self.certificate.kinematic_factor
+        return proof(self.load_factor, limit, self.crushed is not None, self.is_lowest)
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -165,9 +180,11 @@ class Collapse:
 
     @property
     def contradiction(self) -> str:
-        """What is to be thought of a load factor outside its bracket, or of blocks that roll."""
+        """Of a load factor: outside its bracket, with blocks that roll, with a large gap."""
         if self.in_bracket:
-            return self.rolling
+            wide = f"the gap is {self.gap}, above the {self.asked:g} asked for (solve.gap)"
+            large = wide if (self.gap or 0.0) > self.asked else ""
+            return "; ".join(filter(None, [self.rolling, large]))
         outside = f"the load factor {self.load_factor:.6g} is outside its bracket ({self.bounds})"
         return f"{outside}: one of them is wrong, do not rely on it"
 

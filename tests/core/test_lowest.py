@@ -11,6 +11,7 @@ from fenics_contact import BlockMesh, Load, Material, Scene, SolveOptions, limit
 from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
+from fenics_contact.output.report.answer import answer
 from tests.bank import BANK, PUSH, WEIGHT, block_recipe, coulomb, wall_recipe
 
 #: Rubble of five stones, corners in m. It has two collapse states, on every mesh tried.
@@ -57,7 +58,7 @@ def test_a_lower_state_is_told_with_its_gap():
     assert [state.status for state in end.states] == ["limit", "limit"]
     assert end.states[0].load_factor == end.load_factor
     assert end.states[1].load_factor == end.lowest.load_factor
-    assert "with some self-stress in the blocks there is one at 0.30" in summary(result)
+    assert "with any self-stress in the blocks, is at 0.30" in summary(result)
     record = result_record(result)
     assert record["lowest"]["load_factor"] == end.lowest.load_factor
     assert [state["gap"] for state in record["states"]][1] == end.lowest.gap
@@ -79,6 +80,15 @@ def test_the_lowest_is_the_load_factor_where_it_is_asked_for():
     assert end.load_factor == end.lowest.load_factor == pytest.approx(LOW, rel=NEAR)
     assert end.lowest.starts >= 2 and end.gap == end.lowest.gap
     assert end.states[0].load_factor == pytest.approx(HIGH, rel=1e-5)
+
+
+def test_the_lowest_state_does_not_collapse_at_its_load_factor():
+    result = limit_load(stones(states="lowest"))
+    record = result_record(result)
+    for text in (summary(result), answer(record), record["ends"]["positive"]["proof"]):
+        assert "lowest collapse state found, with any self-stress in the blocks, is at" in text
+        assert "ollapses at" not in text and "structure stands" not in text
+    assert "none found below the one reported; states were found from 0.30" in summary(result)
 
 
 def test_one_state_is_listed_once():

@@ -118,6 +118,10 @@ VALUES = {
     "control": value("solve.control", "speed", "'speed'", "load"),
     "slip": value("solve.slip", "zero", "'zero'", "load-steps"),
     "slip by steps under work control": value("solve.slip", "load-steps", "control"),
+    "path where joints crush": Wrong(
+        ("solve.engine", "compressive_strength"),
+        {"solve.engine": "path", "materials.default.compressive_strength": 1e6},
+    ),
     "states": value("solve.states", "all", "'all'", "lowest"),
     "lowest state under load control": Wrong(
         ("solve.states", "control"), {"solve.states": "lowest", "solve.control": "load"}

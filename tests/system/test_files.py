@@ -163,7 +163,7 @@ def test_result_says_how_it_came_about(solved):
     for what in ("dead tractions", "live tractions", "negative direction", "capacity curve"):
         assert sum(what in item for item in record["skipped"]) == 1
     assert all(map(math.isfinite, numbers(record)))
-    assert not {"states", "continuation", "negative"} & record.keys()  # not asked for
+    assert not {"continuation", "negative"} & record.keys()  # not asked for
 
 
 def test_nothing_else_is_written(solved):
@@ -525,17 +525,82 @@ def test_ends_and_states_found_are_listed(direction, tmp_path, capsys):
         if direction in ("both", "positive" if sign > 0.0 else "negative"):
             exact = pytest.approx(sign * FRICTION, rel=1e-5)
             (state,) = end["states"]  # one state, however many searches lead to it
-            assert state == {"start": state["start"], "status": "limit", "load_factor": exact}
+            told = {"load_factor": exact, "gap": pytest.approx(0.0, abs=1e-3)}
+            assert state == {"start": state["start"], "status": "limit", **told}
             starts = state["start"].split("; ")
-            assert len(starts) == len(set(starts)) == end["lowest"]["starts"] >= 5
-            assert starts[0] == "path" and "fixed point from the dead load" in starts
-            told = {"status": "none", "load_factor": exact, "starts": len(starts), "reason": None}
+            assert len(starts) == len(set(starts)) == end["lowest"]["starts"] + 1 >= 3
+            assert starts[0] == "path" and "little friction" in starts
+            told |= {"status": "none", "starts": len(starts) - 1, "reason": None}
             assert end["lowest"] == told
             assert record[name] == end["iterations"]["history"][-1]["load_factor"] == exact
             assert end["bounds"]["lower"] <= record[name] + 1e-6
             assert record[name] <= end["bounds"]["upper"] + 1e-6
         else:
             assert record[name] is None
+
+
+# ---- load factors by the forces of joint faces
+
+
+#: (b - N / f_c) / h of the block of 1 m x 0.5 m, f_c = 0.1 MPa.
+CRUSHED = (1.0 - 4905.0 / 1e5) / 0.5
+CRUSHES = {
+    "materials.default.compressive_strength": 1e5,
+    "joints.default.friction": 2.0,
+    "foundations.base.friction": 2.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "exact"), [({"solve.engine": "faces"}, FRICTION), (CRUSHES, CRUSHED)], ids=str
+)
+def test_what_faces_prove_is_in_the_record(changes, exact, tmp_path, capsys):
+    record = solve_here(tmp_path, capsys, changes | {"solve.direction": "both"})
+    assert record["directions"].keys() == record["ends"].keys() == {"positive", "negative"}
+    for name, end in record["directions"].items():
+        sign = -1.0 if name == "negative" else 1.0
+        assert end["engine"] == "faces" and 0.0 <= end["gap"] <= 1e-3
+        assert sign * end["load_factor"] == pytest.approx(exact, rel=1e-3)
+        assert sign * end["kinematic_factor"] >= sign * end["load_factor"] * (1.0 - 1e-12)
+        assert end["error_estimate"] is None and end["discretization"]["estimate"] == 0.0
+        assert end["peak"]["status"] == "not_known"
+        assert end["proof"].startswith("collapses at ") and not end["is_lowest"]
+        assert all(state["gap"] <= 1e-3 for state in end["states"])
+        told = {key: end[key] for key in ("engine", "gap", "proof", "is_lowest")}
+        assert told.items() <= record["ends"][name].items()
+    assert (record["engine"], record["gap"]) == ("faces", record["ends"]["positive"]["gap"])
+
+
+def test_the_gap_of_the_path_is_that_of_its_certificate(tmp_path, capsys):
+    record = solve_here(tmp_path, capsys, {})
+    assert (record["engine"], record["gap"]) == ("path", record["residuals"]["limit"])
+    assert record["ends"]["positive"]["proof"] is None
+
+
+def test_the_console_says_what_faces_prove(tmp_path, capsys):
+    scene = write_scene(tmp_path, CRUSHES | {"output.capacity": 4, "solve.direction": "both"})
+    found = run_here(["solve", scene], capsys)
+    assert (found.code, found.err) == (0, "")
+    lines = found.out.splitlines()
+    proofs = [line for line in lines if line.startswith("collapses at ")]
+    assert len(proofs) == 2
+    assert "an equilibrium inside the friction cone and the compressive strengths" in proofs[0]
+    for line in proofs:
+        here, end = (float(line.split(word)[1].split(":")[0]) for word in ("collapses at", "than"))
+        assert abs(here) == pytest.approx(CRUSHED, rel=1e-3) and abs(end) >= abs(here)
+    for once in ("rigid blocks with elastic faces", "capacity curve: no loading path leads to"):
+        assert sum(once in line for line in lines) == 1
+    assert not any(line.startswith(("peak:", "mesh:")) for line in lines)
+    assert "accuracy" not in found.out and "solve.peak" not in found.out
+    assert "capacity.csv" not in files(tmp_path / "scene")
+    assert any("capacity curve" in item for item in result(tmp_path / "scene")["skipped"])
+
+
+def test_the_joints_file_says_of_which_state_it_is(tmp_path, capsys):
+    scene = write_scene(tmp_path, {"solve.engine": "faces", "output.pictures": False})
+    assert run_here(["solve", scene, "-q"], capsys).code == 0
+    text = (tmp_path / "scene" / "joints.vtu").read_text()
+    assert f"<!-- {result(tmp_path / 'scene')['ends']['positive']['proof']}; state: " in text
 
 
 # ---- capacity curve

@@ -415,6 +415,31 @@ def test_strengths_that_crush_and_ties_have_their_numbers_and_units(folder, caps
     assert ["bar", "tension at which it yields", "0.09 kN"] in page.cells
 
 
+CRUSHES = {
+    "materials.default.compressive_strength": 1e5,
+    "joints.default.friction": 2.0,
+    "foundations.base.friction": 2.0,
+    "output.capacity": 4,
+}
+
+
+@pytest.mark.parametrize("changes", [{"solve.engine": "faces"}, CRUSHES], ids=["faces", "crushing"])
+def test_what_is_proved_by_the_forces_of_faces(changes, folder, capsys):
+    page, record = solved(folder, capsys, changes, "block")
+    (end,) = record["ends"].values()
+    assert f"{end['proof'][1:]}." in page.text and "Collapses at" in page.text
+    cone = "the friction cone" + " and the compressive strengths" * (changes is CRUSHES)
+    assert f"there is an equilibrium inside {cone} at" in page.text
+    assert page.row("model")[0].startswith("rigid blocks with elastic faces: no error by a mesh")
+    assert ["error by the mesh", "not estimated"] not in page.cells
+    assert "carried on the way" not in page.text and "accuracy: " not in page.text
+    (stress,) = (words for words in page.pictures if words.startswith("Principal stresses"))
+    assert "under the joint forces of the state" in stress
+    asked = "capacity curve: no loading path leads to a limit load by the forces of joint faces"
+    assert (asked in page.text) == ("output.capacity" in changes)
+    assert not any(words.startswith("Capacity") for words in page.pictures)
+
+
 def test_what_rounding_leaves_of_a_resultant_is_0(folder, capsys):
     live = {
         "loads.live.body": [0.0, 0.0],

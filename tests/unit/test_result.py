@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,6 +67,41 @@ def test_load_factors_of_the_reversed_load():
     assert end.path.steps == (LoadStep(-0.25, 1e-3, 2.0),)
     assert end.states == (CollapseState("dead load", "limit", -0.5),)
     assert end.lowest == Lowest("lower", -0.25, 1)
+
+
+def by_faces(load_factor: float, limit: float, **known: Any) -> Collapse:
+    """A collapse by the forces of joint faces, which allow a load factor `limit`."""
+    certificate = Certificate({"limit": 1e-3}, math.nan, kinematic_factor=limit)
+    end = replace(collapse(), load_factor=load_factor, certificate=certificate, lowest=None)
+    return replace(end, engine="faces", gap=1e-3, **known)
+
+
+@pytest.mark.parametrize(
+    ("load_factor", "limit", "told"),
+    [
+        (0.347, 0.34726, ("0.3470", "more than 0.3473")),
+        (0.34704, 0.34731, ("0.3470", "more than 0.3474")),
+        (-0.347, -0.34726, ("-0.3470", "more than -0.3473")),
+        (12.3, 12.3000000001, ("12.300000", "more than 12.300001")),
+        (0.3, 0.3, ("0.30000000", "more than 0.30000000")),
+        (0.3, 0.2951, ("0.3000", "less than 0.2951")),
+        (0.0, 1e-3, ("0", "more than 0.001")),
+    ],
+)
+def test_what_faces_prove_in_words(load_factor, limit, told):
+    here, end = told
+    text = by_faces(load_factor, limit).proof
+    assert text == (
+        f"collapses at {here}: there is an equilibrium inside the friction cone at {here}, and with"
+        f" its friction forces nothing carries {end}"
+    )
+    assert collapse().proof == ""
+
+
+def test_a_gap_above_the_one_asked_for_is_warned_of():
+    wide = by_faces(0.3, 0.301, asked=1e-4).contradiction
+    assert "the gap is 0.001, above the 0.0001 asked for (solve.gap)" in wide
+    assert by_faces(0.3, 0.301, asked=1e-3).contradiction == ""
 
 
 @pytest.mark.parametrize(

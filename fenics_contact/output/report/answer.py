@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
 from fenics_contact.output.report.words import PICTURES, STATUS, STATUS_OF_ONE, direction_words
+from fenics_contact.results.proof import SELF_STRESS
 from fenics_contact.scene.units import PER_METRE, Units
 
 #: Acceleration that is written as 1 g, m/s2.
@@ -58,6 +59,8 @@ def first_page(content: Content) -> Iterator[str]:
     yield paragraph(_labels(content), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
     yield paragraph(*_verdict(record))
+    proofs = [end.get("proof") for end in record["ends"].values()]
+    yield from (paragraph(f"{text[0].upper()}{text[1:]}.") for text in proofs if text)
     rows = list(_assumptions(record, content.units))
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"]
@@ -112,6 +115,9 @@ def answer(record: Record) -> str:
     lost: list[str] = []
     for direction, end in record["ends"].items():
         part = _stands(end, direction, acceleration)
+        if part and end.get("is_lowest"):
+            lost.append(f"The lowest collapse state found, {SELF_STRESS}, is at {part}.")
+            continue
         beyond = None if _tears(record) else _beyond(end, direction)
         (known if part else lost).append(part or _lost(beyond, direction, acceleration))
     verb = "carries" if acceleration is None else "stands"

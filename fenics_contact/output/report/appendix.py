@@ -64,7 +64,7 @@ def computation(content: Content) -> Iterator[str]:
     yield table(times, title="Times")
     yield from _tried(record)
     if record["skipped"]:
-        yield heading("What the scene did not need", 3)
+        yield heading("What was left out", 3)
         yield bullets(record["skipped"])
     named = {"fenics-contact": record["version"], **record["versions"]}
     yield table([(k, version or "not known") for k, version in named.items()], title="Versions")

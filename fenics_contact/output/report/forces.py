@@ -13,7 +13,7 @@ LEGIBLE = 120
 
 
 def forces(content: Content) -> Iterator[str]:
-    """Pictures of forces and stresses that say something, and those of other collapse states."""
+    """Pictures of forces and stresses that say something."""
     many = content.record["mesh"]["bodies"] > LEGIBLE
     first = ("collapse", "collapse_negative", "scene", "capacity")
     found = {
@@ -24,8 +24,11 @@ def forces(content: Content) -> Iterator[str]:
     if found:
         yield heading("Forces and stresses")
     for stem, address in found.items():
-        per = " Forces are per metre of thickness." if stem.startswith("forces") else ""
-        yield picture(address, PICTURES[stem] + per)
+        more = " Forces are per metre of thickness." if stem.startswith("forces") else ""
+        direction = "negative" if stem.endswith("_negative") else "positive"
+        if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
+            more = " They are those of elastic blocks under the joint forces of the state."
+        yield picture(address, PICTURES[stem] + more)
     if many and "forces" in content.pictures:
         yield paragraph(
             f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"

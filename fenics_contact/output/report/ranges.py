@@ -8,6 +8,7 @@ from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import alike, heading, paragraph, table
 from fenics_contact.output.report.words import RANGE, STATUS, direction_words
 from fenics_contact.output.seismic_words import TITLE, seismic_rows
+from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS, WITHOUT_PATH
 from fenics_contact.scene.units import PER_METRE, Units
 
 #: Joints that crush that are listed.
@@ -97,10 +98,14 @@ def _rows(direction: str, end: Record, content: Content) -> Iterator[Sequence[st
         yield from _torn_rows(factor, torn, [bounds[side] for side in sides], length)
     else:
         yield from _bracket_rows(end, factor, bounds, sides)
-    if end["status"] == "limit":
+    if end["status"] != "limit":
+        return
+    if end.get("proof"):
+        yield "model", WITHOUT_PATH
+    else:
         yield from _peak_rows(factor, details["peak"])
-        yield from _lowest_rows(end, details)
         yield from _error_rows(factor, details, content.record)
+    yield from _lowest_rows(end, details)
 
 
 def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
@@ -110,11 +115,11 @@ def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
     if not lowest:
         return
     searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
-    proved = lowest["starts"] == 0 or end["bounds"].get("meet")
+    proved = end["bounds"].get("meet")
     text = {
         "lower": (
-            f"{alike(lowest['load_factor'], factor)}, with some self-stress in the blocks and a"
-            " proved gap. Blocks that are loaded from rest need not reach it."
+            f"{alike(lowest['load_factor'], factor)}, {SELF_STRESS}; {NOT_FROM_REST}. Its gap is"
+            f" {lowest['gap'] or 0.0:.0e}."
         ),
         "none": (
             "there is no lower one, as the bracket proves"
@@ -124,9 +129,10 @@ def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
         "not_known": f"not known: {lowest['reason']}",
     }
     yield "lowest collapse state found", text[lowest["status"]]
-    for number, state in enumerate(details.get("states", [])[1:], start=2):
-        where = f"{alike(state['load_factor'], factor)} (from: {state['start']})"
-        yield f"collapse state {number}", where
+    states = details.get("states", [])
+    for number, state in enumerate(states if len(states) > 1 else [], start=1):
+        where = f"{alike(state['load_factor'], factor)}, gap {state['gap'] or 0.0:.0e}"
+        yield f"collapse state {number}", f"{where} (from: {state['start']})"
 
 
 def _bracket_rows(
