@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult
 
 from fenics_contact import Load, SolverError
 from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
+from fenics_contact.collapse.rigid_blocks import linear_program
 from fenics_contact.collapse.strategy import (
     COULOMB,
     Strategy,
@@ -21,12 +23,15 @@ from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
-from tests.bank import block_recipe, coulomb, wall_recipe
+from tests.bank import GRAVITY, block_recipe, coulomb, wall_recipe
 from tests.core.problems import load_case, prepared
 
 Answer = tuple[Solution, History]
 
 TOLERANCE = 1e-6
+
+#: Presses a block on the ground within the cone of friction; pushes it over.
+DOWN, ASIDE = Load((0.1 * GRAVITY, -GRAVITY)), Load((GRAVITY, 0.0))
 
 block = prepared(block_recipe(0.4, 0.4, 0.3), 2)
 
@@ -145,3 +150,45 @@ def test_state_is_that_where_the_collapse_begins(name):
     slips = (np.abs(slip_rates) > 1e-3 * np.abs(mode).max()) & (state.pressure > 0.0)
     since = [*(moved / rates)[opens], *(slipped / slip_rates)[slips]]
     assert min(since) == pytest.approx(0.0, abs=1e-9 * far) and state.work < far
+
+
+def test_unbounded_is_said_at_once_where_no_state_is_found():
+    strategy = replace(COULOMB["auto"], attempts=(finds_nothing,))
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        assert case.blocks.frictionless.limit() < np.inf  # no proof without friction
+        found = find_collapse(case, strategy, TOLERANCE)
+        assert case.discretization.effort.spent <= 40.0
+    assert (found.status, found.load_factor) == ("unbounded", np.inf)
+    assert found.wedging is not None
+
+
+def test_a_program_without_an_answer_proves_nothing(monkeypatch):
+    """HiGHS may answer that it does not know, as on meshes with tiny elements."""
+    unknown = OptimizeResult(status=4, message="unknown")
+    monkeypatch.setattr(linear_program, "solved", lambda *arguments: unknown)
+    strategy = replace(COULOMB["auto"], attempts=(finds_nothing,))
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
+        with pytest.raises(SolverError, match="linear program failed: unknown"):
+            case.blocks.limit()
+        found = find_collapse(case, strategy, TOLERANCE)
+    assert found.status == "not_converged"
+
+
+@pytest.mark.parametrize("live", [ASIDE, Load((0.6 * GRAVITY, -GRAVITY))])
+def test_a_limited_load_is_never_unbounded(live):
+    strategy = replace(COULOMB["auto"], attempts=(finds_nothing,))
+    with load_case(block_recipe(0.4, 0.4, 0.5, live=live).scene(2)) as case:
+        assert find_collapse(case, strategy, TOLERANCE).status == "not_converged"
+
+
+@pytest.mark.parametrize("limits", [{"attempt": 3.0}, {"cost": 4.0}])
+def test_search_ends_at_its_limit_of_cost(limits):
+    strategy = replace(COULOMB["auto"], work=WorkOptions(**limits))
+    with load_case(wall_recipe("W4", coulomb(0.4)).scene(1)) as case:
+        effort = case.discretization.effort
+        before = effort.spent
+        found = find_collapse(case, strategy, TOLERANCE)
+        spent = effort.spent - before
+    assert found.status == "not_converged"
+    tried = strategy.work.missing
+    assert spent <= (limits.get("cost") or tried * limits["attempt"]) + 1e-6
