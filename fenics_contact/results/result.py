@@ -449,7 +449,7 @@ class Result:
 
     @property
     def states(self) -> tuple[CollapseState, ...]:
-        """Collapse states that were found, with their gaps: that of the path, or by faces, first."""
+        """Collapse states that were found with their gaps, that of the path or by faces first."""
         return () if self.collapse is None else self.collapse.states
 
     @property
