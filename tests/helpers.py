@@ -62,14 +62,6 @@ def whole(vector: PETSc.Vec) -> Array:
     return np.concatenate(vector.comm.tompi4py().allgather(vector.array_r.copy()))
 
 
-def vector_like(vector: PETSc.Vec, values: Array) -> PETSc.Vec:
-    """A vector of the same layout with given entries, of which every rank takes its own."""
-    result = vector.duplicate()
-    start, end = vector.getOwnershipRange()
-    result.array[:] = np.asarray(values).ravel()[start:end]
-    return result
-
-
 def node_positions(space: Any) -> Array:
     """Coordinates of all displacement nodes in the order of the dofs, on every rank."""
     owned = space.dofmap.index_map.size_local

@@ -20,7 +20,7 @@ import numpy as np
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.reasons import missed
 from fenics_contact.discretization.crushing import CrushedPlace
-from fenics_contact.errors import Stopped
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import OPTIONS as LIMIT
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch
@@ -103,6 +103,8 @@ def _searched(case: LoadCase, faces: PlanarFaces, asked: float) -> _Found | None
         search.run()
     except Stopped as stop:
         stopped = str(stop)
+    except SolverError as error:  # faces that do not hold the blocks
+        _log.info("  %s", error)
     return _Found(search.best, tuple(search.attempts), stopped)
 
 

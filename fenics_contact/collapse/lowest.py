@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from fenics_contact.collapse.face_collapse import collapse_of
 from fenics_contact.collapse.further import NO_PATH
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.errors import Stopped
+from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import OPTIONS as SEARCHES
@@ -92,4 +92,6 @@ def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | 
                 states[name] = state
     except Stopped as stop:
         return _Found(states, str(stop))
+    except SolverError as error:  # faces that do not hold the blocks
+        return _Found(states, str(error))
     return _Found(states, "")
