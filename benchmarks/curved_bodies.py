@@ -134,7 +134,7 @@ def pressed(scene: Scene, contact: HertzContact) -> Profile:
     with WithGap(scene, gap) as made:
         bonded = made.bonded(strategy.kind)
         case = LoadCase.of(made, bonded, 1.0, strategy.kind, lambda step: None)
-        found = service_state(case, strategy, scene.solve, 1.0, 1)
+        found = service_state(case, 1.0)
     return Profile.of(
         Equilibrium(**vars(found), layout=made.layout, factorizations=made.factorizations())
     )

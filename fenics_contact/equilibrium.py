@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,12 @@ from dolfinx import fem
 
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.service_state import service_state, without_equilibrium
+from fenics_contact.collapse.service_state import (
+    rests,
+    service_state,
+    told_by_faces,
+    without_equilibrium,
+)
 from fenics_contact.collapse.stopping import within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.console import tension_lines
@@ -32,6 +39,9 @@ from fenics_contact.results.moving_blocks import falling_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.results.service_state import ServiceState
 from fenics_contact.scene.scene import Scene
+
+#: What is said of a state that the forces of faces give.
+BY_FACES = "by the forces of joint faces; the blocks are strained by these forces"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -92,6 +102,7 @@ class Equilibrium(ServiceState, ForForms, Pictured):
         if self.status == "equilibrium":
             found = ", ".join(f"{name} {value:.0e}" for name, value in self.residuals.items())
             lines.append(f"verified: {found}")
+            lines += [BY_FACES] if self.engine == "faces" else []
         if self.joint_values is not None:
             lines.append(_contact_line(self.joints["state"]))
             lines += tension_lines(self.ties, self.layout.scene.units)
@@ -154,18 +165,40 @@ def equilibrium(scene: Scene, load_factor: float = 1.0, steps: int = 1) -> Equil
         InputError: If joints, supports or loads of the scene do not fit its mesh, the load factor
             is not finite, or there is no step.
     """
-    start = time.perf_counter()
-    _check(scene, load_factor, steps)
-    found = _equilibrium(scene, load_factor, steps)
-    return replace(found, seconds=time.perf_counter() - start)
+    if steps < 1:
+        raise InputError(f"steps = {steps} must be 1 or more")
+    return _found(scene, load_factor, partial(service_state, steps=steps))
+
+
+@checked
+def standing(scene: Scene, load_factor: float = 0.0) -> Equilibrium:
+    """Whether a scene stands under its dead load and a multiple of its live load. Collective.
+
+    Cheaper than `equilibrium`: programs of rigid blocks and the forces of joint faces tell, and the
+    blocks are strained by these forces. Elastic blocks are asked where a support moves, where sides
+    are curved, or where faces come to no state.
+
+    Args:
+        scene: What stands, or not.
+        load_factor: Multiple of the live load.
+
+    Returns:
+        The state; look at its status.
+
+    Raises:
+        InputError: As `equilibrium` does.
+    """
+    return _found(scene, load_factor, told_by_faces)
 
 
 @checked
 def stands(scene: Scene) -> bool:
     """Whether the dead load of a scene alone has a state of equilibrium. Collective.
 
-    True says that a state was found and verified, False that there is none: rigid blocks with
-    associative friction prove it. `equilibrium(scene, 0)` has the state, or the blocks that fall.
+    True says that joint faces have an elastic state with Coulomb's law, from rest, for which no
+    matrix of the blocks is factored, or that elastic blocks have one; False that there is none:
+    rigid blocks with associative friction prove it. `equilibrium(scene, 0)` has the state, or the
+    blocks that fall.
 
     Args:
         scene: What stands, or not.
@@ -174,41 +207,54 @@ def stands(scene: Scene) -> bool:
         InputError: As `equilibrium` does.
         SolverError: If neither was found; the message says why.
     """
+    _check(scene, 0.0)
+    with Discretization(scene) as made:
+        if RigidBlocks.of(made, 1.0, made.effort.wait).stands() and rests(made):
+            return True
     found = equilibrium(scene, 0.0)
     if not found.proved:
         raise SolverError(f"neither a state nor a proof that there is none: {found.reason}")
     return found.status == "equilibrium"
 
 
-def _equilibrium(scene: Scene, load_factor: float, steps: int) -> Equilibrium:
-    """The state at a load factor; see `equilibrium`."""
-    strategy = strategy_of(scene)
+def _found(
+    scene: Scene, load_factor: float, find: Callable[[LoadCase, float], ServiceState]
+) -> Equilibrium:
+    """The state at a load factor that programs do not rule out, as it is found."""
+    start = time.perf_counter()
+    _check(scene, load_factor)
     sign = math.copysign(1.0, load_factor)
     with Discretization(scene) as made:
         blocks = RigidBlocks.of(made, sign, made.effort.wait)
-        proved = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
-        if proved is not None:
-            return Equilibrium(**vars(proved), layout=made.layout, factorizations=0)
-        made.end_when(within(scene.solve.time))
-        try:
-            bonded = made.bonded(strategy.kind)
-            case = LoadCase.of(made, bonded, sign, strategy.kind, lambda step: None)
-            found = service_state(case, strategy, scene.solve, abs(load_factor), steps)
-        except Stopped as stop:
-            found = ServiceState("not_converged", load_factor, reason=str(stop))
+        found = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
+        found = found or _searched(made, load_factor, find)
         count = made.factorizations()
-        if found.status == "equilibrium" and found.joint_values is not None:
-            forces = found.joint_values.normal_force
-            if turned := turn_in(made.joints.without_ties(), forces):
-                found = replace(found, status="not_converged", reason=turned)
-    return Equilibrium(**vars(found), layout=made.layout, factorizations=count)
+    took = time.perf_counter() - start
+    return Equilibrium(**vars(found), layout=made.layout, factorizations=count, seconds=took)
 
 
-def _check(scene: Scene, load_factor: float, steps: int) -> None:
+def _searched(
+    made: Discretization, load_factor: float, find: Callable[[LoadCase, float], ServiceState]
+) -> ServiceState:
+    """The state as it is found; none in which a contact has rolled."""
+    kind = strategy_of(made.scene).kind
+    sign = math.copysign(1.0, load_factor)
+    made.end_when(within(made.scene.solve.time))
+    try:
+        case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+        found = find(case, abs(load_factor))
+    except Stopped as stop:
+        return ServiceState("not_converged", load_factor, reason=str(stop))
+    if found.status == "equilibrium" and found.joint_values is not None:
+        forces = found.joint_values.normal_force
+        if turned := turn_in(made.joints.without_ties(), forces):
+            found = replace(found, status="not_converged", reason=turned)
+    return found
+
+
+def _check(scene: Scene, load_factor: float) -> None:
     """Raise `InputError` for what `equilibrium` cannot be asked."""
     if not math.isfinite(load_factor):
         raise InputError(f"load_factor = {load_factor} must be finite")
-    if steps < 1:
-        raise InputError(f"steps = {steps} must be 1 or more")
     if any(law.loses for law in (*scene.joints.values(), *scene.foundations.values())):
         raise InputError("equilibrium() knows no opened = 'lost'; give joints opened = 'kept'")

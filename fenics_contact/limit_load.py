@@ -16,7 +16,6 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.collapse.dead_load import reaching_zero
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.further import with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
@@ -26,7 +25,7 @@ from fenics_contact.collapse.lowest import with_lowest
 from fenics_contact.collapse.reasons import explained
 from fenics_contact.collapse.record import Listener
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.service_state import service_state
+from fenics_contact.collapse.service_state import rests, service_state
 from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
@@ -48,8 +47,6 @@ from fenics_contact.mesh_error.accuracy import (
     with_pass,
 )
 from fenics_contact.mesh_error.estimate import with_error
-from fenics_contact.mesh_error.nearby import Softened, collapse_next_to
-from fenics_contact.mesh_error.nearby import near as start_near
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.for_forms import ForForms
@@ -62,7 +59,7 @@ from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.plan import skipped, skipped_iterations
 from fenics_contact.results.result import Collapse, Result, known_bounds
 from fenics_contact.results.seismic import SeismicCheck, seismic_check
-from fenics_contact.results.service_state import ServiceState
+from fenics_contact.results.service_state import NOT_KNOWN
 from fenics_contact.scene.scene import Scene, SolveOptions
 
 _log = logging.getLogger("fenics_contact")
@@ -480,68 +477,37 @@ def _collapses(
     `cases` become those whose joints are torn as at the collapse. `lower` is 0 where the dead load
     stands without friction, and None where it does not.
     """
-    # Where no state under the dead load alone is known, the range of load factors must reach to
-    # either side of zero, whichever end of it was asked for.
-    enough = lower is not None
     effort = cases[asked[0]].discretization.effort
     before = effort.spent
     found: dict[str, Collapse] = {}
     try:
-        alone = None if enough else _under_the_dead_load(cases[asked[0]])
-        if alone is not None and alone.status == "no_equilibrium":
-            return {n: _none_at_zero(cases[n], alone) for n in asked}, effort.spent - before
-        enough = alone is None or alone.status == "equilibrium"
+        if lower is None and not _rests(cases[asked[0]]):
+            for name in asked:
+                bounds = cases[name].blocks.bounds
+                found[name] = Collapse("no_equilibrium", math.nan, bounds, reason=NOT_KNOWN)
+            return found, effort.spent - before
         before = effort.spent
-        for name in asked if enough else SIGNS:
+        for name in asked:
             found[name], cases[name] = _found(cases[name])
-            if alone is not None and not enough and found[name].status == "unbounded":
-                found[name] = replace(found[name], status="not_converged", reason=alone.reason)
-        found = reaching_zero(cases, found, asked)
     except Stopped as stop:
         found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
-        if lower is None:
-            least = 0.0 if enough else math.inf
-            found = {name: _without_zero(end, str(stop), least) for name, end in found.items()}
     cost = (effort.spent - before) / max(len(found), 1)
     return {name: explained(cases[name], found[name]) for name in asked}, cost
 
 
-def _without_zero(end: Collapse, reason: str, least: float) -> Collapse:
-    """A collapse of a run that was stopped before the dead load alone was seen to stand.
-
-    From the load factor `least` on it is a limit all the same.
-    """
-    if end.status != "limit" or end.load_factor >= least:
-        return end
-    why = f"{reason}, before a state under the dead load alone was found"
-    return replace(end, status="not_converged", reason=why)
+def _rests(case: LoadCase) -> bool:
+    """Whether the dead load alone has a state: of joint faces, or else of elastic blocks."""
+    return rests(case.discretization) or service_state(case, 0.0).status == "equilibrium"
 
 
-def _under_the_dead_load(case: LoadCase) -> ServiceState:
-    """The state under the dead load alone."""
-    scene = case.discretization.scene
-    return service_state(case, strategy_of(scene), scene.solve, 0.0, 1)
-
-
-def _none_at_zero(case: LoadCase, alone: ServiceState) -> Collapse:
-    """The collapse of a structure that was not found to carry its dead load."""
-    return Collapse(alone.status, math.nan, case.blocks.bounds, reason=alone.reason)
-
-
-def _collapse(case: LoadCase, near: Collapse | None = None) -> Collapse:
-    """The collapse of one direction, as the scene's options ask for it.
-
-    It is looked for next to a verified collapse first, if one is given.
+def _collapse(case: LoadCase) -> Collapse:
+    """The collapse of one direction on the loading path, as the scene's options ask for it.
 
     Raises:
         Stopped: If the run is to end; the record of the load case has what was found.
     """
     scene = case.discretization.scene
     options = scene.solve
-    if near is not None and near.status == "limit":
-        found = collapse_next_to(case, near, Softened.nowhere(), start_near)
-        if found.status == "limit":
-            return replace(found, history=near.history + found.history)
     if options.control == "load":
         return raise_load(case, strategy_of(scene), options, find_collapse)
     return find_collapse(case, strategy_of(scene), options.tolerance)

@@ -9,7 +9,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from fenics_contact.equilibrium import Equilibrium, equilibrium
+from fenics_contact.equilibrium import Equilibrium, standing
 from fenics_contact.errors import InputError
 from fenics_contact.exit_codes import EXIT_CODES
 from fenics_contact.geometry.mesh import BlockMesh
@@ -30,7 +30,7 @@ NOT_PROVED = "no equilibrium was found"
 def find_state(options: argparse.Namespace, comm: MPI.Comm) -> Equilibrium:
     """The state that the command asks for."""
     factor = options.load_factor
-    return equilibrium(_scene(options.scene, comm, options.overrides, factor), factor)
+    return standing(_scene(options.scene, comm, options.overrides, factor), factor)
 
 
 def told(found: Equilibrium) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 from fenics_contact.collapse.face_collapse import face_collapse
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.work_control import growth
 from fenics_contact.results.history import alike_as_one
 from fenics_contact.results.result import Collapse
 
@@ -46,7 +47,7 @@ def collapse_by_engine(case: LoadCase, by_path: Callable[[LoadCase], Collapse]) 
     options = case.discretization.scene.solve
     crushes = case.blocks.crushes
     if options.engine == "faces" or (crushes and options.engine == "auto"):
-        return face_collapse(case)
+        return _unless_unlimited(case, face_collapse(case))
     if options.engine == "path" or options.method != "auto" or options.control != "work":
         return by_path(case)
     many = case.block_count >= OPTIONS.many
@@ -55,12 +56,26 @@ def collapse_by_engine(case: LoadCase, by_path: Callable[[LoadCase], Collapse]) 
         case.record.best = found
     with case.discretization.effort.at_most(OPTIONS.soon if many else math.inf):
         end = by_path(case)
-    if end.status == "limit" and found is not None and found.status == "limit":
+    least = -options.tolerance * case.scales.load_factor
+    # The dead load alone stands: what needs the live load to stand is another state.
+    lost = end.status == "not_converged" or end.load_factor < least
+    if end.status == "limit" and not lost and found is not None and found.status == "limit":
         return replace(end, states=alike_as_one((end.as_state, found.as_state), end.size))
-    if end.status != "not_converged":
+    if not lost:
         return end
     _log.info("  the path comes to no end; the forces of the faces are the answer")
-    found = found or face_collapse(case)
-    if found.status == "limit":
+    if end.status == "limit" and found is None:
+        case.record.best = None
+    found = _unless_unlimited(case, found or face_collapse(case))
+    if found.status != "not_converged" and found.load_factor >= least:
         return replace(found, history=end.history)
-    return replace(end, reason="; ".join(filter(None, [end.reason, found.reason])))
+    reason = "; ".join(filter(None, [end.reason, found.reason]))
+    return replace(end, status="not_converged", reason=reason)
+
+
+def _unless_unlimited(case: LoadCase, end: Collapse) -> Collapse:
+    """A collapse by the face engine, or that nothing limits the load where it came to none."""
+    if end.status == "limit" or growth(case) is None:
+        return end
+    nothing = Collapse("unbounded", math.inf, case.blocks.bounds, engine="faces")
+    return replace(nothing, wedging=case.blocks.wedging())

@@ -99,10 +99,9 @@ def _beyond(case: LoadCase, above: Above, found: Peak) -> Peak:
     Its search is taken to its end, which may cost as much as a load that rises to a collapse.
     """
     target = found.load_factor + CLIMB.beyond * above.size
-    scene = case.discretization.scene
     effort = case.discretization.effort
     with effort.at_most(RISING.cost):
-        state = service_state(case, strategy_of(scene), scene.solve, target, 1)
+        state = service_state(case, target)
         tried = state.status != "equilibrium" and effort.left >= 1.0
     return replace(found, not_found_at=target) if tried else found
 

@@ -19,9 +19,10 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.strategy import Strategy, next_to, states_along_rising_work
-from fenics_contact.errors import EffortError, SolverError, Stopped
+from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.service_state import NOT_KNOWN
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
@@ -41,6 +42,7 @@ class LoadOptions:
         far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
         cost: Of all steps at most, in units of one factorisation of the structure.
+        rest: Of the search under the dead load alone where a load factor is given.
         margin: To this multiple of the tolerance the collapse lies between the last load factors.
         beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
     """
@@ -53,6 +55,7 @@ class LoadOptions:
     far: float = 1e6
     max_steps: int = 200
     cost: float = 2000.0
+    rest: float = 60.0
     margin: float = 10.0
     beyond_onset: float = 1.4
 
@@ -65,21 +68,18 @@ def raise_load(
     strategy: Strategy,
     options: SolveOptions,
     find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
-    start: State | None = None,
-    cost: float = OPTIONS.cost,
 ) -> Collapse:
     """The collapse that `find_collapse` finds from the last state under rising load factors.
 
-    The first state is next to `start`, or else next to the bonded response to the dead load. Steps
-    cost at most `cost` factorisations of the structure.
+    The first state is next to the bonded response to the dead load.
     """
     bounds = case.blocks.classical_bounds()
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
-    climb = _Climb(case, strategy, options, bounds.upper, start)
+    climb = _Climb(case, strategy, options, bounds.upper)
     try:
-        with case.discretization.effort.at_most(cost):
+        with case.discretization.effort.at_most(OPTIONS.cost):
             climb.run()
     except EffortError as error:
         _log.info("  load control: %s", error)
@@ -133,7 +133,7 @@ def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> Lo
         SolverError: If no equilibrium is found under the dead load, or the limit on factorisations
             is reached before it was found at any other load factor.
     """
-    climb = _Climb(case, strategy, options, case.blocks.limit(), None)
+    climb = _Climb(case, strategy, options, case.blocks.limit())
     try:
         climb.run()
     except EffortError:
@@ -143,35 +143,30 @@ def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> Lo
     return LoadPath(tuple(climb.steps), climb.lower, climb.failed)
 
 
-@dataclass(frozen=True)
-class Reached:
-    """A state of equilibrium, and the structure with the origin of slip at which it was found."""
-
-    problem: ContactProblem
-    state: State
-
-
 def raise_load_to(
     case: LoadCase,
     strategy: Strategy,
     options: SolveOptions,
     target: tuple[float, int],
-    dead: State | None,
-) -> Reached:
+) -> tuple[ContactProblem, State]:
     """State of equilibrium at a load factor >= 0, reached in equal steps from the dead load.
+
+    With the structure, which has the origin of slip at which it was found.
 
     Args:
         case: The load case.
         strategy: How states are found.
         options: Of the scene.
         target: The load factor, and the number of steps to it.
-        dead: State under the dead load alone; None where there is no dead load.
 
     Raises:
-        SolverError: If none is found there, or none on the way.
+        NoEquilibriumError: If none is found under the dead load alone, with Coulomb friction.
+        SolverError: If none is found otherwise, there or on the way.
     """
-    climb = _Climb(case, strategy, options, None, None)
-    climb.run_to(*target, dead)
+    climb = _Climb(case, strategy, options, None)
+    if case.has_dead_load:
+        climb.rest()
+    climb.run_to(*target)
     state = climb.state
     elastic = case.scales.elastic
     if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
@@ -180,13 +175,7 @@ def raise_load_to(
         with suppress(SolverError):
             task = Task(near, state.work, scales, options.tolerance)
             state = strategy.equilibrium(task, state, target[0])
-    return Reached(climb.problem, state)
-
-
-def closed_under_the_dead_load(case: LoadCase) -> State:
-    """The bonded response to the dead load, with the first normal forces."""
-    none = np.zeros_like(case.first_pressure)
-    return case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
+    return climb.problem, state
 
 
 def equilibrium_next_to(
@@ -225,9 +214,8 @@ class _Climb:
         strategy: Strategy,
         options: SolveOptions,
         upper: float | None,
-        start: State | None,
     ) -> None:
-        """Begin next to a state, or to the bonded response; `upper` is no load factor passed.
+        """Begin next to the bonded response; `upper` is no load factor passed.
 
         It is None where no such bound is known.
         """
@@ -236,7 +224,8 @@ class _Climb:
         self._options = options
         self._upper = np.inf if upper is None else upper
         self._unit = case.problem.sum(np.abs(case.problem.live))
-        self.state = start or closed_under_the_dead_load(case)
+        none = np.zeros_like(case.first_pressure)
+        self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
         self.problem = case.problem
         self.direction: Array | None = None
         self.steps: list[LoadStep] = []
@@ -275,14 +264,29 @@ class _Climb:
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
 
-    def run_to(self, load_factor: float, steps: int, dead: State | None) -> None:
+    def rest(self) -> None:
+        """Find the state under the dead load alone, soon or not at all.
+
+        Raises:
+            NoEquilibriumError: If none is found with Coulomb friction.
+            SolverError: If none is found otherwise: programs prove that there is one.
+        """
+        try:
+            with self.case.discretization.effort.at_most(OPTIONS.rest):
+                found = self._reached(0.0)
+        except EffortError:
+            found = False
+        if not found:
+            coulomb = self.case.problem.coulomb
+            none = SolverError("no equilibrium was found under the dead load")
+            raise NoEquilibriumError(NOT_KNOWN) if coulomb else none
+
+    def run_to(self, load_factor: float, steps: int) -> None:
         """Raise the load factor to a given one; steps are halved where no equilibrium is found.
 
         Raises:
             SolverError: If no equilibrium is found there, or none on the way.
         """
-        if dead is not None:
-            self._take(dead, 0.0)
         step = load_factor / steps
         least = OPTIONS.width * load_factor / steps
         while self.lower < load_factor:

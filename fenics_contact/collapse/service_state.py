@@ -2,28 +2,31 @@
 
 K u = f_D + lambda f_L + B_N^T r_N + B_T^T r_T,   lambda given,   the joints' laws as ever.
 
-The load factor rises from the dead load to the one given, in as few steps as find equilibrium.
+Programs of rigid blocks tell first whether there may be one. The fields of elastic blocks come from
+a load factor that rises to the one given, in as few steps as find equilibrium. Where none is found
+so, and at once for the program `stands`, blocks are strained by the forces of their faces.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from fenics_contact.collapse.dead_load import dead_load_state
+import numpy as np
+
 from fenics_contact.collapse.face_collapse import force_residuals, strained_state
 from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.load_control import raise_load_to
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.strategy import Strategy
+from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import NoEquilibriumError, SolverError
 from fenics_contact.faces.given_load import state_under
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
 from fenics_contact.results.moving_blocks import fall_reason
 from fenics_contact.results.service_state import ServiceState
-from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.solvers.problem import ContactProblem, State
 
 
@@ -53,38 +56,66 @@ def without_equilibrium(
     return ServiceState("no_equilibrium", sign * load_factor, reason=reason)
 
 
-def service_state(
-    case: LoadCase, strategy: Strategy, options: SolveOptions, load_factor: float, steps: int
-) -> ServiceState:
-    """State of a load case at a load factor >= 0, reached in steps from the dead load."""
-    if case.blocks.crushes:
-        return _by_faces(case, load_factor)
+def rests(layout: Layout) -> bool:
+    """Whether joint faces tell of an elastic state under the dead load alone. Collective.
+
+    It is only asked where rigid blocks with associative friction have an equilibrium. Faces do not
+    tell where strains decide: what a support that moves presses on, how far a curved side rolls.
+    """
+    faces = PlanarFaces.of(layout)
+    model = faces.model
+    strains = layout.scene.dead.movement or np.any(layout.joints.curvature > 0.0)
+    if strains and not np.any(model.crushing):  # elastic blocks do not crush
+        return False
+    if not (np.any(model.free_friction) and np.any(model.dead)):
+        return True  # as the programs say
+    return _forces_under(layout, faces, 0.0) is not None
+
+
+def _forces_under(layout: Layout, faces: PlanarFaces, load_factor: float) -> Array | None:
+    """Forces of the faces in an elastic state, shape (faces, 3), on all ranks; None without one."""
+    comm = layout.scene.comm
+    found = state_under(faces.model, load_factor) if comm.rank == 0 else None
+    return comm.bcast(None if found is None else found.force)
+
+
+def service_state(case: LoadCase, load_factor: float, steps: int = 1) -> ServiceState:
+    """State of elastic blocks at a load factor >= 0, reached in steps from the dead load.
+
+    Or that of their faces, where none is found.
+    """
+    scene = case.discretization.scene
     try:
-        dead = dead_load_state(case, strategy, options.tolerance) if case.has_dead_load else None
-        reached = raise_load_to(case, strategy, options, (load_factor, steps), dead)
-    except NoEquilibriumError as error:
-        return ServiceState("no_equilibrium", case.sign * load_factor, reason=str(error))
+        if case.blocks.crushes:
+            raise SolverError("no elastic state was found by the forces of joint faces")
+        target = load_factor, steps
+        problem, state = raise_load_to(case, strategy_of(scene), scene.solve, target)
     except SolverError as error:
-        return ServiceState("not_converged", case.sign * load_factor, reason=str(error))
-    larger = max(1.0, reached.state.load_factor / case.scales.load_factor)
+        none = "no_equilibrium" if isinstance(error, NoEquilibriumError) else "not_converged"
+        nothing = ServiceState(none, case.sign * load_factor, reason=str(error))
+        return face_state(case, load_factor) or nothing
+    larger = max(1.0, state.load_factor / case.scales.load_factor)
     sizes = case.scales.elastic, case.scales.force  # elastic: not those of moving supports
     scales = replace(case.scales, displacement=larger * sizes[0], force=larger * sizes[1])
-    residuals = state_residuals(reached.problem, reached.state, scales)
-    return _verified(case, reached.problem, reached.state, residuals)
+    return _verified(case, problem, state, state_residuals(problem, state, scales))
 
 
-def _by_faces(case: LoadCase, load_factor: float) -> ServiceState:
-    """The state of faces that crush, with the strains of the blocks under their forces."""
-    faces = PlanarFaces.of(case.discretization, case.sign)
-    found = None
-    if case.problem.comm.rank == 0:
-        found = state_under(faces.model, load_factor)
-    found = case.problem.comm.bcast(found)
-    if found is None:
-        reason = "no elastic state was found by the forces of joint faces"
-        return ServiceState("not_converged", case.sign * load_factor, reason=reason)
-    state = strained_state(case, faces, found.force, load_factor)
-    return _verified(case, case.problem, state, force_residuals(case, faces, found.force, state))
+def face_state(case: LoadCase, load_factor: float) -> ServiceState | None:
+    """The state of joint faces with the strains of the blocks under their forces, if verified."""
+    whole = case.discretization
+    faces = PlanarFaces.of(whole, case.sign)
+    # What only the live load holds falls before.
+    force = _forces_under(whole, faces, load_factor) if rests(whole) else None
+    if force is None:
+        return None
+    state = strained_state(case, faces, force, load_factor)
+    found = _verified(case, case.problem, state, force_residuals(case, faces, force, state))
+    return replace(found, engine="faces") if found.status == "equilibrium" else None
+
+
+def told_by_faces(case: LoadCase, load_factor: float) -> ServiceState:
+    """The state of joint faces, or else that of elastic blocks."""
+    return face_state(case, load_factor) or service_state(case, load_factor)
 
 
 def _verified(

@@ -276,13 +276,13 @@ def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
     return _warm(task, task.kkt, start, warm).state
 
 
-def to_end(task: Task, state: State, mu: float, kkt: PerturbedKKT | None = None) -> Solution:
-    """The state at the end of the central path, from a point near it, or `SolverError`.
+def to_end(task: Task, state: State, mu: float) -> Solution:
+    """The state at the end of the structure's central path, from a point near it.
 
-    The path is that of the structure where no other conditions are given. Where it is lost before
-    its end, the last point found answers if its load factor is known to the tolerance.
+    Where the path is lost before its end, the last point found answers if its load factor is known
+    to the tolerance; else `SolverError`.
     """
-    kkt = replace(task.kkt if kkt is None else kkt, work=state.work)
+    kkt = replace(task.kkt, work=state.work)
     passed_by = task.case.record.along("structure, falling products")
     path = falling(kkt, passed=passed_by, options=OPTIONS.structure)
     point = path.begin(state, mu)
@@ -432,10 +432,10 @@ class WorkOptions:
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
         change: Of the load factor of one state with more work, at most, in units of its gap.
-        unlimited: A load factor that grows like this power of the work is not limited; infinite: it
-            is known to be limited, and no program asks.
-        on_line: Nor is one of this part of that under the live load alone, at the same work: limit
-            loads are far below it, as works are many times that on the bonded structure.
+        asks: Whether programs are asked if anything limits the load; else that is known.
+        on_line: A load factor of this part of that under the live load alone, at the same work, is
+            not limited: limit loads are far below it, as works are many times that on the bonded
+            structure.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.
         cost: That of all states of one collapse.
         exact: Tolerance on the load factor for which the first work is large enough.
@@ -448,8 +448,8 @@ class WorkOptions:
     missing: int = 2
     gap: float = 2.5e-2
     change: float = 100.0
-    unlimited: float = 0.9
-    on_line: float = 0.5
+    asks: bool = True
+    on_line: float = 0.1
     attempt: float = 300.0
     cost: float = 500.0
     exact: float = 1e-6

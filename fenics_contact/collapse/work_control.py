@@ -17,17 +17,13 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
-from fenics_contact.collapse.live_load import slope_without_dead_load
 from fenics_contact.collapse.load_case import Attempt, LoadCase, Task, joint_values
 from fenics_contact.collapse.reasons import missed
 from fenics_contact.collapse.record import name_of
-from fenics_contact.collapse.strategy import (
-    Strategy,
-    WorkOptions,
-    along_falling_products,
-    interior_point,
-)
+from fenics_contact.collapse.strategy import Strategy, WorkOptions
 from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.faces.given_load import stiffness_alone
+from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
@@ -101,6 +97,20 @@ class _Found:
     def gap(self) -> float:
         gap = self.verified.certificate.gap if self.history.converged else np.inf
         return gap if np.isfinite(gap) else np.inf
+
+
+def growth(case: LoadCase) -> float | None:
+    """Load factor per ratio of works under the live load alone; None if that has no state.
+
+    The state is that of joint faces, with Coulomb's law. Associative friction must not limit the
+    load either. Collective.
+    """
+    if not case.blocks.is_unlimited():
+        return None
+    faces = PlanarFaces.of(case.discretization, case.sign)
+    stiff = stiffness_alone(faces.model) if case.problem.comm.rank == 0 else None
+    stiff = case.problem.comm.bcast(stiff)
+    return None if stiff is None else stiff * case.scales.load_factor
 
 
 class _Search:
@@ -205,31 +215,21 @@ class _Search:
         Then a large load does without the dead load, if no state was found; and a load factor that
         follows that line is on it.
         """
-        if self.options.unlimited == np.inf:
+        if not self.options.asks:
             return False
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
             return blocks.is_unlimited()
         if blocks.frictionless.is_unlimited():
             return True
-        if not blocks.is_unlimited():
+        if self._line is None:
             return False
-        if self._line is not None:
-            last = self.found[-1] if self._last_found else None
-            line = 0.0 if last is None else self._line * last.verified.state.work
-            return last is None or last.load_factor > self.options.on_line * line
-        factors = np.array([one.load_factor for one in self.found[-3:]])
-        if len(factors) < 3 or not np.all(factors > 0.0):
-            return False
-        works = np.array([one.ratio for one in self.found[-3:]])
-        grows = np.diff(np.log(factors)) >= self.options.unlimited * np.diff(np.log(works))
-        return bool(np.all(grows))
+        last = self.found[-1] if self._last_found else None
+        return last is None or last.load_factor > self.options.on_line * self._line * last.ratio
 
     @cached_property
     def _line(self) -> float | None:
-        """Load factor per work of a state under the live load alone, if one is found."""
-        alone = interior_point, along_falling_products
-        return slope_without_dead_load(self.case, self.tolerance, alone)
+        return growth(self.case)
 
     def result(self, status: str) -> Collapse:
         """Report the best state."""

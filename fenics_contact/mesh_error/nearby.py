@@ -106,9 +106,7 @@ class NearbyOptions:
     )
     hinges: Settling = field(default_factory=Settling)
     work: WorkOptions = field(
-        default_factory=lambda: WorkOptions(
-            first_of_many=0.0, largest=10.0, missing=1, unlimited=np.inf
-        )
+        default_factory=lambda: WorkOptions(first_of_many=0.0, largest=10.0, missing=1, asks=False)
     )
     same_mode: float = 0.9999
     rate: float = 1e-10
@@ -191,11 +189,6 @@ class Softened:
 
     points: Indices
     halvings: float = 0.0
-
-    @classmethod
-    def nowhere(cls) -> Softened:
-        """No hinge."""
-        return cls(np.empty(0, dtype=np.int64))
 
     @property
     def anywhere(self) -> bool:

@@ -79,6 +79,7 @@ def _record(found: ServiceState, layout: Layout) -> Record:
         "status": found.status,
         "title": layout.scene.title,
         "load_factor": found.load_factor,
+        "engine": found.engine,
         "reason": found.reason or None,
         "residuals": dict(found.residuals),
         "tolerances": {name: TOLERANCES[name] for name in found.residuals},

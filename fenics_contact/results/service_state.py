@@ -22,8 +22,8 @@ class ServiceState:
 
     Attributes:
         status: "equilibrium" if it is verified. "no_equilibrium" if rigid blocks with associative
-            friction prove that there is none, or if none was found under the dead load alone in
-            20 bonded solves or so (then `proved` is false); "unstable" if they prove it of the dead
+            friction prove that there is none, or if joint faces have no elastic state under the
+            dead load alone (then `proved` is false); "unstable" if they prove it of the dead
             load alone and that was asked for. Else "not_converged".
         load_factor: As asked for.
         state: State found, in the supports' coordinates; None if there is none.
@@ -33,6 +33,8 @@ class ServiceState:
         reason: Why there is no verified state, for people.
         fall: With status "unstable" the proof: rigid motions (a, b, c) of the bodies about their
             centres by which they fall, shape (bodies, 3); no joint resists them.
+        engine: What found the state: the "path" of elastic blocks from rest, or the forces of their
+            "faces", whose blocks are strained by these forces.
     """
 
     status: str
@@ -42,6 +44,7 @@ class ServiceState:
     residuals: Mapping[str, float] = field(default_factory=dict)
     reason: str = ""
     fall: Array | None = None
+    engine: str = "path"
 
     @property
     def proved(self) -> bool:

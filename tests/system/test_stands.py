@@ -31,6 +31,9 @@ def test_a_structure_stands_or_not_without_a_live_load(name, folder, capsys):
     record = result(folder / "scene_state")
     assert record["status"] == ("unstable" if code else "equilibrium")
     assert bool(record["falling_blocks"]) == bool(code)
+    assert (
+        ("by the forces of joint faces" in found.out) == (record["engine"] == "faces") == (not code)
+    )
 
 
 def test_at_a_load_factor_the_live_load_acts(folder, capsys):

@@ -24,10 +24,13 @@ from fenics_contact import (
     limit_load,
     stands,
 )
+from fenics_contact.collapse import service_state
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.equilibrium import standing
 from fenics_contact.limit_load import Monitor
 from fenics_contact.meshing import polygons
 from fenics_contact.output.report import write_report
-from tests.bank import BANK, block_recipe, sides
+from tests.bank import BANK, GRAVITY, block_recipe, sides
 from tests.drawing import rectangle
 
 BLOCK = block_recipe(0.4, 1.0, 0.3)
@@ -93,6 +96,59 @@ def test_does_it_stand(name, answer):
     assert stands(BANK[name].scene(1)) is answer
 
 
+@pytest.mark.parametrize("name", ["block 0.7", "W3 coulomb 0.65", "sliding stack -0.001"])
+def test_what_stands_needs_no_matrix_of_the_blocks(name, monkeypatch):
+    """Nor does what falls."""
+
+    def refused(self, kind):
+        raise AssertionError("elastic solve")
+
+    monkeypatch.setattr(Discretization, "bonded", refused)
+    assert stands(BANK[name].scene(1)) == (name != "sliding stack -0.001")
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("factor", [0.0, 0.29, -0.29])
+def test_state_of_joint_faces_with_strained_blocks(factor):
+    """A block 1.0 m wide and 0.4 m high with friction 0.3: N = W, T = factor W, N e = T 0.2 m."""
+    scene = block_recipe(1.0, 0.4, 0.3).scene(2)
+    found = standing(scene, factor)
+    assert (found.status, found.engine, found.proved) == ("equilibrium", "faces", True)
+    assert found.load_factor == factor and found.factorizations <= 2
+    weight = -found.blocks["dead_load"].sum(axis=0)[1]
+    base = found.joints["blocks"][:, 0] < 0
+    force = found.joints["force"][base]
+    assert force.sum(axis=0) == pytest.approx([-factor * weight, weight], rel=1e-7, abs=1e-6)
+    centre = found.blocks["centre"][0, 0]
+    moment = force[:, 1] @ (found.joints["position"][base][:, 0] - centre)
+    assert moment == pytest.approx(0.2 * factor * weight, rel=1e-6, abs=1e-3)
+    assert "by the forces of joint faces" in found.summary()
+
+
+def test_beyond_its_friction_a_block_does_not_stand():
+    found = standing(block_recipe(1.0, 0.4, 0.3).scene(1), 0.31)
+    assert found.status == "no_equilibrium" and found.factorizations == 0
+    assert found.reason.endswith("carry 0.3 at most")
+
+
+def test_faces_answer_where_the_search_on_elastic_blocks_finds_none(monkeypatch):
+    def lost(*arguments):
+        raise SolverError("lost")
+
+    monkeypatch.setattr(service_state, "raise_load_to", lost)
+    found = equilibrium(BLOCK.scene(2), 0.2)
+    assert (found.status, found.engine) == ("equilibrium", "faces")
+    base = found.joints["blocks"][:, 0] < 0
+    weight = -found.blocks["dead_load"].sum(axis=0)[1]
+    assert found.joints["force"][base].sum(axis=0) == pytest.approx([-0.2 * weight, weight])
+
+
+def test_where_a_support_moves_elastic_blocks_are_asked():
+    moved = Load(body=(0.0, -GRAVITY), movement={"base": Movement(displacement=(0.0, -0.001))})
+    found = standing(replace(BLOCK.scene(2), dead=moved))
+    assert (found.status, found.engine) == ("equilibrium", "path")
+
+
 WEIGHT, LIFT = Load(body=(0.0, -9.81)), Load(body=(0.0, 9.81))
 HELD = "not known, held by self-stress if at all"
 LOW, HIGH, WIDE = (rectangle(0.0, y, 1.0, y + h) for y, h in ((0.0, 0.5), (0.5, 0.5), (0.0, 0.8)))
@@ -119,6 +175,7 @@ def test_what_only_self_stress_could_hold_has_one_word(blocks, friction, live):
         assert found.status == "no_equilibrium" and found.factorizations <= 100
     assert at_rest.reason == pushed.reason == limit.reason() and limit.reason().endswith(HELD)
     assert not at_rest.proved and np.isnan(limit.load_factor) and limit.peak is None
+    assert (standing(scene).status, standing(scene, 1.0).status) == ("no_equilibrium",) * 2
     with pytest.raises(SolverError, match=f"neither a state nor a proof.*{HELD}"):
         stands(scene)
     both = limit_load(replace(scene, solve=SolveOptions(direction="both")))

@@ -369,11 +369,6 @@ class RigidBlocks:
         """Given bounds on the shear forces of the faces, N/m, shape (faces,)."""
         return self._program.faces.law.strength
 
-    def of_faces(self, values: Array) -> Array:
-        """Sums over the joint points of every face, shape (faces,)."""
-        faces = self._program.faces
-        return np.bincount(faces.of_point, values, len(faces.ends)).astype(float)
-
     @property
     def unit(self) -> float:
         """Force that is 1 in the programs, N/m: of the largest dead load."""
@@ -496,16 +491,9 @@ class RigidBlocks:
     @cached_property
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
-        return self._optimum.factor
-
-    @cached_property
-    def _optimum(self) -> _Optimum:
-        """Limit state, solved for on this rank alone."""
         if self._model is None:
-            return self._largest(self._program)
-        if self._wedging(self._program) is not None:
-            return _Optimum(np.inf)
-        return _Optimum(associative_end(self._model))
+            return self._largest(self._program).factor
+        return np.inf if self._wedging(self._program) is not None else associative_end(self._model)
 
     @cached_property
     def _fall(self) -> Array | None:
@@ -565,8 +553,7 @@ class RigidBlocks:
                 factor = float(answer.x[0]) * self._load
                 multipliers = answer.eqlin.marginals
                 work = float(program.load(program.bodies.live) @ multipliers)
-                motion = program.motions(multipliers) / work if work else None
-                return _Optimum(factor, motion)
+                return _Optimum(factor, program.motions(multipliers) / work if work else None)
         if least_missing(largest)[0] > OPTIONS.rounding:
             return _Optimum(None)
         if self._wedging(program) is not None:
