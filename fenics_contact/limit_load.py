@@ -135,7 +135,7 @@ class LimitLoad(Result, ForForms, Pictured):
         if end.engine == "faces":
             if self.scene.comm.rank == 0:
                 _log.warning("warning: %s", NO_CURVE)
-            return replace(self, skipped=tuple(dict.fromkeys([*self.skipped, NO_CURVE])))
+            return replace(self, skipped=(*self.skipped, NO_CURVE))
         with Discretization(self.scene) as made:
             made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
             curve, peak = _traced(made, end, SIGNS[direction], points, monitor or _Silent())

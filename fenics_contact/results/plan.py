@@ -27,6 +27,9 @@ def skipped(scene: Scene) -> tuple[str, ...]:
         "live body force: none given": not any(scene.live.body),
         f"{other} direction: solve.direction = '{direction}'": direction != "both",
         "estimate of the error, peak, second opinion: solve.fast = true": scene.solve.fast,
+        "load steps: joints that crush have no loading path": (
+            scene.crushes and scene.solve.control == "load"
+        ),
         "capacity curve: output.capacity = 0": not output.capacity,
         "stress recovery and ParaView files: output.paraview = false": not output.paraview,
         "pictures: output.pictures = false": not output.pictures,

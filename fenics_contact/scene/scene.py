@@ -522,6 +522,7 @@ class SolveOptions:
             require(not by_load, "accuracy needs control = 'work'")
         require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
         require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
+        require(not by_load or self.engine != "faces", "engine = 'faces' needs control = 'work'")
 
 
 @dataclass(frozen=True)
@@ -790,16 +791,16 @@ class Scene(_Shared):
         laws = self._laws()
         bonded = [f"{name}.tensile_strength" for name, law in laws.items() if law.tensile_strength]
         text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
-        require(not (bonded and self._crushes), f"{text} tensile_strength and compressive_strength")
+        require(not (bonded and self.crushes), f"{text} tensile_strength and compressive_strength")
 
     @property
-    def _crushes(self) -> bool:
+    def crushes(self) -> bool:
         """Whether a compressive strength is given."""
         strengths = [law.compressive_strength for law in self._laws().values()]
         return any([*strengths, *(one.compressive_strength for one in self.materials.values())])
 
     def _check_engine(self) -> None:
-        by_path = self.solve.engine == "path" and self._crushes
+        by_path = self.solve.engine == "path" and self.crushes
         text = "solve.engine = 'path' knows no joints that crush; leave it out, or"
         require(not by_path, f"{text} compressive_strength")
 
@@ -812,7 +813,7 @@ class Scene(_Shared):
             (solve.accuracy is not None, "solve.accuracy"),
             (solve.peak is True, "solve.peak = true"),
             (self.output.capacity > 0, "output.capacity"),
-            (self._crushes, "compressive_strength"),
+            (self.crushes, "compressive_strength"),
         ):
             text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
             require(not (losing and refused), f"{text} it cannot be used with {option}")

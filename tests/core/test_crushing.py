@@ -9,11 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fenics_contact import JointLaw, Load, Material, Scene, equilibrium, limit_load
+from fenics_contact import (
+    JointLaw,
+    Load,
+    Material,
+    OutputOptions,
+    Scene,
+    SolverError,
+    equilibrium,
+    limit_load,
+)
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.meshing import arch, wall
+from fenics_contact.meshing import arch, polygons, wall
 from fenics_contact.output.files import result_record
 from tests.bank import coulomb, wall_recipe
 from tests.helpers import mesh_of
@@ -172,3 +181,51 @@ def test_joint_forces_are_within_the_strength():
         assert abs(moment) <= most + 1e-6 * force * length
         at_strength += abs(moment) > most - 1e-4 * force * length
     assert at_strength == 4  # hinges
+
+
+def test_load_steps_are_skipped_where_joints_crush():
+    result = limit_load(block(solve=replace(block().solve, control="load")))
+    assert result.load_factor == pytest.approx(0.4216, rel=1e-6)
+    assert "load steps: joints that crush have no loading path" in result.skipped
+
+
+def test_without_a_loading_path_there_is_no_capacity_curve(tmp_path):
+    result = limit_load(block(output=OutputOptions(capacity=3, paraview=False, pictures=False)))
+    traced = result.with_capacity().with_capacity()
+    assert traced.capacity == ()
+    assert sum("no loading path leads to" in text for text in traced.skipped) == 1
+    with pytest.raises(SolverError, match="no loading path leads to"):
+        result.plot_capacity()
+    result.write(tmp_path)
+    assert (tmp_path / "result.json").exists() and not (tmp_path / "capacity.csv").exists()
+
+
+def test_blocks_whose_strains_have_no_digits_have_no_limit():
+    """A bulk modulus of which floating point numbers hold nothing: faces do not know of it."""
+    hopeless = {"default": Material(1e9, 0.4999999999999999, 1960.0)}
+    for engine in ("auto", "faces"):
+        options = replace(block().solve, engine=engine)
+        result = limit_load(block(strength=None, materials=hopeless, solve=options))
+        assert result.status == "not_converged"
+    assert "the blocks miss equilibrium" in result.positive.reason
+
+
+@pytest.mark.parametrize("base", [None, 1e6])
+def test_curved_joints_that_are_pressed_beyond_their_strength_are_told(base):
+    """Some 40 kPa in a joint with a kink of 10 degrees, whose points have no common side."""
+    rise = float(np.tan(np.radians(5.0)))
+    lower = [(-1, -1), (1, -1), (1, 0), (0, rise), (-1, 0)]
+    upper = [(-1, 0), (0, rise), (1, 0), (1, 2), (-1, 2)]
+    ground = {"base": [((-1.0, -1.0), (1.0, -1.0))]}
+    model = polygons([np.array(one, float) for one in (lower, upper)], 3.0, groups=ground)
+    found = {}
+    for strength in (2e4, 1e9):
+        laws = JointLaw(friction=0.5, compressive_strength=strength)
+        rock = JointLaw(friction=0.5, compressive_strength=base)
+        parts = {"joints": {"default": laws}, "foundations": {"base": rock}}
+        found[strength] = limit_load(scene(model, None, 2e4, **parts))
+        assert found[strength].status == "limit"
+    pressed = found[2e4].positive.pressed
+    assert "exceeded at curved joints" in pressed and not found[1e9].positive.pressed
+    assert f"warning: {pressed}" in summary(found[2e4])
+    assert pressed in result_record(found[2e4])["warnings"]

@@ -70,6 +70,7 @@ def mesh() -> BlockMesh:
           for x in (0.0, 0.5, NAN)),
         (lambda: SolveOptions(slip="load-steps"), "slip = 'load-steps' needs control = 'load'"),
         (lambda: SolveOptions(control="load", states="lowest"), "'lowest' needs control = 'work'"),
+        (lambda: SolveOptions(control="load", engine="faces"), "'faces' needs control = 'work'"),
         *((lambda x=x: OutputOptions(capacity=x), f"capacity = {x} must lie in")
           for x in (-1, 1001)),
     ],
