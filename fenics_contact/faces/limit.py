@@ -68,7 +68,7 @@ class LimitOptions:
     steps: int = 10
     gap: float = 3e-2
     kept: float = 10.0
-    tried: float = 2e-2
+    tried: float = 5e-2
     settled: float = 1e-3
     limit: float = 1e-2
     reached: float = 1e-3
@@ -145,7 +145,9 @@ class FaceSearch:
             return
         for sign in (1.0, -1.0):
             self._check_stop()
-            found = Certifier(self.model, self.equations, self._asked, sign).of(upper.force)
+            certifier = Certifier(self.model, self.equations, self._asked, sign)
+            rounds = 1 if self._is_spent or sign < 0.0 else None
+            found = certifier.of(upper.force, rounds)
             size = self.model.size(upper.load_factor)
             least = upper.load_factor - self._options.reached * size
             if sign < 0.0 and found is not None and found.load_factor < least:
@@ -177,7 +179,7 @@ class FaceSearch:
                 state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
             if state.gap > options.lost:
                 break
-            limit = self._certified("Coulomb's law", state, work, self._certifier.options.rounds)
+            limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > options.far * model.size(state.load_factor)
             if self._found or self._is_spent or not (state.gap < options.rough and below):
                 break
@@ -213,7 +215,7 @@ class FaceSearch:
             near = state.gap < options.rough
             pressed = own if near else 0.5 * (pressed + own)
             if near and missed < options.tried:
-                self._certified(f"theta {theta:g}", state, work, 1)
+                self._certified(f"theta {theta:g}", state, work)
                 if self._found or missed < options.settled:
                     break
         return pressed
@@ -250,10 +252,10 @@ class FaceSearch:
         lost = (1.0 - theta) * float(np.sum(model.free_friction * np.abs(change) * slip))
         return lost / (work * model.size(state.load_factor))
 
-    def _certified(self, name: str, state: Iterate, work: float, rounds: int) -> float:
+    def _certified(self, name: str, state: Iterate, work: float) -> float:
         """Hand a state to the certificate; the limit with its strengths."""
         self._check_stop()
-        found, limit = self._certifier.near(state, work, rounds)
+        found, limit = self._certifier.near(state, work, 1)
         self._take(name, state.load_factor, found)
         return limit
 
