@@ -91,7 +91,7 @@ class FaceSearch:
     """Certified states of one model, and what was tried for them.
 
     Attributes:
-        best: The state of least gap so far.
+        best: The state of least gap so far; a negative load factor only if no other is near.
         attempts: In order.
     """
 
@@ -163,7 +163,13 @@ class FaceSearch:
 
     @property
     def _found(self) -> bool:
-        return self.best is not None and self.best.gap < self._asked
+        return self.best is not None and self._rank(self.best) < (False, False, self._asked)
+
+    def _rank(self, state: FaceState) -> tuple[bool, bool, float]:
+        """Order of states: those with a small gap, that need no live load to stand, come first."""
+        rough = state.gap > max(self._asked, self._options.limit)
+        negative = state.load_factor < -self._asked * self.model.size(0.0)
+        return rough, negative, state.gap
 
     @property
     def _is_spent(self) -> bool:
@@ -261,7 +267,7 @@ class FaceSearch:
 
     def _take(self, name: str, load_factor: float, found: FaceState | None) -> None:
         """Record an attempt, and keep its state if it is the best."""
-        if found is not None and (self.best is None or found.gap < self.best.gap):
+        if found and (self.best is None or self._rank(found) < self._rank(self.best)):
             self.best = found
         gap = np.nan if found is None else found.gap
         attempt = FaceAttempt(name, load_factor, gap, self.equations.factorizations)
