@@ -116,11 +116,11 @@ class Variant:
         return Load(self.vector(load.body), traction, force=forces)
 
     def edge_force(self, given: EdgeForce) -> EdgeForce:
-        """A force at a place with both coordinates."""
+        """A force at a place; turned ones need both coordinates."""
         x, y = self.vector((given.x / self.length, (given.y or 0.0) / self.length))
         unit = self.stress / self.length
         force = self.vector((unit * given.force[0], unit * given.force[1]))
-        return EdgeForce(force, x, y, given.width / self.length)
+        return EdgeForce(force, x, None if given.y is None else y, given.width / self.length)
 
     def law(self, law: JointLaw) -> JointLaw:
         """A joint law."""

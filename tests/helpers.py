@@ -12,6 +12,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.faces.planar import PlanarFaces
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb, tresca
 from tests.drawing import Drawing, cell_areas, grid_blocks, group_lengths, rectangle, rotation
 
@@ -60,6 +62,12 @@ def dense(matrix: PETSc.Mat) -> Array:
 def whole(vector: PETSc.Vec) -> Array:
     """All entries of a vector on every rank."""
     return np.concatenate(vector.comm.tompi4py().allgather(vector.array_r.copy()))
+
+
+def planar_faces(scene: Scene, sign: float = 1.0) -> PlanarFaces:
+    """The faces of a scene as the face engine sees them."""
+    with Discretization(scene) as made:
+        return PlanarFaces.of(made, sign)
 
 
 def node_positions(space: Any) -> Array:

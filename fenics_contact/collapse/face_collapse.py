@@ -85,10 +85,13 @@ def face_collapse(case: LoadCase) -> Collapse:
     found = case.problem.comm.bcast(_searched(case, faces, asked))
     for attempt in found.attempts:
         case.record.attempts.append(_trial(attempt))
-    end = _collapse(case, faces, found, asked)
+    effort = case.discretization.effort
+    with effort.unwatched():
+        end = _collapse(case, faces, found, asked)
     if found.stopped:
         if end.status == "limit":
             case.record.best = end
+        effort.watch.reason = found.stopped
         raise Stopped(found.stopped)
     return end
 

@@ -18,6 +18,10 @@ from fenics_contact.faces.system import Equations
 
 #: Relative error of equilibrium above which there is none.
 NO_EQUILIBRIUM = 1e-7
+#: By how much a mode may close, in units of its largest relative motion.
+CLOSING = 1e-6
+#: Searches at most.
+SEARCHES = 4
 
 
 def associative_state(model: FaceModel, equations: Equations) -> Iterate:
@@ -27,13 +31,21 @@ def associative_state(model: FaceModel, equations: Equations) -> Iterate:
 
 
 def associative_end(model: FaceModel) -> float | None:
-    """A load factor that nothing exceeds, by the mode of that state; None if there is no state."""
-    found = associative_state(model, Equations(model))
-    work = float(model.live @ found.motion)
-    if found.missing > NO_EQUILIBRIUM or work <= 0.0:
-        return None
-    power = replace(model, dilatancy=model.friction).power(found.motion / work)
-    return power.bound(model.strength)
+    """A load factor that nothing exceeds, by the mode of that state; None if none was found.
+
+    A search that comes to no end is made again from the live load that it has reached.
+    """
+    loaded = model
+    for _ in range(SEARCHES):
+        found = associative_state(loaded, Equations(loaded))
+        work = float(model.live @ found.motion)
+        if found.missing <= NO_EQUILIBRIUM and work > 0.0:
+            mode = found.motion / work
+            power = replace(model, dilatancy=model.friction).power(mode)
+            opens = power.closing.max(initial=0.0) <= CLOSING * np.abs(model.relative(mode)).max()
+            return power.bound(model.strength) if opens else None
+        loaded = replace(loaded, dead=loaded.dead + found.load_factor * loaded.live)
+    return None
 
 
 def crushed_by(model: FaceModel, load_factor: float) -> Array | None:

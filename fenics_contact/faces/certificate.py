@@ -115,7 +115,7 @@ class Certifier:
         limit = np.nan
         current = elastic
         for round_ in range(rounds):
-            mode = self._near_mode(start) if round_ == 0 else self.mode(current.force)
+            mode = self.mode(current.force, start if round_ == 0 else None)
             if mode is None:
                 break
             if round_ == 0:
@@ -159,9 +159,6 @@ class Certifier:
             return None
         work = abs(float(model.live @ near.motion))
         return replace(near, motion=near.motion / work)
-
-    def _near_mode(self, start: Iterate) -> Iterate | None:
-        return self.mode(start.force, start)
 
     def least_gap(
         self,

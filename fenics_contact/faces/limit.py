@@ -7,7 +7,8 @@ associated; one solve with it suffices on most structures. Else the friction bou
     c + theta (F - D) N + (1 - theta) (F - D) N_k,   N_k the pressing forces of the step before,
 
 and theta is small enough for these steps to converge. Every iterate that is near enough is handed
-to the certificate; the best state with its proved gap is the result.
+to the certificate; the best state with its proved gap is the result. Where none is good enough,
+the best one's load factor is let free, and then the associative limit is the start.
 """
 
 from __future__ import annotations
@@ -21,13 +22,7 @@ import numpy as np
 from fenics_contact.faces.associative import associative_state
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import (
-    Iterate,
-    Program,
-    Tolerances,
-    elastic_response,
-    solve,
-)
+from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations
 
@@ -121,26 +116,27 @@ class FaceSearch:
         """Search until a state has the gap asked for; the best one."""
         state, work = self._with_coulomb(self.work)
         if not self._found:
-            pressed = self._first_forces(state)
+            lost = state.gap >= self._options.lost
+            pressed = self.dead_forces if lost else self.model.normal(np.maximum(state.force, 0.0))
             for theta in self._options.thetas:
                 pressed = self._with_given_part(theta, pressed, work)
                 if self._found or self._is_spent:
                     break
+        if not self._found and self.best is not None:
+            self._check_stop()
+            found = self._certifier.of(self.best.force)
+            self._take("the best state", self.best.load_factor, found)
         if not self._found:
             self._from_associative()
         return self.best
-
-    def associative(self) -> Iterate:
-        """The limit with associative friction: nothing carries more."""
-        self._check_stop()
-        return associative_state(self.model, self.equations)
 
     def _from_associative(self) -> None:
         """States with the strengths of the associative limit.
 
         The live load may do negative work there: what drives the collapse is the dead load.
         """
-        upper = self.associative()
+        self._check_stop()
+        upper = associative_state(self.model, self.equations)
         if not upper.within(self._options.reached):
             return
         for sign in (1.0, -1.0):
@@ -178,11 +174,9 @@ class FaceSearch:
     def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         options, model = self._options, self.model
-        state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
         for again in range(options.works):
-            if again:
-                work *= options.growth
-                state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
+            work *= options.growth if again else 1.0
+            state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
             if state.gap > options.lost:
                 break
             limit = self._certified("Coulomb's law", state, work)
@@ -196,12 +190,6 @@ class FaceSearch:
         """Pressing forces under the dead load with all faces closed, where they press."""
         response = elastic_response(self.model, self.equations)
         return self.model.normal(np.maximum(response.dead_force, 0.0))
-
-    def _first_forces(self, state: Iterate) -> Array:
-        """Pressing forces to begin with: those reached, or of the dead load."""
-        if state.gap < self._options.lost:
-            return self.model.normal(np.maximum(state.force, 0.0))
-        return self.dead_forces
 
     def _with_given_part(self, theta: float, pressed: Array, work: float) -> Array:
         """Steps with a part of the bound given; the pressing forces that they end with."""

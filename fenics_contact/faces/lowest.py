@@ -17,13 +17,7 @@ import numpy as np
 
 from fenics_contact.faces.certificate import LEAST_GAP, Certifier, FaceState
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import (
-    Iterate,
-    Program,
-    Row,
-    Tolerances,
-    solve,
-)
+from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
 from fenics_contact.faces.limit import FaceSearch
 
 

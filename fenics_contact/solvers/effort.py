@@ -106,6 +106,16 @@ class Effort:
         self.watch.alone()
 
     @contextmanager
+    def unwatched(self) -> Iterator[None]:
+        """Nothing inside is ended: what was found before the run was stopped is put together."""
+        watch = self.watch
+        self.watch = Watch()
+        try:
+            yield
+        finally:
+            self.watch = watch
+
+    @contextmanager
     def at_most(self, cost: float) -> Iterator[None]:
         """Limit what is spent inside; limits nest, and the tightest one counts."""
         before = self._limit, self.allowed
