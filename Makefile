@@ -8,6 +8,8 @@ PACKAGES := python3-dolfinx python3-petsc4py python3-mpi4py python3-gmsh python3
 BROWSER := weasyprint chromium chromium-driver python3-selenium
 INSTALL := $(if $(filter 0,$(shell id -u)),,sudo )
 RUFF := ruff==0.15.0
+# The second solver of the tests, with numpy, scipy and cffi of the distribution; no Debian package.
+CLARABEL := clarabel==0.11.1
 MKDOCS := mkdocs==1.6.1 mkdocstrings-python==2.0.11
 # What the site is made of. With --quiet, mkdocs counts no warnings and --strict lets them pass.
 PAGES := README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE docs demos meshes benchmarks
@@ -17,6 +19,7 @@ PAGES := README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE docs demos 
 TREE13 := .debian13
 PACKAGES13 := $(filter-out python3-mypy python3-venv python3-pip,$(PACKAGES))
 MIRROR13 :=
+LIBRARY13 := $(TREE13)/usr/local/lib/python3.13/dist-packages
 TESTS13 := -m "not slow"
 IN_TREE13 := TREE="$(TREE13)" PACKAGES="$(PACKAGES13)" MIRROR="$(MIRROR13)" .ci/debian13
 
@@ -52,6 +55,7 @@ packages debootstrap browser:
 .venv/installed: pyproject.toml
 	/usr/bin/python3 -m venv --system-site-packages .venv
 	$(PYTHON) -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(PYTHON) -m pip install --quiet --no-deps $(CLARABEL)
 	touch $@
 
 .venv/bin/ruff: | .venv/installed
@@ -89,8 +93,9 @@ test-mpi: setup  ## run the tests in parallel, on 2 and 3 ranks (others: make te
 	  mpirun --oversubscribe --timeout 900 -n $$n $(PYTHON) -m pytest -m "$(MPI)" -p no:xdist -p no:cacheprovider \
 	  || exit 1; done
 
-debian13: debootstrap  # a Debian 13 tree with the packages, as root
+debian13: debootstrap .venv/installed  # a Debian 13 tree with the packages, as root
 	$(IN_TREE13) make
+	$(PYTHON) -m pip install --quiet --no-deps --upgrade --target $(LIBRARY13) $(CLARABEL)
 
 test-debian13: debian13  ## run the quick tests on Debian 13, in a folder, as root
 	$(IN_TREE13) test -n $(WORKERS) $(TESTS13)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
 from fenics_contact.collapse.stopping import within
@@ -168,3 +170,45 @@ def test_waiting_for_a_linear_program_may_be_stopped():
     asked = Asked(0)
     with pytest.raises(Stopped):
         Beside(*PROGRAM).answer(Watch(asked=within(None, asked)).alone)
+
+
+def engine_stopped_after(asks: int, name: str = "W3", gap: float = 1e-12):
+    """A search of the face engine for a gap that it never reaches, stopped in the end."""
+    scene = wall_recipe(name, replace(coulomb(0.65), compressive_strength=1e6)).scene(1)
+    options = SolveOptions(fast=True, engine="faces", gap=gap)
+    return limit_load(replace(scene, solve=options), stop=Asked(asks))
+
+
+def test_the_best_certified_state_is_the_result_of_a_stopped_search(folder):
+    """However late it is stopped: first there is none, then always one."""
+    gaps = []
+    for asks in (0, 1, 2, 4, 8, 16):
+        found = engine_stopped_after(asks)
+        assert found.stopped == "stopped by a test"
+        found.write(folder / str(asks))
+        record = json.loads((folder / str(asks) / "result.json").read_text())
+        assert (record["status"], record["stopped"]) == (found.status, "stopped by a test")
+        if found.status == "limit":
+            end = found.positive
+            assert end.engine == "faces" and end.certificate.passed
+            assert record["load_factor"] == found.load_factor
+            gaps.append(end.gap)
+        else:
+            assert not gaps and record["load_factor"] is None
+            assert found.reason().startswith("stopped by a test")
+    assert len(gaps) >= 2 and gaps == sorted(gaps, reverse=True) and max(gaps) <= 1e-2
+
+
+@pytest.mark.mpi
+def test_ranks_are_stopped_together_with_a_state():
+    found = engine_stopped_after(8)
+    assert (found.status, found.stopped) == ("limit", "stopped by a test")
+    assert len(set(MPI.COMM_WORLD.allgather(repr(found.load_factor)))) == 1
+
+
+def test_time_is_over_for_the_face_engine():
+    scene = wall_recipe("W3", coulomb(0.65)).scene(1)
+    options = SolveOptions(fast=True, engine="faces", time=1e-3)
+    found = limit_load(replace(scene, solve=options))
+    assert found.status == "not_converged"
+    assert found.reason().startswith("stopped after 0.001 s (solve.time)")

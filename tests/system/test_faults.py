@@ -213,6 +213,31 @@ def test_stopped_on_the_way(factorizations, scene):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("seconds", [0.0, 2.0, 4.0])
+def test_ctrl_c_in_the_face_engine(tmp_path, seconds, ranks):
+    """The best certified state is written, once there is one; none has the gap asked for."""
+    options = {"solve.engine": "faces", "solve.gap": 1e-14, "solve.fast": True}
+    write_scene(tmp_path, {"joints.default.friction": 0.65, **options}, "long wall")
+    with started(tmp_path, ranks) as program:
+        program.wait_for(MOMENTS["solving"])
+        time.sleep(seconds)
+        program.process.send_signal(signal.SIGINT)
+        found = program.ended()
+    assert "Traceback" not in found.err
+    if "result.json" not in complete(program.output):
+        assert ranks > 1  # mpirun kills its ranks after a second
+        return
+    record = result(program.output)
+    if record["stopped"]:
+        assert record["stopped"].startswith("stopped by SIG")  # mpirun hands on its own
+        assert record["status"] in ("limit", "not_converged")
+    if record["status"] == "limit":
+        assert 0.0 < record["load_factor"] <= record["bounds"]["upper"] * (1.0 + 1e-6)
+        assert record["gap"] <= 1e-2
+
+
+@pytest.mark.slow
 def test_ctrl_c_twice(scene):
     with started(scene) as program:
         program.wait_for(MOMENTS["solving"])

@@ -1,0 +1,204 @@
+"""Faces of planar structures: forces on their points, elastic states, associative ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fenics_contact import JointLaw, Material
+from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.faces.associative import associative_end, crushed_by
+from fenics_contact.faces.given_load import state_under
+from fenics_contact.faces.limit import FaceSearch
+from fenics_contact.faces.model import FaceModel, crushing_power
+from fenics_contact.faces.planar import PlanarFaces
+from tests.bank import BANK, Recipe, coulomb, stack_recipe, wall_recipe
+from tests.helpers import planar_faces
+from tests.property.scenes import Draw
+from tests.second_solver import limit
+
+PLAIN = coulomb(0.65)
+LAWS = {
+    "plain": PLAIN,
+    "cohesion": replace(PLAIN, cohesion=2e4),
+    "crushing": replace(PLAIN, compressive_strength=2e5),
+    "given strength": JointLaw("tresca", bound=2e3),
+}
+
+
+def any_forces(faces: PlanarFaces, seed: int) -> np.ndarray:
+    """Forces of all faces within their laws, (n_1, n_2, t); some at an edge or nothing at all."""
+    model, random = faces.model, np.random.default_rng(seed)
+    count = model.shape[0]
+    most = np.where(model.crushing > 0.0, 0.5 / np.maximum(model.crushing, 1e-300), model.force)
+    normal = most * random.uniform(0.0, 1.0, count) * (random.random(count) > 0.1)
+    share = np.clip(random.uniform(-0.3, 1.3, count), 0.0, 1.0)
+    least = model.crushing * normal**2
+    first = least + share * (normal - 2.0 * least)
+    shear = random.uniform(-1.0, 1.0, count) * (model.strength + model.friction * normal)
+    return np.column_stack([first, normal - first, shear])
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(("elements", "degree"), [(1, 1), (3, 1), (2, 2)])
+def test_forces_of_faces_on_their_points(name, elements, degree):
+    scene = replace(wall_recipe("W4", LAWS[name]).scene(elements), degree=degree)
+    faces = planar_faces(scene)
+    joints, face = faces.joints, faces.faces.of_point
+    force = any_forces(faces, elements)
+    pressed, shear = faces.point_forces(force)
+    unit, count = faces.model.force, len(force)
+    # Sums, and the place of the resultant.
+    normal = force[:, 0] + force[:, 1]
+    assert np.bincount(face, pressed, count) == pytest.approx(normal, abs=1e-8 * unit)
+    assert np.bincount(face, shear, count) == pytest.approx(force[:, 2], abs=1e-8 * unit)
+    along = np.sum(joints.tangent * joints.position, axis=1)
+    ends = along[faces.faces.ends]
+    moment = np.bincount(face, pressed * (along - ends.mean(axis=1)[face]), count)
+    half = 0.5 * (ends[:, 1] - ends[:, 0])
+    assert moment == pytest.approx(half * (force[:, 1] - force[:, 0]), abs=1e-8 * unit)
+    # No tension, friction, strength.
+    assert pressed.min() >= 0.0
+    assert np.max(np.abs(shear) - joints.point_laws.bound(pressed)) <= 1e-8 * unit
+    if degree == 1:  # points of quadratic elements are too far apart for some blocks of pressure
+        strength = np.minimum(faces.crushing[face] * joints.length, 1e300)
+        assert np.max(pressed - strength) <= 1e-8 * unit
+
+
+def test_modes_of_the_model_are_motions_of_the_blocks():
+    faces = planar_faces(BANK["W1 coulomb 0.65"].scene(1))
+    found = FaceSearch(faces.model, 1e-3).run()
+    motions = faces.motions(found.mode)
+    assert motions.shape == faces.bodies.live.shape
+    resultants = faces.bodies.live
+    assert np.sum(resultants * motions) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_reversed_load():
+    scene = wall_recipe("W3", PLAIN).scene(1)
+    one, other = planar_faces(scene).model, planar_faces(scene, -1.0).model
+    assert other.live == pytest.approx(-one.live) and other.dead == pytest.approx(one.dead)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_work_of_crushing_against_forces_on_a_grid(seed):
+    """The largest -n . v with n_i >= kappa N^2."""
+    random = np.random.default_rng(seed)
+    opening, kappa = random.normal(size=(1, 2)), 10.0 ** random.uniform(-1.0, 1.0, 1)
+    normal = np.linspace(0.0, 0.5 / kappa[0], 2001)
+    least = kappa[0] * normal**2
+    ends = [np.array([least, normal - least]), np.array([normal - least, least])]
+    best = max(float(np.max(-opening[0] @ end)) for end in ends)
+    assert crushing_power(opening, kappa)[0] == pytest.approx(best, rel=1e-5, abs=1e-6)
+
+
+# Elastic states at a given load
+
+
+@pytest.mark.parametrize("name", ["W1", "W3", "W4"])
+@pytest.mark.parametrize("law", ["plain", "cohesion", "crushing"])
+def test_states_at_a_given_load(name, law):
+    """In equilibrium and within all laws; the load moves ahead, and above the limit is none."""
+    model = planar_faces(wall_recipe(name, LAWS[law]).scene(1)).model
+    end = FaceSearch(model, 1e-3).run().load_factor
+    moved = []
+    for part in (0.0, 0.3, 0.6, 0.9):
+        found = state_under(model, part * end)
+        assert found is not None and found.load_factor == part * end
+        pressed, shear = found.force[:, :2], np.abs(found.force[:, 2])
+        normal = pressed.sum(axis=1)
+        unit = max(model.force, part * end * model.load)
+        missing = model.motion.T @ found.force.ravel() + model.dead + part * end * model.live
+        assert np.abs(missing).max() <= 1e-8 * unit
+        assert np.max(shear - model.strength - model.friction * normal) <= 1e-8 * unit
+        assert np.max((model.crushing * normal**2)[:, None] - pressed) <= 1e-8 * unit
+        moved.append(float(model.live @ found.motion))
+    assert all(np.diff(moved) > 0.0)
+    upper = limit(model, model.strength, model.friction)
+    for load_factor in (1.001 * upper, 2.0 * upper):
+        assert state_under(model, load_factor) is None
+
+
+def test_state_of_a_block_by_hand():
+    """Of a block b x h under W and lambda W: the base is pressed at its ends by statics."""
+    faces = planar_faces(stack_recipe(1, 0.7, (0.5, 0.4)).scene(1))
+    found = state_under(faces.model, 0.3)
+    weight = faces.model.force
+    lean = 0.5 * 0.3 * 0.4 / 0.5  # of the resultant, over b
+    (force,) = found.force
+    assert sorted(force[:2]) == pytest.approx([weight * (0.5 - lean), weight * (0.5 + lean)])
+    assert abs(force[2]) == pytest.approx(0.3 * weight)
+
+
+# Associative ends
+
+ENDS = [
+    "W1 bracket 0.65",
+    "W2 bracket 0.3",
+    "W3 bracket 0.8",
+    "W4 bracket 0.5",
+    "W3 tresca 2 kPa",
+    "4x6 coulomb 0.75",
+    "block 0.2",
+    "block 0.7",
+    "stack of 5 0.7",
+    "trilith 0.1",
+    "tilting table 16",
+    "block pushed up an incline",
+    "wedge 0.2",
+    "buttress from behind",
+    "arch 15 0.15",
+]
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_associative_end_is_that_of_the_linear_program(name):
+    with Discretization(BANK[name].scene(1)) as made:
+        known = RigidBlocks.of(made).limit()
+        found = associative_end(PlanarFaces.of(made).model)
+    assert found == pytest.approx(known, rel=2e-5)
+
+
+def crushing_draw(seed: int, part: float) -> FaceModel:
+    """A random scene whose blocks crush under so many times their weight on 2 m."""
+    recipe = Draw.of_seed(seed).recipe()
+    stones: dict[str, Material] = recipe.parts["materials"]
+    strength = part * max(stone.density for stone in stones.values()) * 9.81 * 2.0
+    crushing = {k: replace(m, compressive_strength=strength) for k, m in stones.items()}
+    changed: Recipe = replace(recipe, parts={**recipe.parts, "materials": crushing})
+    return planar_faces(changed.scene(1)).model
+
+
+@pytest.mark.parametrize(
+    ("seed", "part"),
+    [(2, 100.0), (6, 100.0), (16, 100.0), (18, 10.0), (22, 100.0), (46, 10.0)]
+    + [(seed, 10.0) for seed in (3, 4, 9, 13, 21)],
+)
+def test_associative_end_of_blocks_that_crush(seed, part):
+    """By Clarabel; in the first ones the live load may be many times the weight."""
+    model = crushing_draw(seed, part)
+    known = limit(model, model.strength, model.friction)
+    assert associative_end(model) == pytest.approx(known, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", [2, 16, 18, 39, 46])
+def test_no_end_is_told_where_nothing_limits_the_load(seed):
+    """A motion that closes joints proves nothing."""
+    model = planar_faces(Draw.of_seed(seed).recipe().scene(1)).model
+    assert limit(model, model.strength, model.friction) == np.inf
+    assert associative_end(model) is None
+
+
+def test_what_crushes_under_a_load():
+    """A column on f_c b = 0.4 m x f_c, with the weight 6272 N/m and so many times it from above."""
+    column = stack_recipe(1, 5.0, (0.4, 0.8))
+    parts = {"materials": {"default": Material(1e9, 0.2, 1960.0, 1e5)}}
+    model = planar_faces(replace(column, parts=parts).scene(1)).model
+    down = replace(model, live=model.dead)
+    most = 0.4 * 1e5 / model.force - 1.0
+    assert crushed_by(down, 0.999 * most) is None
+    motion = crushed_by(down, 1.001 * most)
+    assert motion is not None and float((1.0 + 1.001 * most) * model.dead @ motion) > 0.0

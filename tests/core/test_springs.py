@@ -1,0 +1,95 @@
+"""Inverses of sums of weighted squares: by numpy, and in fractions where digits cancel."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from fenics_contact.faces.springs import Springs
+
+SHAPES = [(2, 2), (2, 5), (3, 3), (3, 7)]  # m, vectors
+
+
+def drawn(m: int, count: int, powers: float, units: int = 50) -> tuple[np.ndarray, ...]:
+    """Left and right vectors, and weights that range over some powers of ten."""
+    random = np.random.default_rng(m * count)
+    left, right = random.normal(size=(2, units, count, m))
+    return left, right, 10.0 ** random.uniform(-powers, powers, (units, count))
+
+
+def summed(left: np.ndarray, right: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.einsum("uk,ukm,ukn->umn", weights, left, right)
+
+
+@pytest.mark.parametrize(("m", "count"), SHAPES)
+def test_well_conditioned_matrices(m, count):
+    left, right, weights = drawn(m, count, 0.5)
+    for pair in ((right, right), (right + 0.1 * left, right)):
+        found = Springs(*pair).inverse(weights)
+        matrix = summed(*pair, weights)
+        well = np.linalg.cond(matrix) < 1e4
+        assert well.sum() > 10
+        assert found[well] == pytest.approx(np.linalg.inv(matrix[well]), rel=1e-9, abs=1e-9)
+
+
+def exact_inverse(vectors: np.ndarray, weights: np.ndarray) -> list[list[Fraction]]:
+    """By cofactors, in fractions."""
+    m = vectors.shape[1]
+    rows = [[Fraction(x) for x in row] for row in vectors.tolist()]
+    given = [Fraction(w) for w in weights.tolist()]
+    terms = list(zip(given, rows, strict=True))
+    matrix = [[sum(w * r[i] * r[j] for w, r in terms) for j in range(m)] for i in range(m)]
+    whole = determinant(matrix)
+    return [
+        [Fraction((-1) ** (i + j)) * determinant(minor(matrix, j, i)) / whole for j in range(m)]
+        for i in range(m)
+    ]
+
+
+def minor(matrix: list[list[Fraction]], row: int, column: int) -> list[list[Fraction]]:
+    kept = [one for k, one in enumerate(matrix) if k != row]
+    return [[x for k, x in enumerate(one) if k != column] for one in kept]
+
+
+def determinant(matrix: list[list[Fraction]]) -> Fraction:
+    if not matrix:
+        return Fraction(1)
+    first = enumerate(matrix[0])
+    return sum(
+        (Fraction((-1) ** k) * x * determinant(minor(matrix, 0, k)) for k, x in first), Fraction(0)
+    )
+
+
+@pytest.mark.parametrize(("m", "count"), SHAPES)
+def test_weights_over_thirty_powers_of_ten(m, count):
+    """Every entry has most of its digits, however small it is beside the others.
+
+    Vectors of small whole numbers: their cross products are exact.
+    """
+    random = np.random.default_rng(count)
+    vectors = random.integers(-3, 4, (40, count, m)).astype(float)
+    vectors = vectors[np.linalg.matrix_rank(vectors) == m]
+    weights = 10.0 ** random.uniform(-15.0, 15.0, vectors.shape[:2])
+    found = Springs(vectors, vectors).inverse(weights)
+    assert len(vectors) > 20
+    for k in range(len(vectors)):
+        exact = exact_inverse(vectors[k], weights[k])
+        largest = max(abs(x) for row in exact for x in row)
+        for i in range(m):
+            assert found[k, i, i] == pytest.approx(float(exact[i][i]), rel=1e-12)
+            for j in range(m):
+                error = abs(Fraction(found[k, i, j]) - exact[i][j])
+                assert error <= Fraction(1e-12) * largest
+
+
+def test_elimination_loses_what_the_sum_keeps():
+    """The same kind of matrix by numpy, so that the test above is no trifle."""
+    vectors = np.array([[[1.0, 1.0], [1.0, 2.0]]])
+    weights = np.array([[1e15, 1e-15]])
+    exact = float(exact_inverse(vectors[0], weights[0])[0][0])
+    found = Springs(vectors, vectors).inverse(weights)[0, 0, 0]
+    assert found == pytest.approx(exact, rel=1e-14)
+    matrix = summed(vectors, vectors, weights)[0]
+    assert abs(np.linalg.det(matrix) - 1.0) > 0.1  # it is 1
