@@ -233,7 +233,8 @@ def test_ctrl_c_in_the_face_engine(tmp_path, seconds, ranks):
         assert record["stopped"].startswith("stopped by SIG")  # mpirun hands on its own
         assert record["status"] in ("limit", "not_converged")
     if record["status"] == "limit":
-        assert 0.0 < record["load_factor"] <= record["bounds"]["upper"] * (1.0 + 1e-6)
+        upper = record["bounds"]["upper"] or 0.65  # the friction, where it is not known yet
+        assert 0.0 < record["load_factor"] <= upper * (1.0 + 1e-6)
         assert record["gap"] <= 1e-2
 
 
