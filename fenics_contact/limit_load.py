@@ -20,7 +20,7 @@ from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.further import with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
-from fenics_contact.collapse.load_control import capacity_curve, raise_load
+from fenics_contact.collapse.load_control import capacity_curve
 from fenics_contact.collapse.lowest import with_lowest
 from fenics_contact.collapse.reasons import explained
 from fenics_contact.collapse.record import Listener
@@ -29,7 +29,6 @@ from fenics_contact.collapse.service_state import rests, service_state
 from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
-from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.crushing import pressed_too_much
 from fenics_contact.discretization.discretization import Bonded, Discretization
@@ -463,8 +462,8 @@ def _found(case: LoadCase) -> tuple[Collapse, LoadCase]:
         Stopped: If the run is to end.
     """
     if np.any(case.discretization.joints.losing):
-        return torn_collapse(case, lambda torn: collapse_by_engine(torn, _collapse))
-    return collapse_by_engine(case, _collapse), case
+        return torn_collapse(case)
+    return collapse_by_engine(case), case
 
 
 def _collapses(
@@ -498,19 +497,6 @@ def _collapses(
 def _rests(case: LoadCase) -> bool:
     """Whether the dead load alone has a state: of joint faces, or else of elastic blocks."""
     return rests(case.discretization) or service_state(case, 0.0).status == "equilibrium"
-
-
-def _collapse(case: LoadCase) -> Collapse:
-    """The collapse of one direction on the loading path, as the scene's options ask for it.
-
-    Raises:
-        Stopped: If the run is to end; the record of the load case has what was found.
-    """
-    scene = case.discretization.scene
-    options = scene.solve
-    if options.control == "load":
-        return raise_load(case, strategy_of(scene), options, find_collapse)
-    return find_collapse(case, strategy_of(scene), options.tolerance)
 
 
 def _result(

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from fenics_contact.collapse.face_collapse import face_collapse
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.work_control import growth
+from fenics_contact.collapse.load_control import raise_load
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.collapse.work_control import find_collapse, growth
 from fenics_contact.results.history import alike_as_one
 from fenics_contact.results.result import Collapse
 
@@ -38,7 +39,7 @@ class EngineOptions:
 OPTIONS = EngineOptions()
 
 
-def collapse_by_engine(case: LoadCase, by_path: Callable[[LoadCase], Collapse]) -> Collapse:
+def collapse_by_engine(case: LoadCase) -> Collapse:
     """The collapse of a load case by the engine that its scene asks for, or that fits it.
 
     Raises:
@@ -49,13 +50,13 @@ def collapse_by_engine(case: LoadCase, by_path: Callable[[LoadCase], Collapse]) 
     if options.engine == "faces" or (crushes and options.engine == "auto"):
         return _unless_unlimited(case, face_collapse(case))
     if options.engine == "path" or options.method != "auto" or options.control != "work":
-        return by_path(case)
+        return _by_path(case)
     many = case.block_count >= OPTIONS.many
     found = face_collapse(case) if many and not options.fast else None
     if found is not None and found.status == "limit":
         case.record.best = found
     with case.discretization.effort.at_most(OPTIONS.soon if many else math.inf):
-        end = by_path(case)
+        end = _by_path(case)
     least = -options.tolerance * case.scales.load_factor
     # The dead load alone stands: what needs the live load to stand is another state.
     lost = end.status == "not_converged" or end.load_factor < least
@@ -71,6 +72,14 @@ def collapse_by_engine(case: LoadCase, by_path: Callable[[LoadCase], Collapse]) 
         return replace(found, history=end.history)
     reason = "; ".join(filter(None, [end.reason, found.reason]))
     return replace(end, status="not_converged", reason=reason)
+
+
+def _by_path(case: LoadCase) -> Collapse:
+    """The collapse on the loading path, as the scene's options ask for it."""
+    scene = case.discretization.scene
+    if scene.solve.control == "load":
+        return raise_load(case, strategy_of(scene), scene.solve)
+    return find_collapse(case, strategy_of(scene), scene.solve.tolerance)
 
 
 def _unless_unlimited(case: LoadCase, end: Collapse) -> Collapse:

@@ -19,6 +19,7 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.strategy import Strategy, next_to, states_along_rising_work
+from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import Collapse
@@ -67,9 +68,8 @@ def raise_load(
     case: LoadCase,
     strategy: Strategy,
     options: SolveOptions,
-    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
 ) -> Collapse:
-    """The collapse that `find_collapse` finds from the last state under rising load factors.
+    """The collapse that is found from the last state under rising load factors.
 
     The first state is next to the bonded response to the dead load.
     """
@@ -90,7 +90,7 @@ def raise_load(
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
     if found.status != "limit" and case.problem.coulomb:
-        against = _against_the_live_load(climb, strategy, options.tolerance, find_collapse)
+        against = _against_the_live_load(climb, strategy, options.tolerance)
         if against.status == "limit" and low <= against.load_factor <= high:
             found = against
     if found.load_factor < low or found.load_factor > high:  # none is neither
@@ -106,7 +106,6 @@ def _against_the_live_load(
     climb: _Climb,
     strategy: Strategy,
     tolerance: float,
-    find_collapse: Callable[[LoadCase, Strategy, float], Collapse],
 ) -> Collapse:
     """The collapse next to the last state in which the live load does negative work.
 

@@ -15,11 +15,11 @@ tearing takes.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.history import Torn
@@ -44,19 +44,15 @@ class TornOptions:
 OPTIONS = TornOptions()
 
 
-def torn_collapse(
-    case: LoadCase, find: Callable[[LoadCase], Collapse]
-) -> tuple[Collapse, LoadCase]:
+def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
     """The collapse of a load case whose joints tear, and the case with those torn.
-
-    `find` finds the collapse of a case.
 
     Raises:
         Stopped: If the run is to end; the record of the load case has no state then.
     """
     joints = case.discretization.joints
     torn = np.zeros(len(joints.length), dtype=bool)
-    end = find(case)
+    end = collapse_by_engine(case)
     whole = end.load_factor
     with case.discretization.effort.at_most(OPTIONS.cost):
         for _ in range(OPTIONS.states):
@@ -74,7 +70,7 @@ def torn_collapse(
                 reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
                 nothing = Collapse("no_equilibrium", np.nan, case.blocks.bounds, reason=reason)
                 return replace(nothing, torn=about), case
-            end = find(case)
+            end = collapse_by_engine(case)
     reason = f"joints go on tearing after {OPTIONS.states} collapses"
     return replace(end, status="not_converged", reason=reason, torn=about), case
 

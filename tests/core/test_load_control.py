@@ -25,7 +25,7 @@ block = prepared(block_recipe(0.4, 1.0, 0.3))
 
 
 def raised(case: LoadCase, strategy: Strategy = COULOMB["auto"], **options: str) -> Collapse:
-    return raise_load(case, strategy, SolveOptions(control="load", **options), find_collapse)
+    return raise_load(case, strategy, SolveOptions(control="load", **options))
 
 
 @pytest.mark.parametrize("slip", ["stress-free", "load-steps"])
