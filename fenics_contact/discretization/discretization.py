@@ -346,7 +346,7 @@ def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
     slip = joints.origin[points]
     if made.scene.dead.movement:
         ground = ground_motion(made.scene, made.boundary, joints)
-        found = Imposed.of(supports, made.bodies, made.boundary, joints, ground)
+        found = Imposed.of(supports, made.bodies, joints, ground)
         owned = range(*problem.stiffness.matrix.getOwnershipRange())
         rest = supports.spread(found.rest, owned)
         field = made.rigid_motion(found.motion) + rest

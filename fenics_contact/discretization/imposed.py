@@ -57,7 +57,6 @@ class Imposed:
         cls,
         supports: Supports,
         bodies: RigidBodies,
-        boundary: Boundary,
         joints: Joints,
         ground: Array,
     ) -> Imposed:

@@ -1,13 +1,12 @@
 """Linear programs of forces in equilibrium, solved by HiGHS.
 
-    min c.x   subject to   A x = b,   l <= x <= u,   R x <= m.
+    min c.x   subject to   A x = b,   l <= x <= u.
 
 Where HiGHS leaves open whether there is such an x, the least missing forces s, A x + s = b, tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,16 +42,12 @@ class LinearProgram:
         columns: A, sparse, shape (equations, unknowns).
         right: b, shape (equations,).
         limits: Ends of l <= x <= u by unknown, None where there is none.
-        rows: R, sparse, shape (rows, unknowns); None without such rows.
-        most: m, shape (rows,); None likewise.
     """
 
     cost: Array
     columns: Any
     right: Array
     limits: list[Any]
-    rows: Any = None
-    most: Array | None = None
 
     @property
     def ends(self) -> Array:
@@ -63,11 +58,11 @@ class LinearProgram:
     def arguments(self, method: str, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Arguments of scipy's `linprog`."""
         names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-        size = sum(self.columns.shape) + (0 if self.most is None else len(self.most))
-        steps = OPTIONS.iterations * size  # HiGHS may go round in circles
+        # HiGHS may go round in circles.
+        steps = OPTIONS.iterations * sum(self.columns.shape)
         options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
         equations = self.columns, self.right
-        return self.cost, self.rows, self.most, *equations, self.limits, method, None, options
+        return self.cost, None, None, *equations, self.limits, method, None, options
 
     def answer(self, method: str, options: dict[str, Any] | None = None) -> Any:
         """HiGHS' answer with the least cost; its status is 0 where it has one."""
@@ -99,15 +94,8 @@ class LinearProgram:
         return LinearProgram(cost, hstack([self.columns, missing, -missing]), self.right, limits)
 
 
-def least_missing(
-    program: LinearProgram,
-    answered: Callable[[LinearProgram, str], Any] = LinearProgram.answer,
-) -> tuple[float, Array, Array]:
-    """Least sum of forces missing to equilibrium, its multipliers, and the unknowns.
-
-    Args:
-        program: Equilibrium, and limits of the unknowns.
-        answered: Finds the answer of a program by a method of HiGHS.
+def least_missing(program: LinearProgram) -> tuple[float, Array, Array]:
+    """Least sum of forces missing to the equilibrium of a program, its multipliers, and unknowns.
 
     Raises:
         SolverError: If HiGHS finds no answer.
@@ -115,7 +103,7 @@ def least_missing(
     whole = program.with_missing_forces()
     unknowns = len(program.limits)
     for method in ("highs-ds", "highs-ipm"):
-        answer = answered(whole, method)
+        answer = whole.answer(method)
         if answer.status == 0:
             return float(answer.fun), answer.eqlin.marginals, answer.x[:unknowns]
     raise SolverError(f"rigid-block linear program failed: {answer.message}")
