@@ -251,7 +251,7 @@ def time_drawing() -> None:
             end = subprocess.run([*program, *words], cwd=folder, capture_output=True, text=True)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-            said = [line for line in end.stdout.splitlines() if "load factor" in line]
+            said = [line for line in end.stdout.splitlines() if line.startswith("load factor")]
             print(f"{len(stones)} bricks, {words[0]}: exit {end.returncode}, {spent:.1f} s", *said)
 
 
@@ -271,7 +271,8 @@ def main() -> None:
         rows.append(measure(*made[name], options.check))
         show(rows[-1])
         save(options.csv, rows)
-    print(*closing(rows), sep="\n")
+    if rows:
+        print(*closing(rows), sep="\n")
     if options.drawing:
         time_drawing()
 
