@@ -83,10 +83,13 @@ def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | 
     """The searches of rank 0."""
     if case.problem.comm.rank != 0:
         return None
-    search = FaceSearch(faces.model, SEARCHES.gap, check_stop=case.discretization.effort.wait)
+    asked = case.discretization.scene.solve.states == "lowest"
+    effort = SEARCHES.asked if asked else SEARCHES.usual
+    wait = case.discretization.effort.wait
     states: dict[str, FaceState] = {}
     try:
         for name in names:
+            search = FaceSearch(faces.model, SEARCHES.gap, effort, wait)
             state = lowest_from(search, STARTS[name])
             if state is not None:
                 states[name] = state

@@ -120,7 +120,7 @@ class FaceSearch:
             pressed = self.dead_forces if lost else self.model.normal(np.maximum(state.force, 0.0))
             for theta in self._options.thetas:
                 pressed = self._with_given_part(theta, pressed, work)
-                if self._found or self._is_spent:
+                if self._found or self.is_spent:
                     break
         if not self._found and self.best is not None:
             self._check_stop()
@@ -142,7 +142,7 @@ class FaceSearch:
         for sign in (1.0, -1.0):
             self._check_stop()
             certifier = Certifier(self.model, self.equations, self._asked, sign)
-            rounds = 1 if self._is_spent or sign < 0.0 else None
+            rounds = 1 if self.is_spent or sign < 0.0 else None
             found = certifier.of(upper.force, rounds)
             size = self.model.size(upper.load_factor)
             least = upper.load_factor - self._options.reached * size
@@ -168,7 +168,8 @@ class FaceSearch:
         return rough, negative, state.gap
 
     @property
-    def _is_spent(self) -> bool:
+    def is_spent(self) -> bool:
+        """Whether no more factorisations are allowed."""
         return self.equations.factorizations >= self._effort
 
     def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
@@ -181,7 +182,7 @@ class FaceSearch:
                 break
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > options.far * model.size(state.load_factor)
-            if self._found or self._is_spent or not (state.gap < options.rough and below):
+            if self._found or self.is_spent or not (state.gap < options.rough and below):
                 break
         return state, work
 
@@ -196,7 +197,7 @@ class FaceSearch:
         options, model = self._options, self.model
         warm: Iterate | None = None
         for _ in range(options.steps):
-            if self._is_spent:
+            if self.is_spent:
                 break
             state = None
             if warm is not None:

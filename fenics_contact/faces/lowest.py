@@ -36,6 +36,8 @@ class LowestOptions:
         settled: less than this part.
         rough: Relative gap of elastic states to start from.
         start: Gap of certified states to go down from, where that can be had.
+        usual: Factorisations of one start at most, after which no other program is begun, and
+        asked: where the user asks for the lowest state.
         friction: Part of it with which growing friction begins, and
         stages: its steps up to the whole, with products that fall as friction to the power
         power: of minus one over this, down to
@@ -52,6 +54,8 @@ class LowestOptions:
     settled: float = 3e-2
     rough: float = 1e-2
     start: float = 1e-2
+    usual: int = 150
+    asked: int = 600
     friction: float = 0.25
     stages: int = 16
     power: float = 0.2
@@ -131,19 +135,23 @@ def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
         first, _ = certifier.near(state, search.work, 2)
         if first is None:
             continue
-        found = lowered(certifier, first)
+        found = lowered(search, certifier, first)
         if found.gap <= OPTIONS.allowed * OPTIONS.gap:
             return found
+        if search.is_spent:
+            return None
     return None
 
 
-def lowered(certifier: Certifier, start: FaceState) -> FaceState:
-    """The lowest state that pairs of programs lead to from one."""
+def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceState:
+    """The lowest state that pairs of programs lead to from one, as long as the search may go on."""
     model = certifier.model
     best = start
     mode = start.mode
     last = start.load_factor
     for _ in range(OPTIONS.pairs):
+        if search.is_spent:
+            break
         state = _least(certifier, mode, last)
         if state is None or state.gap > OPTIONS.allowed * OPTIONS.gap:
             break
