@@ -59,7 +59,8 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     found = case.problem.comm.bcast(_searched(case, faces, names))
     if found.stopped or not found.states:
         reason = found.stopped or (NO_STATE if every else MORE)
-        return replace(end, lowest=Lowest("not_known", reason=reason))
+        known = end.states or (end.as_state,)
+        return replace(end, lowest=Lowest("not_known", reason=reason), states=known)
     states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
     best = states[0][1]
     lower = best.load_factor < end.load_factor - LOWER * end.size
