@@ -53,10 +53,11 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
         return _by_path(case)
     many = case.block_count >= OPTIONS.many
     found = face_collapse(case) if many and not options.fast else None
-    if found is not None and found.status == "limit":
+    limited = found is not None and found.status == "limit"
+    if limited:
         case.record.best = found
     with case.discretization.effort.at_most(OPTIONS.soon if many else math.inf):
-        end = _by_path(case)
+        end = _by_path(case, limited)
     least = -options.tolerance * case.scales.load_factor
     # The dead load alone stands: what needs the live load to stand is another state.
     lost = end.status == "not_converged" or end.load_factor < least
@@ -70,16 +71,34 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     found = _unless_unlimited(case, found or face_collapse(case))
     if found.status != "not_converged" and found.load_factor >= least:
         return replace(found, history=end.history)
+    if not many and case.has_dead_load:
+        raised = _by_rising_load(case)
+        if raised.status == "limit" and raised.load_factor >= least:
+            return raised
     reason = "; ".join(filter(None, [end.reason, found.reason]))
     return replace(end, status="not_converged", reason=reason)
 
 
-def _by_path(case: LoadCase) -> Collapse:
-    """The collapse on the loading path, as the scene's options ask for it."""
+def _by_path(case: LoadCase, limited: bool = False) -> Collapse:
+    """The collapse on the loading path, as the scene's options ask for it.
+
+    Where a limit is known, no program is asked whether there is one.
+    """
     scene = case.discretization.scene
+    strategy = strategy_of(scene)
     if scene.solve.control == "load":
-        return raise_load(case, strategy_of(scene), scene.solve)
-    return find_collapse(case, strategy_of(scene), scene.solve.tolerance)
+        return raise_load(case, strategy, scene.solve)
+    if limited:
+        strategy = replace(strategy, work=replace(strategy.work, unlimited=math.inf))
+    return find_collapse(case, strategy, scene.solve.tolerance)
+
+
+def _by_rising_load(case: LoadCase) -> Collapse:
+    """The collapse next to the end of a load that rises step by step: the dearest way, at last."""
+    scene = case.discretization.scene
+    strategy = strategy_of(scene)
+    with case.discretization.effort.at_most(strategy.work.cost):
+        return raise_load(case, strategy, scene.solve)
 
 
 def _unless_unlimited(case: LoadCase, end: Collapse) -> Collapse:

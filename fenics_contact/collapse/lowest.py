@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from fenics_contact.collapse.face_collapse import collapse_of
+from fenics_contact.collapse.face_collapse import MANY_BLOCKS, collapse_of
 from fenics_contact.collapse.further import NO_PATH
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError, Stopped
@@ -53,7 +53,10 @@ def with_lowest(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     ):
         if unknown:
             return replace(end, lowest=Lowest("not_known", reason=reason))
-    every = case.discretization.scene.solve.states == "lowest"
+    options = case.discretization.scene.solve
+    every = options.states == "lowest"
+    if case.block_count >= MANY_BLOCKS and not (every or options.lowest):
+        return end  # as dear as the collapse itself
     names = list(STARTS) if every else list(STARTS)[:1]
     faces = PlanarFaces.of(case.discretization, case.sign)
     found = case.problem.comm.bcast(_searched(case, faces, names))

@@ -467,8 +467,8 @@ class SolveOptions:
         control: What is prescribed: the "work" of the live load, or the "load" factor, from zero.
         slip: Measured from the "stress-free" state, or in "load-steps" (with control = "load").
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
-        lowest: Look for a lower collapse state than the first by the forces of joint faces, with
-            any self-stress in the blocks; None: yes, but not in sweeps.
+        lowest: Look for a lower collapse state than the first, by the face engine; None: yes, but
+            not in sweeps, nor from 1 000 blocks on.
         error: Estimate how much of the load factor is due to the mesh: True, with up to 3 times
             the work of the limit load, False, or None: with at most 0.6 times that work.
         accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
