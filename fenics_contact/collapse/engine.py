@@ -89,7 +89,7 @@ def _by_path(case: LoadCase, limited: bool = False) -> Collapse:
     if scene.solve.control == "load":
         return raise_load(case, strategy, scene.solve)
     if limited:
-        strategy = replace(strategy, work=replace(strategy.work, unlimited=math.inf))
+        strategy = replace(strategy, work=replace(strategy.work, asks=False))
     return find_collapse(case, strategy, scene.solve.tolerance)
 
 

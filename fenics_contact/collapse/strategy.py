@@ -436,6 +436,7 @@ class WorkOptions:
         on_line: A load factor of this part of that under the live load alone, at the same work, is
             not limited: limit loads are far below it, as works are many times that on the bonded
             structure.
+        grows: Nor is one that grows like this power of the work.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.
         cost: That of all states of one collapse.
         exact: Tolerance on the load factor for which the first work is large enough.
@@ -450,6 +451,7 @@ class WorkOptions:
     change: float = 100.0
     asks: bool = True
     on_line: float = 0.1
+    grows: float = 0.9
     attempt: float = 300.0
     cost: float = 500.0
     exact: float = 1e-6

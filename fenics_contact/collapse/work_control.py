@@ -223,9 +223,19 @@ class _Search:
         if blocks.frictionless.is_unlimited():
             return True
         if self._line is None:
-            return False
+            return self._grows and blocks.is_unlimited()
         last = self.found[-1] if self._last_found else None
         return last is None or last.load_factor > self.options.on_line * self._line * last.ratio
+
+    @property
+    def _grows(self) -> bool:
+        """Whether the last load factors have grown with their works."""
+        factors = np.array([one.load_factor for one in self.found[-3:]])
+        if len(factors) < 3 or not np.all(factors > 0.0):
+            return False
+        works = np.array([one.ratio for one in self.found[-3:]])
+        grown = np.diff(np.log(factors)) >= self.options.grows * np.diff(np.log(works))
+        return bool(np.all(grown))
 
     @cached_property
     def _line(self) -> float | None:
