@@ -32,6 +32,7 @@ class LowestOptions:
         stands: Change of the load factor, relative, below which it stands.
         part: Of the dead load's pressing forces, with which the bound begins, and
         theta: part of Coulomb's law in these steps, and
+        less: both of another start, from below most states, and
         steps: their number at most, until the forces change by
         settled: less than this part.
         rough: Relative gap of elastic states to start from.
@@ -50,6 +51,7 @@ class LowestOptions:
     stands: float = 1e-4
     part: float = 0.3
     theta: float = 0.5
+    less: tuple[float, float] = (0.1, 0.3)
     steps: int = 6
     settled: float = 3e-2
     rough: float = 1e-2
@@ -82,6 +84,12 @@ def little_friction(search: FaceSearch) -> Iterator[Iterate]:
             yield state
         if settled:
             return
+
+
+def less_friction(search: FaceSearch) -> Iterator[Iterate]:
+    """The first of these steps with less friction: it is below most states."""
+    part, theta = OPTIONS.less
+    yield search.elastic(theta, part * search.dead_forces, search.work, OPTIONS.rough)
 
 
 def coulomb(search: FaceSearch) -> Iterator[Iterate]:
@@ -121,6 +129,7 @@ STARTS: dict[str, Start] = {
     "little friction": little_friction,
     "Coulomb's law": coulomb,
     "growing friction": growing_friction,
+    "less friction": less_friction,
 }
 
 
