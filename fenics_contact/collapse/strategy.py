@@ -446,7 +446,7 @@ class WorkOptions:
     first_of_many: float = 0.2
     growth: float = 10.0
     largest: float = 1e3
-    missing: int = 2
+    missing: int = 3
     gap: float = 2.5e-2
     change: float = 100.0
     asks: bool = True
