@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fenics_contact.faces.associative import CLOSING
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
 from fenics_contact.faces.model import FaceModel
@@ -198,12 +199,15 @@ class Certifier:
         return self.state(found, mode)
 
     def state(self, found: Iterate, mode: Array) -> FaceState | None:
-        """An iterate as a certified state, held against a mode; None without equilibrium."""
+        """An iterate as a certified state; None without equilibrium, or with a mode that closes."""
         model = self.model
         if not (found.missing < EQUILIBRIUM and np.isfinite(found.load_factor)):
             return None
         power = model.power(mode)
         relative = np.abs(model.relative(mode)).max(initial=1e-300)
+        closing = float(power.closing.max(initial=0.0)) / relative
+        if closing > CLOSING:  # it bounds nothing
+            return None
         closed = power.closing * np.maximum(found.force[:, : model.pressing], 0.0)
         upper = power.bound(model.own_strength(found.force)) + float(closed.sum())
         return FaceState(
@@ -213,7 +217,7 @@ class Certifier:
             self.sign * upper,
             (upper - self.sign * found.load_factor) / model.size(found.load_factor),
             found.missing,
-            float(power.closing.max(initial=0.0)) / relative,
+            closing,
             self.sign,
             found,
         )
