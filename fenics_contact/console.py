@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.profiles import floor_strips
 from fenics_contact.output.seismic_words import seismic_line
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.mesh_error import MeshError, Pass

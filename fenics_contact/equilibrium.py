@@ -25,7 +25,7 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.rolling import turn_in
+from fenics_contact.discretization.warnings import turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array, Indices

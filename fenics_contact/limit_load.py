@@ -30,10 +30,9 @@ from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary
-from fenics_contact.discretization.crushing import pressed_too_much
 from fenics_contact.discretization.discretization import Bonded, Discretization
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.rolling import turn_in
+from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array

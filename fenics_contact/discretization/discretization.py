@@ -12,8 +12,6 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fenics_contact.discretization.compilation import compile_forms, compile_laws
-from fenics_contact.discretization.doubts import doubts
 from fenics_contact.discretization.elasticity import (
     Elasticity,
     assemble,
@@ -21,19 +19,21 @@ from fenics_contact.discretization.elasticity import (
     with_loads,
 )
 from fenics_contact.discretization.facets import Boundary, collect_boundary
-from fenics_contact.discretization.imposed import Imposed, ground_motion
+from fenics_contact.discretization.forms import compile_forms, compile_laws
 from fenics_contact.discretization.joints import Joints, find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.material_fields import displacement_space
-from fenics_contact.discretization.movements import facet_motion
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.rigid_motions import (
+    Imposed,
     RigidBodies,
     check_held,
+    ground_motion,
     motions,
     rigid_bodies,
 )
-from fenics_contact.discretization.supports import Supports, supports_of
+from fenics_contact.discretization.supports import Supports, facet_motion, supports_of
 from fenics_contact.discretization.ties import find_ties
+from fenics_contact.discretization.warnings import doubts
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.scene.scene import Scene
@@ -335,7 +335,7 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
 
 
 def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
-    """The problem with initial gaps and supports that move; u_d, as in `imposed`."""
+    """The problem with initial gaps and supports that move; u_d, as in `rigid_motions`."""
     problem = made.problem
     joints = made.joints
     supports = made.supports

@@ -14,7 +14,7 @@ from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.loads import nodal_forces
-from fenics_contact.discretization.material_fields import law_matrices, material_field, stress_law
+from fenics_contact.discretization.materials import law_matrices, material_field, stress_law
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Labels

@@ -1,4 +1,13 @@
-"""Straight faces between two blocks or a block and the ground; relative motions at their points."""
+"""Straight faces between two blocks or a block and the ground; relative motions at their points.
+
+A face presses with 0 <= p <= f_c. The resultant N of the largest moment M about the middle of the
+face is a block of pressure f_c at its end, a = N / f_c long. So it stays a / 2 inside that end,
+
+    |M| <= N (L - N / f_c) / 2                                               (one length L),
+
+a convex set: crushing is associative (J. Heyman, The masonry arch (1982), section 2.4; R.K.
+Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). It is a law of the face engine (`faces.model`).
+"""
 
 from __future__ import annotations
 
@@ -7,11 +16,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
 from fenics_contact.discretization.facets import GROUND
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.joint_law import PointLaws
 
 #: Difference of direction, and of offset and gap over the structure's size, of one straight face.
@@ -85,3 +96,32 @@ def relative_motions(joints: Joints, bodies: RigidBodies, points: Indices, along
     columns = 3 * body[:, None] + np.arange(3)
     indices = np.repeat(row, 3), columns.ravel()
     return csr_matrix((moved.ravel(), indices), (len(points), 3 * len(bodies.centre)))
+
+
+@dataclass(frozen=True)
+class CrushedPlace:
+    """End of a joint that crushes.
+
+    Attributes:
+        position: m.
+        group: Joint or foundation.
+        length: Of the block of pressure, m.
+        normal_force: N per metre of thickness.
+    """
+
+    position: tuple[float, float]
+    group: str
+    length: float
+    normal_force: float
+
+
+def strength_of(scene: Scene, joints: Joints) -> Array:
+    """f_c at all joint points: of the joint, or else the lesser of both blocks', Pa."""
+    material = [
+        scene.material(groups).compressive_strength or np.inf for groups in scene.mesh.cell_sets
+    ]
+    of_body = np.full(scene.mesh.body_count + 1, np.inf)  # the last one is rigid ground
+    np.minimum.at(of_body, scene.mesh.body, np.array(material)[scene.mesh.cell_groups])
+    scene.comm.Allreduce(MPI.IN_PLACE, of_body, MPI.MIN)
+    of_law = np.array([law.compressive_strength or np.nan for law in joints.laws])[joints.law]
+    return np.where(np.isnan(of_law), of_body[joints.bodies].min(axis=1, initial=np.inf), of_law)

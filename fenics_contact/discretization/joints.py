@@ -21,11 +21,16 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from fenics_contact.discretization.corners import Corners, straight_sides
+from fenics_contact.discretization.contacts import Corners, find_contacts, straight_sides
 from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
-from fenics_contact.discretization.mortar import Pieces, lagrange, pieces_of, stencil_of
-from fenics_contact.discretization.pairing import find_contacts
-from fenics_contact.discretization.stencil import SHARES, Stencil
+from fenics_contact.discretization.mortar import (
+    SHARES,
+    Pieces,
+    Stencil,
+    lagrange,
+    pieces_of,
+    stencil_of,
+)
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.forms import Law
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.material_fields import displacement_space, stress_law
+from fenics_contact.discretization.materials import displacement_space, stress_law
 from fenics_contact.discretization.rigid_motions import RigidBodies, motions
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.geometry.mesh import Array, Indices, Labels
@@ -34,7 +34,7 @@ class Layout:
         joints: Joint points.
         bodies: Rigid motions of the blocks, and resultants of the loads.
         warnings: What is legal and probably meant otherwise, for people.
-        imposed: u_d of `imposed`, this rank's part in the supports' coordinates, m.
+        imposed: u_d of `rigid_motions`, this rank's part in the supports' coordinates, m.
         node_body: Body of every node of this rank.
         arm: From the centre of its body to every node of this rank, m, shape (nodes, 2).
         points: Joint points whose values this rank has.

@@ -14,11 +14,11 @@ from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms, profiles
+from fenics_contact.discretization.contacts import facing_facets
 from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.form_loads import given_load
+from fenics_contact.discretization.forms import given_load
 from fenics_contact.discretization.mortar import lagrange
-from fenics_contact.discretization.pairing import facing_facets
-from fenics_contact.discretization.strips import Strips
+from fenics_contact.discretization.profiles import Strips
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
 from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene

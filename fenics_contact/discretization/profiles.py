@@ -1,4 +1,4 @@
-"""Body forces with a profile over the height h above the foot of the structure.
+"""Body forces with a profile over the height, of blocks and of floors with mass; weights of floors.
 
 The acceleration is c(h) b, with c in straight lines between some heights. Cells are cut there, so
 that the forces are exact. The height is measured against the dead body force, or along y where
@@ -6,23 +6,255 @@ there is none; the foot is the lowest corner of all blocks. "triangular" is c = 
 height H of the centre of mass, so that the total is that of the uniform load:
 F_i = F z_i m_i / sum(z_j m_j) of EN 1998-1:2004, (4.11), and of NTC 2018, (7.3.7). Floors with mass
 are in it.
+
+On a part of a facet, with the Lagrange functions N_k of a facet of length L,
+
+    f_k = L int_a^b N_k(s) t(x(s)) ds,   0 <= a < b <= 1,
+
+by Gauss' rule with three points, exact for tractions t that are linear in x.
+
+Between two heights, of its corners or of cuts, a convex cell is a strip with two straight sides.
+Gauss's rule along the height and across takes a strip: exactly in triangles, and to rounding in
+quadrilaterals, whose shape functions are no polynomials of the place, but their resultant and
+moment exactly. Quadrilaterals without cuts are integrated as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization import forms
-from fenics_contact.discretization.cut_cells import rules, shape_functions
-from fenics_contact.discretization.facets import Boundary
-from fenics_contact.discretization.floors import floor_strips, upward
-from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.scene.scene import Load, Scene
+from fenics_contact.discretization.facets import CLOSED, Boundary
+from fenics_contact.discretization.mortar import lagrange
+from fenics_contact.errors import InputError
+from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.scene.scene import Floor, Load, Scene
+
+
+@dataclass(frozen=True)
+class Strips:
+    """Parts of facets.
+
+    Attributes:
+        facets: Rows of the boundary, shape (strips,).
+        start: Where the part begins on the facet, 0 to 1, shape (strips,).
+        end: Where it ends.
+    """
+
+    facets: Indices
+    start: Array
+    end: Array
+
+    def take(self, rows: Indices | Flags) -> Strips:
+        """Some of them."""
+        return Strips(self.facets[rows], self.start[rows], self.end[rows])
+
+    def length(self, boundary: Boundary) -> Array:
+        """m, shape (strips,)."""
+        return np.asarray(boundary.length[self.facets] * (self.end - self.start))
+
+    def forces(self, boundary: Boundary, traction: Any) -> Array:
+        """Forces on the nodes of the facets, N/m, shape (strips, nodes of a facet, 2).
+
+        `traction` gives forces per area, shape (..., 2), at positions of shape (..., 2).
+        """
+        abscissa, weight = np.polynomial.legendre.leggauss(3)
+        s = self.start[:, None] + np.outer(self.end - self.start, 0.5 * (1.0 + abscissa))
+        first, second = boundary.points[self.facets, :2].swapaxes(0, 1)
+        position = first[:, None] + s[:, :, None] * (second - first)[:, None]
+        values = lagrange(s, boundary.nodes.shape[1])
+        length = 0.5 * self.length(boundary)
+        return np.einsum("f,g,fgk,fgd->fkd", length, weight, values, traction(position))
+
+    def cut(self, boundary: Boundary, up: Array, levels: Array) -> Strips:
+        """Strips that end where they cross levels of the height up . x, m."""
+        first, second = (boundary.points[self.facets, :2] @ up).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = (levels - first[:, None]) / (second - first)[:, None]
+        crossing = np.clip(np.nan_to_num(crossing), self.start[:, None], self.end[:, None])
+        ends = np.sort(np.hstack([self.start[:, None], crossing, self.end[:, None]]), axis=1)
+        row, number = np.nonzero(np.diff(ends, axis=1) > 0.0)
+        return Strips(self.facets[row], ends[row, number], ends[row, number + 1])
+
+
+#: Parts of facets, and of normals, below this are rounding.
+NOTHING = 1e-9
+
+
+def upward(body: tuple[float, float]) -> Array:
+    """Unit vector against a body force; along y where there is none."""
+    size = math.hypot(*body)
+    return -np.array(body) / size if size > 0.0 else np.array([0.0, 1.0])
+
+
+def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
+    """The top sides that every floor lies on.
+
+    Raises:
+        InputError: If a floor lies on none, or on sides inside a block.
+    """
+    found = {}
+    looks_up = boundary.normal @ upward(scene.dead.body) > NOTHING
+    gap = max((law.gap for law in scene.joints.values()), default=0.0)
+    for name, floor in scene.floors.items():
+        mine = looks_up if floor.at is None else looks_up & (boundary.role([floor.at]) == 0)
+        strips = _between(boundary, mine, floor.x or (-np.inf, np.inf))
+        found[name] = strips if floor.y is None else _at_height(boundary, strips, floor.y, gap)
+        if len(found[name].facets) == 0:
+            raise InputError(f"floors.{name}.{_missed(boundary, strips, floor)}")
+    return found
+
+
+def _between(boundary: Boundary, mine: Flags, x: tuple[float, float]) -> Strips:
+    """Parts of some facets between two places x."""
+    first, second = boundary.points[:, :2, 0].T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (np.array(x) - first[:, None]) / (second - first)[:, None]
+    start, end = np.clip(np.sort(ends, axis=1), 0.0, 1.0).T
+    rows = np.flatnonzero(mine & (end - start > NOTHING))
+    return Strips(rows, start[rows], end[rows])
+
+
+def _at_height(boundary: Boundary, strips: Strips, y: float, gap: float) -> Strips:
+    """Those at a height, or at the highest level below it within a gap of joints."""
+    near = CLOSED * boundary.length[strips.facets, None]
+    height = boundary.points[strips.facets, :2, 1]
+    under = np.all((height <= y + near) & (height >= y - gap - near), axis=1)
+    top = height[under].max(initial=-np.inf)
+    return strips.take(under & np.all(height >= top - near, axis=1))
+
+
+def _missed(boundary: Boundary, strips: Strips, floor: Floor) -> str:
+    """That there is nothing below a floor, and what to do."""
+    if floor.y is None:
+        return f"at = '{floor.at}': no side of this group looks up; name top sides"
+    height = boundary.points[strips.facets, :2, 1].ravel()
+    missed = f"y = {floor.y:g}: no top side of a block is at this height there"
+    if len(height) == 0:
+        return f"{missed}; give x where blocks are"
+    return f"{missed}; the nearest is at y = {height[np.argmin(np.abs(height - floor.y))]:g}"
+
+
+#: Cells of strips; points of integration in the reference cell, shape (strips or 1, points, 2);
+#: weights, m2, shape (strips, points); heights up . x there, m.
+Rule = tuple[Indices, Array, Array, Array]
+
+#: Gauss points along each side of a strip, by corners of the cell.
+POINTS = {3: 3, 4: 16}
+#: Strips thinner than this are none, over the height of their cell.
+THIN = 1e-12
+#: Cells that are cut at a time, which bounds the memory.
+PORTION = 300
+
+
+def rules(domain: Any, up: Array, levels: Array) -> Iterator[Rule]:
+    """Rules for this rank's cells, cut at levels of the height up . x, m."""
+    corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
+    height = corners @ up
+    low = height.min(axis=1, keepdims=True)
+    part = (levels - low) / (height.max(axis=1, keepdims=True) - low)
+    cut = np.any((part > THIN) & (part < 1.0 - THIN), axis=1) | (corners.shape[1] == 3)
+    yield _whole(np.flatnonzero(~cut), corners[~cut], up)
+    for cells in np.array_split(np.flatnonzero(cut), cut.sum() // PORTION + 1):
+        yield _cut(cells, corners[cells], up, levels)
+
+
+def shape_functions(space: Any, place: Array) -> Array:
+    """Lagrange functions of a cell's nodes at reference places, shape (..., nodes)."""
+    nodes = compat.interpolation_points(space)
+    count = 2 if len(nodes) < 6 else 3
+    simplex = len(nodes) in (3, 6)
+    powers = [(i, j) for i in range(count) for j in range(count - i * simplex)]
+
+    def monomials(at: Array) -> Array:
+        return np.stack([at[..., 0] ** i * at[..., 1] ** j for i, j in powers], axis=-1)
+
+    return np.asarray(monomials(place) @ np.linalg.inv(monomials(nodes)))
+
+
+def _whole(cells: Indices, corners: Array, up: Array) -> Rule:
+    """A rule for whole quadrilaterals; corners as dolfinx has them, row by row."""
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS[3])  # polynomials, as in triangles
+    place = 0.5 * (1.0 + np.stack(np.meshgrid(abscissa, abscissa), axis=-1).reshape(1, -1, 2))
+    b, c, d = _sides(corners)
+    area = np.abs(_cross(b + d * place[..., 1:], c + d * place[..., :1]))
+    arm = b * place[..., :1] + c * place[..., 1:] + d * place.prod(axis=-1, keepdims=True)
+    area *= 0.25 * np.outer(weight, weight).ravel()
+    return cells, place, area, corners[:, :1] @ up + arm @ up
+
+
+def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
+    """A rule for cells cut into strips; corners as dolfinx has them, row by row."""
+    # From the first corner, so that far-away origins cost no digits.
+    base = corners[:, :1] @ up
+    corners = corners - corners[:, :1]
+    axes = np.column_stack([up, [up[1], -up[0]]])  # along the height, and across
+    outline = corners[:, [0, 1, 3, 2] if corners.shape[1] == 4 else [0, 1, 2]] @ axes
+    low = outline[..., 0].min(axis=1, keepdims=True)
+    high = outline[..., 0].max(axis=1, keepdims=True)
+    ends = np.sort(np.hstack([outline[..., 0], np.clip(levels - base, low, high)]), axis=1)
+    row, number = np.nonzero(np.diff(ends, axis=1) > THIN * (high - low))
+    extent = ends[row, number + 1] - ends[row, number]
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS[corners.shape[1]])
+    share = 0.5 * (1.0 + abscissa)
+    height = ends[row, number][:, None] + extent[:, None] * share
+    left, width = _across(outline[row], height)
+    across = left[..., None] + width[..., None] * share
+    area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)
+    flat = len(row), len(share) ** 2
+    arm = np.stack(np.broadcast_arrays(height[..., None], across), axis=-1).reshape(*flat, 2)
+    place = _reference(corners[row], arm @ axes.T)
+    return cells[row], place, area.reshape(flat), arm[..., 0] + base[row]
+
+
+def _across(outline: Array, height: Array) -> tuple[Array, Array]:
+    """Where cells begin across at heights inside them, and how wide they are there, m.
+
+    `outline` has heights and places across of the corners, shape (rows, corners, 2).
+    """
+    first = outline[:, :, None]
+    step = np.roll(outline, -1, axis=1)[:, :, None] - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (height[:, None] - first[..., 0]) / step[..., 0]
+        across = first[..., 1] + share * step[..., 1]
+    meets = (share >= 0.0) & (share <= 1.0)
+    left = np.where(meets, across, np.inf).min(axis=1)
+    return left, np.where(meets, across, -np.inf).max(axis=1) - left
+
+
+def _reference(corners: Array, arm: Array) -> Array:
+    """Places in the reference cell of places from the first corner, shape (rows, points, 2).
+
+    These are b xi + c eta + d xi eta: what is left without c eta is along b + d eta, an equation of
+    the second degree for eta.
+    """
+    b, c, d = _sides(corners)
+    constant = _cross(arm, b)
+    linear = _cross(arm, d) + _cross(b, c)
+    root = np.sqrt(np.maximum(linear**2 + 4.0 * _cross(c, d) * constant, 0.0))
+    eta = -2.0 * constant / (linear + np.sign(_cross(b, c)) * root)
+    side = b + d * eta[..., None]
+    xi = np.sum((arm - c * eta[..., None]) * side, axis=-1) / np.sum(side**2, axis=-1)
+    return np.stack([xi, eta], axis=-1)
+
+
+def _sides(corners: Array) -> tuple[Array, Array, Array]:
+    """Vectors b, c, d of x = a + b xi + c eta + d xi eta in cells, shape (cells, 1, 2)."""
+    a, b, c = np.moveaxis(corners[:, :3, None], 1, 0)
+    rest = corners[:, 3, None] - b - c + a if corners.shape[1] == 4 else 0.0 * a
+    return b - a, c - a, rest
+
+
+def _cross(one: Array, other: Array) -> Array:
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
 
 #: Weight of a mass of 1 kg, N, by which the weight of a floor gives its mass.
 GRAVITY = 9.81

@@ -1,4 +1,4 @@
-"""Fixed supports and rollers: which displacements are held, and in which coordinates.
+"""Fixed supports and rollers: which displacements are held, by how much, in which coordinates.
 
 At a node on one straight roller the displacement along the normal is held, at a node on a fixed
 support, or on rollers of two directions, all of it. Where the normal of a roller is not an axis,
@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
 from fenics_contact.geometry.planar_cells import SMOOTH_ANGLE
+from fenics_contact.scene.scene import Movement, Scene
 
 #: Largest part of a movement by which supports that meet may contradict each other.
 PRECISION = 1e-9
@@ -163,3 +165,21 @@ def _principal_directions(gram: Array) -> tuple[Array, Flags]:
     # In a turned frame the first direction is held, in x and y that of the normal.
     axis = np.where(straight, np.argmax(np.abs(normal), axis=1), 0)
     return frame, both[:, None] | (axis[:, None] == np.arange(2))
+
+
+def facet_motion(scene: Scene, boundary: Boundary) -> Array:
+    """Displacements of the nodes of facets with what supports them, m, shape of their points."""
+    motion = np.zeros(boundary.points.shape)
+    for name, movement in scene.dead.movement.items():
+        mine = boundary.in_group(name)
+        motion[mine] = displacements(movement, boundary, mine, boundary.points[mine])
+    return motion
+
+
+def displacements(movement: Movement, boundary: Boundary, edges: Flags, points: Array) -> Array:
+    """Displacements of points that move with some facets, m, shape of the points."""
+    middle = boundary.points[edges, :2].mean(axis=1)
+    length = boundary.length[edges]
+    arm = points - np.average(middle, axis=0, weights=length)
+    turn = np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+    return np.asarray(movement.displacement + np.radians(movement.rotation) * turn)

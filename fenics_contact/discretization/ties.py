@@ -33,7 +33,7 @@ from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.stencil import NOTHING, SHARES, Stencil
+from fenics_contact.discretization.mortar import NOTHING, SHARES, Stencil
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Indices, Labels
 from fenics_contact.scene.scene import Scene, Tie

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.discretization.crushing import strength_of
-from fenics_contact.discretization.faces import Faces, relative_motions, straight_faces
+from fenics_contact.discretization.faces import Faces, relative_motions, straight_faces, strength_of
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies

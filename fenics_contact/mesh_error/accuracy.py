@@ -18,8 +18,7 @@ from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.material_fields import law_matrices
-from fenics_contact.discretization.stress_law import mean_shear_modulus
+from fenics_contact.discretization.materials import law_matrices, mean_shear_modulus
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
 from fenics_contact.results.mesh_error import MeshError, Pass

@@ -27,7 +27,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_contact import compat
-from fenics_contact.discretization import stress_law
+from fenics_contact.discretization import materials
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
@@ -72,7 +72,7 @@ class HingeNodes:
         if isinstance(whole.elasticity.law, tuple):
             compliance = wedge_compliance(_modulus(whole, nodes), angle, bisector)
         else:
-            compliance = stress_law.wedge_compliance(_matrices(whole, nodes), angle, bisector)
+            compliance = materials.wedge_compliance(_matrices(whole, nodes), angle, bisector)
         frame = whole.supports.free_directions(nodes)
         return cls(nodes, np.einsum("nji,njk,nkl->nil", frame, compliance, frame))
 
@@ -178,7 +178,7 @@ def _matrices(whole: Discretization, nodes: Indices) -> Array:
     elasticity = whole.elasticity
     matrices = elasticity.law_matrices()
     dofs = compat.cell_dofs(elasticity.space)
-    order = np.argsort(-stress_law.mean_shear_modulus(matrices), kind="stable")
+    order = np.argsort(-materials.mean_shear_modulus(matrices), kind="stable")
     softest = np.zeros(int(dofs.max(initial=-1)) + 1, dtype=np.int64)
     softest[dofs[order].ravel()] = np.repeat(order, dofs.shape[1])  # the last one stays
     start, end = elasticity.space.dofmap.index_map.local_range

@@ -5,8 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any
 
-from fenics_contact.discretization.form_loads import GroupMeasure, measures
-from fenics_contact.discretization.forms import stress_of
+from fenics_contact.discretization.forms import GroupMeasure, measures, stress_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import displacement_function

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.floors import floor_strips
 from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.profiles import floor_strips
 from fenics_contact.errors.texts import plain
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.output.drawing import (

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fenics_contact.discretization.crushing import CrushedPlace
+from fenics_contact.discretization.faces import CrushedPlace
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact.discretization.compilation import compile_laws
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.forms import compile_laws
 from fenics_contact.limit_load import limit_load_of
 from fenics_contact.scene import Scene
 from fenics_contact.solvers.compiled_laws import CompiledLaws, compiled_laws, use

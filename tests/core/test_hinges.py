@@ -10,7 +10,7 @@ import pytest
 from fenics_contact import JointLaw
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.stencil import Stencil
+from fenics_contact.discretization.mortar import Stencil
 from fenics_contact.mesh_error.hinge_nodes import HingeNodes, wedge_compliance
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.solvers.problem import Owner

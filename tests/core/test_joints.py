@@ -18,7 +18,7 @@ from fenics_contact.discretization.joints import (
     find_joints,
     joint_operators,
 )
-from fenics_contact.discretization.material_fields import displacement_space
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import (

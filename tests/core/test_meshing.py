@@ -8,7 +8,7 @@ import pytest
 from fenics_contact import InputError
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import find_joints
-from fenics_contact.discretization.material_fields import displacement_space
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.geometry.gmsh_mesh import GmshMesh, bodies_of_cells, extract, gmsh_session
 from fenics_contact.meshing import (
     arch,

@@ -11,7 +11,7 @@ from fenics_contact import InputError
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import Joints, find_joints
-from fenics_contact.discretization.material_fields import displacement_space
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.meshing import polygons
 from tests.helpers import (
     Drawing,

@@ -8,7 +8,7 @@ import pytest
 from fenics_contact import InputError, Load, Scene
 from fenics_contact.discretization.discretization import Discretization, find_supports
 from fenics_contact.discretization.facets import collect_boundary
-from fenics_contact.discretization.material_fields import displacement_space
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.rigid_motions import RigidBodies, rigid_bodies
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import PUSH, STONE, coulomb, dense, grid_blocks, mesh_of, rotation

@@ -26,7 +26,7 @@ from fenics_contact import (
     sweep,
 )
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.stress_law import (
+from fenics_contact.discretization.materials import (
     asked,
     checked_matrices,
     mean_shear_modulus,

@@ -1,0 +1,267 @@
+"""Materials by cell: densities, Lame's numbers, stress laws of users; the displacement space.
+
+A law of a user is sigma = D eps, with a matrix D for every material or for every cell. It is asked
+at three unit strains, and at a fourth whether it is linear. From D follow what else depends on
+elasticity: the mean shear modulus, and the compliance of hinges. In a wedge under a force F at its
+apex the stress is radial in every homogeneous material (S.G. Lekhnitskii, Anisotropic Plates
+(1968)),
+
+    sigma_r = E(t) a . n(t) / r,   F = -G a,   G = int E(t) n n^T dt over the wedge,
+
+with n(t) along the radius and 1 / E(t) = q^T D^-1 q, q = (n_x^2, n_y^2, n_x n_y). The energy
+between two radii of ratio 2 is 1/2 ln 2 F^T G^-1 F: a halving has the compliance C = ln 2 G^-1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.corealg.traversal import traverse_unique_terminals
+from ufl.domain import extract_domains
+
+from fenics_contact import compat
+from fenics_contact.discretization.forms import Law
+from fenics_contact.errors import InputError, raised_together
+from fenics_contact.geometry.mesh import Array, BlockMesh
+from fenics_contact.scene.scene import Material, Scene, StressLaw
+
+#: Points of Gauss' rule over a wedge: E(t) may change a hundredfold.
+POINTS = 96
+#: By how much a law may miss linearity and symmetry, relative: rounding.
+ROUNDING = 1e-9
+#: Strains e_xx, e_yy, 2 e_xy at which a law is asked.
+STRAINS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -2.0, 3.0]])
+#: Of messages: what a function must give.
+FAILS = (
+    "fails: it must give a symmetric 2 x 2 UFL tensor of (strain, material), or of (strain,"
+    " material, x) where it depends on the place x"
+)
+
+
+def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
+    """Stresses of a material at `STRAINS` as a UFL vector, tensor after tensor, row after row.
+
+    Args:
+        law: That of the user; one with a third parameter gets the place.
+        material: What it is asked for.
+        name: The material's, for messages.
+        place: The place in the blocks as UFL has it, m; None: the law must not ask for it.
+
+    Raises:
+        InputError: If the law fails, or gives no tensors.
+    """
+    try:
+        more = () if place is None or compat.arguments_of(law) < 3 else (place,)
+        tensors = [law(_tensor(strain), material, *more) for strain in STRAINS]
+        for sigma in tensors:
+            if ufl.shape(sigma) != (2, 2):
+                raise ValueError(f"it has the shape {ufl.shape(sigma)}")
+        entries = [sigma[i, j] for sigma in tensors for i in range(2) for j in range(2)]
+        return ufl.as_vector(entries)
+    except Exception as error:  # of a function of the user
+        raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
+
+
+def _tensor(strain: Array) -> Any:
+    """A strain e_xx, e_yy, 2 e_xy as a UFL tensor."""
+    xx, yy, xy = strain.tolist()
+    return ufl.as_matrix([[xx, 0.5 * xy], [0.5 * xy, yy]])
+
+
+def numbers(stresses: Any, name: str) -> Array:
+    """What `asked` found where it does not depend on the place, shape (16,).
+
+    Raises:
+        InputError: If these are no numbers; `name` is the material's.
+    """
+    try:
+        return np.array([float(stresses[k](())) for k in range(4 * len(STRAINS))])
+    except Exception as error:  # of UFL, for what a user gave
+        raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
+
+
+def checked_matrices(stresses: Array, name: str, places: Array | None = None) -> Array:
+    """D, Pa, from values of `asked`: (s_xx, s_yy, s_xy) = D (e_xx, e_yy, 2 e_xy).
+
+    Args:
+        stresses: Shape (cells, 16).
+        name: The material's, for messages.
+        places: The cells' centres, m, shape (cells, 2); None where the law is one for all.
+
+    Returns:
+        Shape (cells, 3, 3).
+
+    Raises:
+        InputError: If the law is not that of a linear elastic material.
+    """
+
+    def refuse(wrong: Array, words: str, told: Array | None = None) -> None:
+        if not np.any(wrong):
+            return
+        cell = int(np.argmax(wrong))
+        matrix = "" if told is None else f": {told[cell].tolist()}"
+        here = "" if places is None else " at ({:.6g}, {:.6g})".format(*places[cell])
+        raise InputError(f"{_of(name)} {words}{here}{matrix}")
+
+    tensors = stresses.reshape(-1, len(STRAINS), 2, 2)
+    size = np.abs(tensors).max(axis=(1, 2, 3))
+    refuse(~np.isfinite(size), "is not linear in the strain: it gives what is no finite number")
+    apart = np.abs(tensors[..., 0, 1] - tensors[..., 1, 0]).max(axis=1)
+    refuse(apart > ROUNDING * size, f"{FAILS}, and it is not symmetric")
+    stress = np.stack([tensors[..., 0, 0], tensors[..., 1, 1], tensors[..., 0, 1]], axis=2)
+    matrix = np.swapaxes(stress[:, :3], 1, 2)
+    apart = np.abs(stress[:, 3] - matrix @ STRAINS[3]).max(axis=1)
+    refuse(apart > ROUNDING * size, "is not linear in the strain")
+    apart = np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2))
+    refuse(apart > ROUNDING * size, "has no energy: its matrix is not symmetric", matrix)
+    least = np.linalg.eigvalsh(matrix)[:, 0]
+    refuse(least <= ROUNDING * size, "is not stiff in every direction", matrix)
+    return matrix
+
+
+def _of(name: str) -> str:
+    return f"stress: the law of material '{name}'"
+
+
+def mean_shear_modulus(matrix: Array) -> Array:
+    """Shear modulus, mean over all directions, Pa, of matrices of shape (..., 3, 3)."""
+    stretch = matrix[..., 0, 0] + matrix[..., 1, 1] - 2.0 * matrix[..., 0, 1]
+    return np.asarray(0.125 * (stretch + 4.0 * matrix[..., 2, 2]))
+
+
+def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
+    """C of one halving at the apex of wedges, m per N/m, shape (wedges, 2, 2).
+
+    Args:
+        matrix: D, Pa, shape (wedges, 3, 3).
+        angle: Interior angle, shape (wedges,).
+        bisector: Unit vectors, shape (wedges, 2).
+    """
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS)
+    middle = np.arctan2(bisector[:, 1], bisector[:, 0])
+    direction = middle[:, None] + 0.5 * angle[:, None] * abscissa
+    x = np.cos(direction)
+    y = np.sin(direction)
+    q = np.stack([x**2, y**2, x * y], axis=2)
+    modulus = 1.0 / np.einsum("wti,wij,wtj->wt", q, np.linalg.inv(matrix), q)
+    n = np.stack([x, y], axis=2)
+    stiffness = np.einsum("w,t,wt,wti,wtj->wij", 0.5 * angle, weight, modulus, n, n)
+    return np.asarray(np.log(2.0) * np.linalg.inv(stiffness))
+
+
+def displacement_space(scene: Scene) -> Any:
+    """Continuous displacements inside every block, of the scene's degree."""
+    return compat.function_space(scene.mesh.domain, "Lagrange", scene.degree, (2,))
+
+
+def stress_law(scene: Scene) -> Law:
+    """Stress by strain in every cell, by the materials. Collective."""
+    return _given_law(scene, scene.stress) if scene.stress else _lame(scene)
+
+
+def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
+    """Lame's numbers of the materials."""
+    nus = 2.0 if scene.plane == "strain" else 1.0
+    first = material_field(
+        scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
+    )
+    return first, material_field(scene, lambda m: m.young / (2.0 * (1.0 + m.poisson)), first)
+
+
+def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
+    """D of the cells by a law of the user. Collective.
+
+    Raises:
+        InputError: On all ranks, if the law is not that of linear elastic materials.
+    """
+    mesh = scene.mesh
+    place = ufl.SpatialCoordinate(mesh.domain)
+    names = np.array([scene.material_name(groups) for groups in mesh.cell_sets])
+    with raised_together(scene.comm):
+        stresses = {str(n): asked(law, scene.materials[n], n, place) for n in np.unique(names)}
+        varies = {name: _varies(given, mesh, name) for name, given in stresses.items()}
+    space = compat.function_space(mesh.domain, "DG", 0, (9,))
+    rows = np.zeros((len(mesh.cell_groups), 9))
+    for name, given in stresses.items():
+        cells = names[mesh.cell_groups] == name
+        # The cells' centres tell where a law is refused.
+        found = _in_cells(mesh, [*given, *place])[cells] if varies[name] else None
+        with raised_together(scene.comm):
+            if found is None:
+                matrices = checked_matrices(numbers(given, name)[None], name)
+            else:
+                matrices = checked_matrices(found[:, :-2], name, found[:, -2:])
+            rows[cells] = matrices.reshape(-1, 9)
+    field = fem.Function(space, name="law")
+    field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = rows
+    return field
+
+
+def _varies(stresses: Any, mesh: BlockMesh, name: str) -> bool:
+    """Whether what a law gives depends on the place.
+
+    Raises:
+        InputError: If it does so on another mesh.
+    """
+    domains: set[Any] = set()
+    for terminal in traverse_unique_terminals(stresses):
+        domains.update(extract_domains(terminal))
+    if domains - {ufl.SpatialCoordinate(mesh.domain).ufl_domain()}:
+        raise InputError(
+            f"stress: the law of material '{name}' uses another mesh than that of its blocks,"
+            " scene.mesh.domain; take the place from a third parameter, (strain, material, x)"
+        )
+    return bool(domains)
+
+
+def _in_cells(mesh: BlockMesh, values: Sequence[Any]) -> Array:
+    """UFL values at the centres of this rank's cells, shape (cells, values). Collective.
+
+    Raises:
+        InputError: If they cannot be compiled.
+    """
+    space = compat.function_space(mesh.domain, "DG", 0, (len(values),))
+    field = fem.Function(space)
+    # dolfinx compiles on rank 0, while the others wait.
+    cache = compat.form_cache() if mesh.comm.rank == 0 else nullcontext()
+    try:
+        with compat.quiet_compiler(), cache:
+            points = compat.interpolation_points(space)
+            field.interpolate(fem.Expression(ufl.as_vector(values), points))
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"stress: the law cannot be compiled: {error}") from error
+    rows = field.x.array.reshape(-1, len(values))
+    return np.asarray(rows[compat.cell_dofs(space)[:, 0]])
+
+
+def law_matrices(law: Law) -> Array:
+    """D of a law that was given as such, in this rank's cells, Pa, shape (cells, 3, 3)."""
+    given: Any = law
+    rows = given.x.array.reshape(-1, 3, 3)
+    return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
+
+
+def cell_field(
+    mesh: BlockMesh, name: str, values: Array, like: fem.Function | None = None
+) -> fem.Function:
+    """Function that is constant in every cell, from the local cells' values.
+
+    It is on the space of another one where one is given.
+    """
+    space = like.function_space if like else compat.function_space(mesh.domain, "DG", 0)
+    field = fem.Function(space, name=name)
+    field.x.array[compat.cell_dofs(space)[:, 0]] = values
+    return field
+
+
+def material_field(
+    scene: Scene, value: Callable[[Material], float], like: fem.Function | None = None
+) -> fem.Function:
+    """A value of the materials, constant by cell; see `cell_field`."""
+    values = [value(scene.material(groups)) for groups in scene.mesh.cell_sets]
+    return cell_field(scene.mesh, "material", np.array(values)[scene.mesh.cell_groups], like)
