@@ -32,7 +32,7 @@ def arch_scene(voussoirs: int, thickness: float, elements: int) -> Scene:
 def stands(thickness: float) -> bool:
     """Whether 27 rigid voussoirs of this thickness carry their weight."""
     with Discretization(arch_scene(27, thickness, elements=1)) as blocks:
-        return RigidBlocks(blocks.joints, blocks.bodies, blocks.scene.comm).stands()
+        return RigidBlocks.of(blocks).stands()
 
 
 result = limit_load(arch_scene(15, 0.15, elements=4))

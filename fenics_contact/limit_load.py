@@ -383,7 +383,7 @@ def _solved(
     scene = discretization.scene
     asked = _asked(discretization.scene)
     start = time.perf_counter()
-    blocks = RigidBlocks.of(discretization, patient=discretization.effort.wait)
+    blocks = RigidBlocks.of(discretization, check_stop=discretization.effort.wait)
     lower = 0.0 if blocks.frictionless.stands() else None
     fall = blocks.fall() if lower is None else None
     seconds["bounds"] = time.perf_counter() - start

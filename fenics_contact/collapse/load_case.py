@@ -91,7 +91,7 @@ class LoadCase:
 
     def with_torn(self, torn: Flags) -> LoadCase:
         """The load case with joint points that have lost their strengths, of all points."""
-        whole = self.discretization.with_torn(torn)
+        whole = self.discretization.with_(torn=torn)
         given = replace(self.bonded, live=self.sign * self.bonded.live)
         case = LoadCase.of(whole, given, self.sign, self.kind, self.monitor)
         return replace(case, record=self.record)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -18,9 +19,9 @@ from fenics_contact.discretization.elasticity import (
     internal_forces,
     with_loads,
 )
-from fenics_contact.discretization.facets import Boundary, collect_boundary
+from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.forms import compile_forms, compile_laws
-from fenics_contact.discretization.joints import Joints, find_joints, joint_operators
+from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.rigid_motions import (
@@ -31,15 +32,14 @@ from fenics_contact.discretization.rigid_motions import (
     motions,
     rigid_bodies,
 )
-from fenics_contact.discretization.supports import Supports, facet_motion, supports_of
+from fenics_contact.discretization.supports import find_supports
 from fenics_contact.discretization.ties import find_ties
-from fenics_contact.discretization.warnings import doubts
+from fenics_contact.discretization.warnings import warnings_on
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.scene.scene import Scene
 from fenics_contact.solvers.block_modes import BlockModes, Blocks, modes, numbered_by_rank
 from fenics_contact.solvers.effort import Effort, Tally, Watch
-from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, Scales, SparseMap
 
@@ -100,9 +100,7 @@ class Discretization(Layout, Closing):
         self.scene = scene
         self.space = space = displacement_space(scene)
         self.boundary = collect_boundary(scene.mesh, space)
-        self.supports = find_supports(scene, self.boundary)
-        self.joints = joints = self._find_joints(scene)
-        self.warnings = self._not_compiled + doubts(scene, self.boundary, joints)
+        self._find_joints(scene)
         self.elasticity = made = assemble(scene, space, self.boundary, self.supports)
         self.node_body = made.node_body
         self.arm = made.arm
@@ -110,20 +108,58 @@ class Discretization(Layout, Closing):
         nodes = space.dofmap.index_map
         self.first_node = nodes.local_range[0]
         self.size = 2 * int(nodes.size_global)
-        self.bodies = bodies = self._rigid_bodies()
-        closed = joints.without_ties()
+        self.bodies = bodies = rigid_bodies(made, self.supports, self.boundary)
+        closed = self.joints.without_ties()
         check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
         self._check_live_load(np.ones_like(bodies.floating))
-        self.operators = joint_operators(self.joints, self.supports, made.stiffness)
-        self.points = self.operators.points
+        self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
+        self.points = rows.points
         self._owner = Owner()
-        self.problem = self._contact_problem(bodies)
-        self.problem, self.imposed = _with_imposed(self)
+        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
+        maps = [SparseMap(matrix) for matrix in matrices]
+        for operator in maps:
+            self._owner.callback(operator.close)
+        stiffness, normal, tangential, rigid = maps
+        law = self.joints.point_laws.at(self.points)
+        loads = made.dead, made.live
+        self.problem = ContactProblem(stiffness, *loads, normal, tangential, law, rigid)
+        self._take_loads_and_laws()
         self.effort = Effort()
         self.tally = Tally(effort=self.effort)
         self.mode_tally = Tally(cost=MODE_COST, effort=self.effort)
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
+
+    def with_(self, *, scene: Scene | None = None, torn: Flags | None = None) -> Discretization:
+        """Another structure that shares the matrices, which remain with this object.
+
+        Args:
+            scene: Another scene for which `shares_matrices`; factorisations are counted from 0.
+            torn: Joint points that have lost their strengths.
+
+        Raises:
+            InputError: If loads do not fit the mesh.
+        """
+        start = time.perf_counter()
+        new = Discretization.__new__(Discretization)
+        vars(new).update(vars(self))
+        if scene is not None:
+            new.scene = scene
+            new.compile_seconds = 0.0
+            new._find_joints(scene)
+            new.elasticity = with_loads(self.elasticity, scene, self.boundary, new.supports)
+            new.bodies = rigid_bodies(new.elasticity, new.supports, self.boundary)
+            new._check_live_load(np.ones_like(new.bodies.floating))
+            for tally in (self.tally, self.mode_tally):
+                tally.restart()
+        if torn is not None:
+            new.joints = replace(new.joints, torn=torn)
+        new._take_loads_and_laws()
+        if "block_modes" in vars(self):
+            new.block_modes = self.block_modes.changed(new.problem)
+        if scene is not None:
+            new.seconds = time.perf_counter() - start
+        return new
 
     def charge_to(self, other: Discretization, cost: float) -> None:
         """Count factorisations to come among those of another one, which is there for longer.
@@ -143,116 +179,27 @@ class Discretization(Layout, Closing):
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
 
-    def with_torn(self, torn: Flags) -> Discretization:
-        """The structure with joint points that have lost their strengths; it keeps the matrices."""
-        new = self._copy()
-        new.joints = replace(self.joints, torn=torn)
-        new.problem = replace(self.problem, law=new._law())
-        new.problem, new.imposed = _with_imposed(new)
-        if "block_modes" in self.__dict__:
-            new.block_modes = self.block_modes.changed(new.problem)
-        return new
-
     def check_pushed(self) -> None:
         """Raise `InputError` if the live load pushes no body but those that supports hold."""
         self._check_live_load(self.bodies.floating)
 
-    def _check_live_load(self, bodies: Flags) -> None:
-        """Refuse a live load that is zero on all of some bodies."""
-        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
-        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
-        if not self.scene.comm.allreduce(pushed, MPI.LOR):
-            raise InputError(
-                "loads.live: the live load is zero on every free body; give it a body force on"
-                " blocks with density, or a traction"
-            )
-
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""
-        for name in (item.name for item in fields(scene)):
-            one = getattr(self.scene, name)
-            other = getattr(scene, name)
-            if name == "ties":
-                one, other = (
-                    [(key, tie.from_, tie.to, tie.ground) for key, tie in ties.items()]
-                    for ties in (one, other)
-                )
+
+        def compared(name: str, value: Any) -> Any:
             if name in LAWS:  # gaps decide which facets face each other
-                one, other = (
-                    [(key, law.gap) for key, law in laws.items()] for laws in (one, other)
-                )
-            same = one is other or (name != "mesh" and one == other)
-            if name not in WITHOUT_MATRICES and not same:
+                return [(key, law.gap) for key, law in value.items()]
+            if name == "ties":
+                return [(key, tie.from_, tie.to, tie.ground) for key, tie in value.items()]
+            return value
+
+        for name in {item.name for item in fields(scene)} - set(WITHOUT_MATRICES):
+            ours = getattr(self.scene, name)
+            other = getattr(scene, name)
+            alike = name != "mesh" and compared(name, ours) == compared(name, other)
+            if ours is not other and not alike:
                 return False
         return True
-
-    def changed(self, scene: Scene) -> Discretization:
-        """Another scene that shares the matrices, which remain with this object.
-
-        Factorisations are counted from 0.
-
-        Raises:
-            InputError: If loads do not fit the mesh.
-        """
-        start = time.perf_counter()
-        new = self._copy()
-        new.scene = scene
-        new.compile_seconds = 0.0
-        new.supports = find_supports(scene, self.boundary)
-        new.joints = self._find_joints(scene)
-        new.warnings = self._not_compiled + doubts(scene, self.boundary, new.joints)
-        new.elasticity = made = with_loads(self.elasticity, scene, self.boundary, new.supports)
-        new.bodies = new._rigid_bodies()
-        new._check_live_load(np.ones_like(new.bodies.floating))
-        laws = {"law": new._law(), "compliance": new._compliance()}
-        new.problem = replace(self.problem, live=made.live, **laws)
-        new.problem, new.imposed = _with_imposed(new)
-        if "block_modes" in self.__dict__:
-            new.block_modes = self.block_modes.changed(new.problem)
-        for tally in (self.tally, self.mode_tally):
-            tally.restart()
-        new.seconds = time.perf_counter() - start
-        return new
-
-    def _copy(self) -> Discretization:
-        """The same objects under another name, to change some of them there."""
-        new = Discretization.__new__(Discretization)
-        vars(new).update(vars(self))
-        return new
-
-    def _rigid_bodies(self) -> RigidBodies:
-        made = self.elasticity
-        points = self.boundary.points
-        size = float(np.ptp(points.reshape(-1, 2), axis=0).max())
-        resultants = made.dead_resultant, made.live_resultant
-        return rigid_bodies(made.centre, *resultants, self.supports, size)
-
-    def _contact_problem(self, bodies: RigidBodies) -> ContactProblem:
-        """The problem under the loads; its maps are freed with this object."""
-        made = self.elasticity
-        rows = self.operators
-        matrices = made.stiffness, rows.normal, rows.tangential, _rigid_motions(made, bodies)
-        stiffness, normal, tangential, rigid = maps = [SparseMap(matrix) for matrix in matrices]
-        for operator in maps:
-            self._owner.callback(operator.close)
-        loads = (made.dead, made.live)
-        law = self._law()
-        give = self._compliance()
-        return ContactProblem(stiffness, *loads, normal, tangential, law, rigid, give)
-
-    def _law(self) -> PointLaws:
-        """Law of this rank's rows."""
-        return self.joints.point_laws.at(self.operators.points)
-
-    def _compliance(self) -> Array:
-        """Normal and tangential compliance of this rank's rows, shape (2, rows)."""
-        tangential = self.joints.compliance[self.operators.points]
-        return np.stack([np.zeros_like(tangential), tangential])
-
-    def _find_joints(self, scene: Scene) -> Joints:
-        """Joint points and ties."""
-        ties = find_ties(scene, self.boundary, self.space)
-        return find_joints(scene, self.boundary).with_ties(ties)
 
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
@@ -296,7 +243,13 @@ class Discretization(Layout, Closing):
                 soft.matrix.shift(SOFT_GROUND * stiffness.mean_diagonal)
                 stiffness = owner.enter_context(self.stiffness_with(soft, kind))
             factor = stiffness.factor(spring, spring / (1.0 + spring * problem.compliance[1]))
-            load, origin = _sizing_load(self, spring)
+            # Movements of supports give typical sizes where they are all of the dead load.
+            load = self.elasticity.dead
+            origin = np.zeros_like(spring)
+            if self.scene.dead.movement and problem.max(np.abs(load)) == 0.0:
+                origin = problem.law.opening_origin
+                slip = spring * problem.law.slip_origin
+                load = problem.dead + problem.joint_forces(spring * origin, slip)
             dead, live = (factor.solve(each) for each in (load, problem.live))
         pressed = spring * (origin - problem.normal @ dead) + problem.law.bond
         of_dead = np.maximum(pressed, 0.0)
@@ -307,72 +260,61 @@ class Discretization(Layout, Closing):
     @cached_property
     def block_modes(self) -> BlockModes:
         """The structure whose blocks only move, stretch and bend; made when first asked for."""
-        elasticity = self.elasticity
-        count = len(self.bodies.centre)
-        nodes = self.first_node + np.arange(len(elasticity.arm))
+        nodes = self.first_node + np.arange(len(self.arm))
         directions = self.supports.free_directions(nodes)
-        shapes = np.einsum("nji,njk->nik", directions, modes(elasticity.arm))
-        points = self.operators.points
-        sides = self.joints.bodies
-        blocks = Blocks(elasticity.node_body, points, sides, count)
+        shapes = np.einsum("nji,njk->nik", directions, modes(self.arm))
+        count = len(self.bodies.centre)
+        blocks = Blocks(self.node_body, self.points, self.joints.bodies, count)
         return self._owner.enter_context(BlockModes(self.problem, shapes, blocks))
 
+    def _find_joints(self, scene: Scene) -> None:
+        """Take the supports, joints and ties of a scene, and what is to be warned of."""
+        self.supports = find_supports(scene, self.boundary)
+        ties = find_ties(scene, self.boundary, self.space)
+        self.joints = find_joints(scene, self.boundary).with_ties(ties)
+        self.warnings = self._not_compiled + warnings_on(scene, self.boundary, self.joints)
 
-def find_supports(scene: Scene, boundary: Boundary) -> Supports:
-    """Collect what the scene's supports hold.
+    def _take_loads_and_laws(self) -> None:
+        """Take loads and laws into the problem, with initial gaps, strengths, supports that move.
 
-    Raises:
-        InputError: If a facet belongs to two supports, or supports that meet move apart.
-    """
-    role = boundary.role(scene.supports)
-    rows = np.flatnonzero(role >= 0)
-    fixed = np.array([kind == "fixed" for kind in scene.supports.values()], bool)[role[rows]]
-    nodes = boundary.nodes[rows]
-    points = boundary.points[rows]
-    normal = boundary.normal[rows]
-    motion = facet_motion(scene, boundary)[rows]
-    return supports_of(fixed, nodes, points, normal, boundary.body[rows], motion)
+        f_D' = f_D - K u_d - B_N^T t - B_T^T Y/2, and origins of openings and slips, as in
+        `rigid_motions`, `joint_law` and `ties`.
+        """
+        joints = self.joints
+        points = self.points
+        law = joints.point_laws.at(points)
+        dead = self.elasticity.dead
+        self.imposed = np.zeros_like(dead)
+        opening = -joints.gap[points]
+        slip = joints.origin[points]
+        if self.scene.dead.movement:
+            ground = ground_motion(self.scene, self.boundary, joints)
+            found = Imposed.of(self.supports, self.bodies, joints, ground)
+            owned = range(*self.problem.stiffness.matrix.getOwnershipRange())
+            rest = self.supports.spread(found.rest, owned)
+            self.imposed = self.rigid_motion(found.motion) + rest
+            dead = dead - internal_forces(self.elasticity, self.supports, rest)
+            opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
+            slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
+        law = replace(law, opening_origin=opening, slip_origin=slip)
+        if np.any(joints.bond > 0.0):
+            dead = dead - self.problem.normal.T @ law.bond
+        if joints.ties is not None:
+            dead = dead - self.problem.tangential.T @ law.pull
+        # Normal and tangential compliance of this rank's rows.
+        give = np.stack([np.zeros(len(points)), joints.compliance[points]])
+        live = self.elasticity.live
+        self.problem = replace(self.problem, dead=dead, live=live, law=law, compliance=give)
 
-
-def _with_imposed(made: Discretization) -> tuple[ContactProblem, Array]:
-    """The problem with initial gaps and supports that move; u_d, as in `rigid_motions`."""
-    problem = made.problem
-    joints = made.joints
-    supports = made.supports
-    dead = made.elasticity.dead
-    points = made.operators.points
-    field = np.zeros_like(dead)
-    opening = -joints.gap[points]
-    slip = joints.origin[points]
-    if made.scene.dead.movement:
-        ground = ground_motion(made.scene, made.boundary, joints)
-        found = Imposed.of(supports, made.bodies, joints, ground)
-        owned = range(*problem.stiffness.matrix.getOwnershipRange())
-        rest = supports.spread(found.rest, owned)
-        field = made.rigid_motion(found.motion) + rest
-        dead = dead - internal_forces(made.elasticity, supports, rest)
-        opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
-        slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
-    law = replace(problem.law, opening_origin=opening, slip_origin=slip)
-    if np.any(joints.bond > 0.0):
-        dead = dead - problem.normal.T @ law.bond
-    if joints.ties is not None:
-        dead = dead - problem.tangential.T @ law.pull
-    return replace(problem, dead=dead, law=law), field
-
-
-def _sizing_load(made: Discretization, spring: Array) -> tuple[Array, Array]:
-    """Dead load that gives typical sizes, and the openings at which springs are at rest.
-
-    These are movements of supports where they are all of the dead load, else loads alone.
-    """
-    load = made.elasticity.dead
-    problem = made.problem
-    if not made.scene.dead.movement or problem.max(np.abs(load)) > 0.0:
-        return load, np.zeros_like(spring)
-    origin = problem.law.opening_origin
-    closing = problem.joint_forces(spring * origin, spring * problem.law.slip_origin)
-    return problem.dead + closing, origin
+    def _check_live_load(self, bodies: Flags) -> None:
+        """Refuse a live load that is zero on all of some bodies."""
+        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
+        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
+        if not self.scene.comm.allreduce(pushed, MPI.LOR):
+            raise InputError(
+                "loads.live: the live load is zero on every free body; give it a body force on"
+                " blocks with density, or a traction"
+            )
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fenics_contact.discretization.elasticity import Elasticity
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.supports import Supports, displacements
@@ -56,14 +57,15 @@ class RigidBodies:
         return np.any(self.free != 0.0, axis=(1, 2))
 
 
-def rigid_bodies(
-    centre: Array, dead: Array, live: Array, supports: Supports, size: float
-) -> RigidBodies:
-    """Motions that supports leave free; arguments as in `RigidBodies`, with moments not scaled."""
+def rigid_bodies(elasticity: Elasticity, supports: Supports, boundary: Boundary) -> RigidBodies:
+    """Motions that supports leave free, and resultants of the loads."""
+    size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     scale = np.array([1.0, 1.0, 1.0 / size])
+    centre = elasticity.centre
     motion = motions(supports.points - centre[supports.body], size)
     gram = _held(motion, supports.frame, supports.held, supports.body, len(centre))
-    return RigidBodies(centre, size, _null_space(gram), dead * scale, live * scale)
+    dead = elasticity.dead_resultant * scale
+    return RigidBodies(centre, size, _null_space(gram), dead, elasticity.live_resultant * scale)
 
 
 def motions(arm: Array, size: float) -> Array:

@@ -112,45 +112,41 @@ class Supports:
         return found
 
 
-def supports_of(
-    fixed: Flags, nodes: Indices, points: Array, normal: Array, body: Labels, motion: Array
-) -> Supports:
-    """What is held at nodes of facets, fixed or on rollers, given by columns of `Boundary`.
-
-    `motion` is that of the support at the nodes, m, shape of `points`.
+def find_supports(scene: Scene, boundary: Boundary) -> Supports:
+    """What the scene's supports hold, at the nodes of their facets.
 
     Raises:
-        InputError: If supports that meet at a node move apart.
+        InputError: If a facet belongs to two supports, or supports that meet move apart.
     """
+    role = boundary.role(scene.supports)
+    rows = np.flatnonzero(role >= 0)
+    fixed = np.array([kind == "fixed" for kind in scene.supports.values()], bool)[role[rows]]
+    normal = boundary.normal[rows]
     # Sum of n n^T over the facets of a node; a fixed support counts as all directions.
     gram = np.where(fixed[:, None, None], np.eye(2), normal[:, :, None] * normal[:, None, :])
-    per_facet = nodes.shape[1]
-    nodes, first, index = np.unique(nodes, return_index=True, return_inverse=True)
-    total = np.zeros((len(nodes), 2, 2))
-    gram = np.repeat(gram, per_facet, axis=0)
+    nodes, first, index = np.unique(boundary.nodes[rows], return_index=True, return_inverse=True)
     index = index.ravel()
+    per_facet = boundary.nodes.shape[1]
+    gram = np.repeat(gram, per_facet, axis=0)
+    total = np.zeros((len(nodes), 2, 2))
     np.add.at(total, index, gram)
-    body = np.repeat(body, per_facet)[first]
-    points = points.reshape(-1, 2)[first]
-    frame, held = _principal_directions(total)
-    motion = _common_motion(gram, index, motion.reshape(-1, 2), total, points)
-    in_frame = np.einsum("nji,nj->ni", frame, motion) * held
-    return Supports(nodes, frame, held, body, points, np.einsum("nij,nj->ni", frame, in_frame))
-
-
-def _common_motion(gram: Array, node: Indices, motion: Array, total: Array, points: Array) -> Array:
-    """Displacement of every node that all supports there agree with."""
+    body = np.repeat(boundary.body[rows], per_facet)[first]
+    points = boundary.points[rows].reshape(-1, 2)[first]
+    # The displacement of every node that all supports there agree with.
+    motion = facet_motion(scene, boundary)[rows].reshape(-1, 2)
     force = np.zeros(points.shape)
-    np.add.at(force, node, np.einsum("nij,nj->ni", gram, motion))
+    np.add.at(force, index, np.einsum("nij,nj->ni", gram, motion))
     common = np.einsum("nij,nj->ni", np.linalg.pinv(total, rcond=1e-12, hermitian=True), force)
-    missed = np.abs(np.einsum("nij,nj->ni", gram, motion - common[node])).max(axis=1, initial=0.0)
+    missed = np.abs(np.einsum("nij,nj->ni", gram, motion - common[index])).max(axis=1, initial=0.0)
     if missed.max(initial=0.0) > PRECISION * np.abs(motion).max(initial=0.0):
-        x, y = np.round(points[node[np.argmax(missed)]], 9) + 0.0
+        x, y = np.round(points[index[np.argmax(missed)]], 9) + 0.0
         raise InputError(
             f"loads.dead.movement: supports that meet at ({x:g}, {y:g}) move apart; move them"
             " alike there, or leave an edge between them"
         )
-    return common
+    frame, held = _principal_directions(total)
+    in_frame = np.einsum("nji,nj->ni", frame, common) * held
+    return Supports(nodes, frame, held, body, points, np.einsum("nij,nj->ni", frame, in_frame))
 
 
 def _principal_directions(gram: Array) -> tuple[Array, Flags]:

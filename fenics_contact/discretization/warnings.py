@@ -59,7 +59,7 @@ NAMED = 3
 TOUCHING = 1e-12
 
 
-def doubts(
+def warnings_on(
     scene: Scene, boundary: Boundary, joints: Joints, usual: Usual | None = None
 ) -> tuple[str, ...]:
     """Warnings on a scene, for people; the same on all ranks. Collective."""

@@ -31,7 +31,7 @@ class Structure:
             InputError: If joints, supports or loads of the scene do not fit its mesh.
         """
         if self._last is not None and self._last.shares_matrices(scene):
-            self._last = self._last.changed(scene)
+            self._last = self._last.with_(scene=scene)
         else:
             self.close()
             self._owner = self._last = Discretization(scene)

@@ -44,7 +44,7 @@ def stands(drawing) -> bool:
     """Whether rigid blocks with friction 0.7 stand on their base."""
     scene = on_ground(drawing.mesh(1.0), coulomb(0.7))
     with Discretization(scene) as blocks:
-        return RigidBlocks(blocks.joints, blocks.bodies, scene.comm).stands()
+        return RigidBlocks.of(blocks).stands()
 
 
 @pytest.mark.parametrize(("storeys", "bays", "sill"), [(2, 3, 0.75), (1, 1, 0.0), (3, 2, 0.5)])

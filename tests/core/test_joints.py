@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, JointLaw, Scene
-from fenics_contact.discretization.discretization import find_supports
 from fenics_contact.discretization.elasticity import Elasticity, assemble
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import (
@@ -19,7 +18,7 @@ from fenics_contact.discretization.joints import (
     joint_operators,
 )
 from fenics_contact.discretization.materials import displacement_space
-from fenics_contact.discretization.supports import Supports
+from fenics_contact.discretization.supports import Supports, find_supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import (
     PUSH,

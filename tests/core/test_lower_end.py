@@ -10,6 +10,7 @@ import pytest
 
 from fenics_contact import JointLaw, Scene, limit_load
 from fenics_contact.collapse.rigid_blocks import lower_end
+from fenics_contact.collapse.rigid_blocks.model import ProgramOptions
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
@@ -23,8 +24,7 @@ from tests.property.scenes import Draw
 
 def bracket(scene: Scene, sign: float = 1.0) -> LimitBounds:
     with Discretization(scene) as made:
-        bodies = replace(made.bodies, live=sign * made.bodies.live)
-        return RigidBlocks(made.joints, bodies, scene.comm).bounds()
+        return RigidBlocks.of(made, sign).bounds()
 
 
 def leaning(courses: int, foot: float, friction: float) -> Recipe:
@@ -120,7 +120,7 @@ def test_no_more_programs_than_allowed_are_solved(monkeypatch):
     scene = leaning(5, 1.5, 0.4).scene(1)
     ends = []
     for programs in (1, 60, 120):
-        options = lower_end.LowerEndOptions(programs=programs)
+        options = ProgramOptions(programs=programs)
         monkeypatch.setattr(lower_end, "OPTIONS", options)
         ends.append(bracket(scene).lower)
     assert ends[0] == 0.0 < 0.3 < ends[1] <= ends[2] <= 0.4 + 1e-9

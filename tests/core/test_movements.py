@@ -307,7 +307,7 @@ def test_kept_matrices_give_the_numbers_of_new_ones(make):
     there = moving(first, **{name: Movement((1e-3, -2e-3), 0.1)})
     with Discretization(first) as made, Discretization(there) as new:
         assert made.shares_matrices(there)
-        changed = made.changed(there)
+        changed = made.with_(scene=there)
         for one, other in (
             (changed.problem.dead, new.problem.dead),
             (changed.problem.law.slip_origin, new.problem.law.slip_origin),

@@ -34,7 +34,7 @@ def block(law: JointLaw, **parts: object) -> Recipe:
 @contextmanager
 def programs(recipe: Recipe | Known, elements: int = 1, degree: int = 1) -> Iterator:
     with Discretization(replace(recipe.scene(elements), degree=degree)) as made:
-        yield RigidBlocks(made.joints, made.bodies, made.scene.comm), made
+        yield RigidBlocks.of(made), made
 
 
 #: Closed forms that do not depend on whether slip is associative.

@@ -23,7 +23,7 @@ from fenics_contact import (
     equilibrium,
     limit_load,
 )
-from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
+from fenics_contact.collapse.rigid_blocks import lower_end
 from fenics_contact.geometry.refinement import refine
 from fenics_contact.meshing import polygons
 from tests.bank import BANK, wall_recipe
@@ -160,9 +160,9 @@ def test_a_mesh_numbered_otherwise_is_refused():
 def test_the_bracket_is_solved_on_one_rank(monkeypatch):
     result = limit_load(wall_recipe("W1", coulomb(0.65)).scene(1, fast=True))
     solved = []
-    method = RigidBlocks.given_friction
+    method = lower_end.given_friction
     monkeypatch.setattr(
-        RigidBlocks, "given_friction", lambda *given: (solved.append(1), method(*given))[1]
+        lower_end, "given_friction", lambda *given: (solved.append(1), method(*given))[1]
     )
     bounds = result.bounds
     assert bool(solved) == (MPI.COMM_WORLD.rank == 0)

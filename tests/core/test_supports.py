@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, Scene
-from fenics_contact.discretization.discretization import find_supports
 from fenics_contact.discretization.elasticity import assemble
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.materials import displacement_space
-from fenics_contact.discretization.supports import Supports
+from fenics_contact.discretization.supports import Supports, find_supports
 from fenics_contact.meshing import polygons
 from tests.helpers import PUSH, STONE, Drawing, dense, grid_blocks, mesh_of, rectangle, rotation
 

@@ -89,7 +89,7 @@ def test_kept_matrices_give_the_numbers_of_new_ones():
         last = made
         for changed in (laws, loads, none, back):
             assert last.shares_matrices(changed)
-            last = last.changed(changed)
+            last = last.with_(scene=changed)
             kept, fresh = limit_load_of(last), limit_load(changed)
             assert kept.load_factor == pytest.approx(fresh.load_factor, rel=1e-12)
             assert kept.factorizations == fresh.factorizations
@@ -118,7 +118,7 @@ def test_matrices_are_not_kept_where_they_would_differ():
 
 def test_load_that_does_not_fit_is_refused_with_kept_matrices():
     with Discretization(scene()) as made, pytest.raises(InputError, match="live load is zero"):
-        made.changed(replace(scene(), mesh=made.scene.mesh, live=Load((0.0, 0.0))))
+        made.with_(scene=replace(scene(), mesh=made.scene.mesh, live=Load((0.0, 0.0))))
 
 
 @pytest.mark.mpi

@@ -10,7 +10,7 @@ from scipy.optimize import OptimizeResult
 
 from fenics_contact import Load, SolverError
 from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
-from fenics_contact.collapse.rigid_blocks import linear_program
+from fenics_contact.collapse.rigid_blocks import model
 from fenics_contact.collapse.strategy import (
     COULOMB,
     Strategy,
@@ -165,7 +165,7 @@ def test_unbounded_is_said_at_once_where_no_state_is_found():
 def test_a_program_without_an_answer_proves_nothing(monkeypatch):
     """HiGHS may answer that it does not know, as on meshes with tiny elements."""
     unknown = OptimizeResult(status=4, message="unknown")
-    monkeypatch.setattr(linear_program, "solved", lambda *arguments: unknown)
+    monkeypatch.setattr(model, "solved", lambda *arguments: unknown)
     strategy = replace(COULOMB["auto"], attempts=(finds_nothing,))
     with load_case(block_recipe(0.4, 0.4, 0.5, live=DOWN).scene(2)) as case:
         with pytest.raises(SolverError, match="linear program failed: unknown"):

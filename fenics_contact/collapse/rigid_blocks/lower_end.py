@@ -7,7 +7,7 @@ it dilates, F_f is less by the dilatancy, which is part of the program P (`joint
 
 1. All points of f have one slip rate. Friction takes up (F_f N_f + s_f) |slip of f|: the state's
    load factor is P(F N + s), the limit load with given friction, for v proves that there is no
-   larger one (`rigid_blocks`). P(g) does not fall where any g_f grows: more forces are admissible.
+   larger one (`programs`). P(g) does not fall where any g_f grows: more forces are admissible.
 2. The state's forces are admissible with associative friction. If a <= lambda <= b, then N_f is not
    less than n_f(a, b), the least normal force of f over all forces that are admissible with some
    load factor from a to b: a linear program for every face.
@@ -32,11 +32,18 @@ from __future__ import annotations
 
 import itertools
 import logging
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from fenics_contact.collapse.rigid_blocks.model import (
+    OPTIONS,
+    BlockModel,
+    LinearProgram,
+    wedging_forces,
+)
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.bounds import meet
@@ -45,40 +52,7 @@ from fenics_contact.solvers.problem import Array
 _log = logging.getLogger("fenics_contact")
 
 
-@dataclass(frozen=True)
-class LowerEndOptions:
-    """Numbers of the search for the lower end.
-
-    Attributes:
-        programs: Linear programs at most.
-        pivots: Iterations of HiGHS times equations at most, which bounds the time on large walls.
-        gain: Least gain of a step, in units of the slice: for less, slices get smaller.
-        shrinks: Factor by which slices get smaller, and larger again.
-        thinnest: Slices are not thinner than this part of the first bracket.
-        judged: Steps of a slice, at first, in which it may turn out to be no gain.
-        at_once: Faces for each of which n is found by one program.
-        together: Faces are minimised together while this leaves less of their least normal forces.
-        unloaded: Normal forces that count as none, and slip rates, in units of the largest one.
-        rounding: Of u, which HiGHS found too: it is raised by so much, relative.
-    """
-
-    programs: int = 120
-    pivots: int = 2_500_000
-    gain: float = 0.05
-    shrinks: float = 0.25
-    thinnest: float = 0.01
-    judged: int = 2
-    at_once: int = 8
-    together: float = 0.5
-    unloaded: float = 1e-9
-    rounding: float = 1e-8
-
-
-OPTIONS = LowerEndOptions()
-
-
-@dataclass(frozen=True)
-class GivenFriction:
+class GivenFriction(NamedTuple):
     """Limit load with given friction.
 
     Attributes:
@@ -86,19 +60,46 @@ class GivenFriction:
             without equilibrium.
         slip: Slip rates of the faces in the collapse mode, where f_L.v = 1, not negative, shape
             (faces,); those of the motion that proves that there is no equilibrium, up to a factor.
-        pressure: Normal forces at all joint points, at the ends of faces, N/m; none without a
-            finite factor.
         iterations: Of HiGHS.
     """
 
     factor: float
     slip: Array
-    pressure: Array
     iterations: int
 
 
-@dataclass(frozen=True)
-class LeastForces:
+def given_friction(model: BlockModel, iterations: int) -> GivenFriction:
+    """Limit load P of the faces' laws.
+
+    Let x be what HiGHS finds, s = A x - b what it misses, and y the multipliers. As a function of b
+    the limit load is concave with the slope y: it is not less than lambda - |y|.|s|.
+
+    Args:
+        model: Blocks with dilatancy as their friction, and given bounds on shear forces.
+        iterations: Of HiGHS, at most.
+
+    Raises:
+        SolverError: If HiGHS finds no answer in as many iterations.
+    """
+    largest = model.largest()
+    answer = largest.answer("highs-ds", {"maxiter": iterations})
+    if answer.status == 0:
+        x = np.clip(answer.x, *largest.ends.T)
+        multipliers = answer.eqlin.marginals
+        lost = np.abs(multipliers) @ np.abs(largest.columns @ x - largest.right)
+        factor = float(x[0] - lost) * model.load
+    elif answer.status == 1:
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+    else:
+        missing, multipliers, _ = largest.least_missing()
+        factor = -np.inf if missing > OPTIONS.rounding else np.inf
+        if factor > 0.0 and wedging_forces(model) is None:
+            raise SolverError(f"rigid-block linear program failed: {answer.message}")
+    slip = np.abs(largest.columns.T @ multipliers)[-len(model.strength) :]
+    return GivenFriction(factor, slip, int(answer.nit))
+
+
+class LeastForces(NamedTuple):
     """Admissible forces that press some faces least.
 
     Attributes:
@@ -115,42 +116,61 @@ class LeastForces:
     iterations: int
 
 
-class FacePrograms(Protocol):
-    """Linear programs of rigid blocks with straight faces, as `RigidBlocks` has them."""
+def least_forces(
+    model: BlockModel, weights: Array, factors: tuple[float, float], iterations: int
+) -> LeastForces:
+    """Least weighted sums of normal forces of faces, with associative friction, as one program.
 
-    @property
-    def friction(self) -> Array:
-        """F - D, of the friction that takes up power, shape (faces,)."""
+    With multipliers y of equilibrium, costs c are not less than b.y + min (c - A^T y).x over all x
+    within their limits, whatever HiGHS' tolerance; x without a limit are held to be no larger than
+    the largest found.
 
-    @property
-    def strength(self) -> Array:
-        """s, N/m, shape (faces,)."""
+    Args:
+        model: Blocks with associative friction.
+        weights: Of the faces, not negative, shape (sums, faces).
+        factors: Least and largest load factor.
+        iterations: Of HiGHS, at most.
 
-    @property
-    def unit(self) -> float:
-        """A large force, N/m."""
+    Raises:
+        SolverError: If HiGHS finds no answer in as many iterations.
+    """
+    from scipy.sparse import block_diag
 
-    @property
-    def equations(self) -> int:
-        """Number of equations of equilibrium."""
+    count = len(weights)
+    largest = model.largest()
+    ends = np.vstack([np.array(factors) / model.load, largest.ends[1:]])
+    single = replace(largest, cost=np.zeros(len(ends)), ends=ends)
+    costs = np.hstack([np.zeros((count, 1)), model.pressing(weights)])
+    columns = block_diag([single.columns] * count, "csr")
+    right = np.tile(single.right, count)
+    all_sums = LinearProgram(costs.ravel(), columns, right, np.tile(ends, (count, 1)))
+    answer = all_sums.answer("highs-ds", {"maxiter": iterations})
+    spent = int(answer.nit)
+    if answer.status == 2 and single.least_missing()[0] > OPTIONS.rounding:
+        return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
+    if answer.status != 0:
+        raise SolverError(f"rigid-block linear program failed: {answer.message}")
+    x, multipliers = (v.reshape(count, -1) for v in (answer.x, answer.eqlin.marginals))
+    rest = costs - multipliers @ single.columns
+    largest_x = float(np.abs(x).max())
+    least, most = np.nan_to_num(ends.T, posinf=largest_x, neginf=-largest_x)
+    values = multipliers @ single.right + np.minimum(rest * least, rest * most).sum(axis=1)
+    at_ends = np.array([model.at_ends(row[1:])[0] for row in x])
+    normal = at_ends.reshape(count, 2, -1).sum(axis=1)
+    return LeastForces(values * model.unit, x[:, 0] * model.load, normal * model.unit, spent)
 
-    def given_friction(self, strength: Array, iterations: int) -> GivenFriction:
-        """P of given bounds on shear forces, N/m."""
 
-    def least_forces(
-        self, weights: Array, factors: tuple[float, float], iterations: int
-    ) -> LeastForces:
-        """Least weighted sums of normal forces with load factors between two."""
-
-
-def lower_end(programs: FacePrograms, upper: float) -> float:
+def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -> float:
     """No collapse state has a load factor below this; minus infinity if nothing is proved.
 
     Args:
-        programs: Linear programs.
+        model: Blocks with associative friction.
         upper: u.
+        check_stop: Called before every program; may raise `Stopped`.
     """
-    search = _Search(programs, upper + OPTIONS.rounding * abs(upper))
+    dilatancy = model.planar.model.dilatancy
+    given = BlockModel.of(model.planar, dilatancy, model.strength)
+    search = _Search(model, given, check_stop, upper + OPTIONS.rounding * abs(upper))
     try:
         search.run()
     except (SolverError, Stopped, _SpentError) as error:
@@ -185,7 +205,9 @@ class _Search:
     """Linear programs on the way to the lower end.
 
     Attributes:
-        blocks: Linear programs.
+        model: Blocks with associative friction.
+        given: Blocks with dilatancy as their friction.
+        check_stop: Called before every program.
         upper: u.
         lower: No collapse state is below.
         solved: Number of programs.
@@ -194,7 +216,9 @@ class _Search:
         last: Normal forces for which P was asked last, and the answer.
     """
 
-    blocks: FacePrograms
+    model: BlockModel
+    given: BlockModel
+    check_stop: Callable[[], None]
     upper: float
     lower: float = -np.inf
     solved: int = 0
@@ -203,15 +227,9 @@ class _Search:
     last: tuple[Array, GivenFriction] | None = None
 
     def run(self) -> None:
-        """Raise the lower end as far as it goes."""
-        self.lower = self._limit(np.zeros_like(self.blocks.friction)).factor
-        least = self._with_all_load_factors()
-        if np.isfinite(self.lower) and np.isfinite(self.upper):
-            self._by_slices(least)
-
-    def _with_all_load_factors(self) -> Array:
-        """Raise the lower end with all load factors up to u; returns what is known of n there."""
-        least = np.zeros_like(self.blocks.friction)
+        """Raise the lower end with all load factors up to u as far as it goes, then by slices."""
+        least = np.zeros_like(self.model.strength)
+        self.lower = self._limit(least).factor
         while not self._closed:
             part = self._slice(self.upper, least)
             factor = self._raised(part)
@@ -221,10 +239,8 @@ class _Search:
             self.lower = max(self.lower, factor)
             if not enough:
                 break
-        return least
-
-    def _by_slices(self, least: Array) -> None:
-        """Raise the lower end slice by slice, from the least normal forces in all of them."""
+        if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
+            return
         width = thinnest = OPTIONS.thinnest * (self.upper - self.lower)
         while not self._closed:
             end = min(self.lower + width, self.upper)
@@ -245,11 +261,9 @@ class _Search:
 
     def _slice(self, end: float, least: Array) -> _Slice:
         """The slice from the lower end on, with the forces found that are in it."""
-        part = _Slice((self.lower, end), least.copy(), np.full_like(least, np.inf))
-        for factor, normal in self.found:
-            if self.lower <= factor <= end:
-                part.most = np.minimum(part.most, normal)
-        return part
+        inside = [normal for factor, normal in self.found if self.lower <= factor <= end]
+        most = np.min([np.full_like(least, np.inf), *inside], axis=0)
+        return _Slice((self.lower, end), least.copy(), most)
 
     def _raised(self, part: _Slice) -> float:
         """No collapse state of a slice is below this, as far as it is worth while."""
@@ -259,10 +273,14 @@ class _Search:
             limit = self._limit(part.least)
             if limit.factor > high:
                 return limit.factor
-            faces = self._unknown(part, limit.slip)
+            # Faces that slip and whose n is not known yet, those with the most power first.
+            power = self.model.planar.model.free_friction * limit.slip * self._doubt(part)
+            order = np.argsort(-power, kind="stable")
+            faces = order[power[order] > OPTIONS.unloaded * power.max(initial=0.0)]
             if not len(faces):
                 return limit.factor
-            known = step < OPTIONS.judged and bool(np.all(np.isfinite(part.most)))
+            # At first the slice may turn out to be no gain.
+            known = step < 2 and bool(np.all(np.isfinite(part.most)))
             if known and self._limit(part.most).factor <= worthwhile:
                 return limit.factor
             self._minimise(part, faces)
@@ -270,20 +288,14 @@ class _Search:
                 break
         return np.inf
 
-    def _unknown(self, part: _Slice, slip: Array) -> Indices:
-        """Faces that slip and whose n is not known yet, those with the most power first."""
-        power = self.blocks.friction * slip * self._doubt(part)
-        order = np.argsort(-power, kind="stable")
-        return order[power[order] > OPTIONS.unloaded * power.max(initial=0.0)]
-
     def _doubt(self, part: _Slice) -> Array:
         """Differences of what n may be, N/m, up to the unit of forces; 0 where it is known."""
-        unit = self.blocks.unit
+        unit = self.model.unit
         doubt = np.minimum(part.most - part.least, unit)
         return np.where(doubt > OPTIONS.unloaded * unit, doubt, 0.0)
 
     def _minimise(self, part: _Slice, faces: Indices) -> None:
-        """Find n of faces of a slice, all together as long as that leaves less and less of them."""
+        """Find n of faces of a slice, all together while that halves the doubt."""
         doubt = self._doubt(part)[faces].sum()
         while len(faces) > 1:
             before = doubt
@@ -292,7 +304,7 @@ class _Search:
             self._least(part, together)
             faces = faces[self._doubt(part)[faces] > 0.0]
             doubt = self._doubt(part)[faces].sum()
-            if doubt > OPTIONS.together * before:
+            if doubt > 0.5 * before:
                 break
         while len(faces) and not part.empty:
             first = faces[: OPTIONS.at_once]
@@ -303,7 +315,7 @@ class _Search:
 
     def _least(self, part: _Slice, weights: Array) -> Array:
         """Least sums of normal forces in a slice, N/m; it learns from the forces."""
-        found = self.blocks.least_forces(weights, part.ends, self._iterations)
+        found = least_forces(self.model, weights, part.ends, self._iterations())
         self._count(found.iterations)
         part.empty = part.empty or bool(np.any(found.values == np.inf))
         if not part.empty:
@@ -315,20 +327,20 @@ class _Search:
         """P(F N + s) for given normal forces of the faces, N/m."""
         if self.last is not None and np.array_equal(self.last[0], normal):
             return self.last[1]
-        strength = self.blocks.friction * normal + self.blocks.strength
-        limit = self.blocks.given_friction(strength, self._iterations)
+        strength = self.model.planar.model.free_friction * normal + self.model.strength
+        limit = given_friction(replace(self.given, strength=strength), self._iterations())
         self._count(limit.iterations)
         self.last = normal.copy(), limit
         return limit
 
-    @property
     def _iterations(self) -> int:
-        """Iterations of HiGHS that are left."""
-        left = (OPTIONS.pivots - self.pivots) // self.blocks.equations
+        """Iterations of HiGHS that are left to the next program."""
+        left = (OPTIONS.pivots - self.pivots) // self.model.forces.shape[0]
         if left < 1 or self.solved >= OPTIONS.programs:
             raise _SpentError(f"{self.solved} linear programs did not bring it to an end")
+        self.check_stop()
         return left
 
     def _count(self, iterations: int) -> None:
         self.solved += 1
-        self.pivots += iterations * self.blocks.equations
+        self.pivots += iterations * self.model.forces.shape[0]
