@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fenics_contact import limit_load
 from fenics_contact.errors import ContactError
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.sign import signed
 from tests.property.scenes import Draw
 
 NAMES = ("seed", "kind", "blocks", "direction", "status", "load_factor", "frictionless", "lower")
@@ -47,7 +48,7 @@ def rows(seed: int) -> Iterator[dict[str, Any]]:
         return
     seconds = time.process_time() - start
     for direction, end in result.ends.items():
-        end = end if direction == "positive" else end.reversed()
+        end = end if direction == "positive" else signed(end, -1.0)
         yield about | {"direction": direction} | row(end) | {"solve": seconds}
 
 

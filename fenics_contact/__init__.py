@@ -14,10 +14,10 @@ from fenics_contact.requirements import check_requirements
 from fenics_contact.version import __version__
 
 if TYPE_CHECKING:
+    from fenics_contact.answers.seismic import SeismicCheck
     from fenics_contact.equilibrium import Equilibrium, equilibrium, stands
     from fenics_contact.geometry.mesh import BlockMesh
     from fenics_contact.limit_load import LimitLoad, limit_load
-    from fenics_contact.results.seismic import SeismicCheck
     from fenics_contact.scene.scene import (
         EarthPressure,
         EdgeForce,
@@ -81,7 +81,7 @@ _HOMES = {
     "Point": "sweeps.points",
     "Scene": "scene.scene",
     "Seismic": "scene.scene",
-    "SeismicCheck": "results.seismic",
+    "SeismicCheck": "answers.seismic",
     "SolveOptions": "scene.scene",
     "Sweep": "sweeps.sweep",
     "Tie": "scene.scene",

@@ -13,12 +13,11 @@ import numpy as np
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.profiles import floor_strips
-from fenics_contact.output.seismic_words import seismic_line
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.mesh_error import Pass
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.plan import skipped
-from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS, WITHOUT_PATH
+from fenics_contact.results.proof import WITHOUT_PATH
 from fenics_contact.results.result import Collapse, Result
 from fenics_contact.results.tie_values import TieState
 from fenics_contact.scene.scene import JointLaw, Tie
@@ -180,8 +179,6 @@ def summary(result: Result) -> str:
         reversed_load = " (live load reversed)" if direction == "negative" else ""
         lines += _end_lines(f"load factor{reversed_load}", end, result.reason(end), units)
         lines += tension_lines(tie_arrays(result.layout, end.joints), units)
-        if direction in result.seismic:
-            lines.append(seismic_line(vars(result.seismic[direction]), units))
     lines += [WITHOUT_PATH] if any(end.proof for end in result.ends.values()) else []
     lines += [str(result.curve_end)] if result.curve_end else []
     lines += map(_pass_line, result.passes)
@@ -226,9 +223,7 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         " for the friction of this state",
         *_crushing_lines(end, units),
         *_torn_lines(end, units),
-        *_peak_lines(end),
-        *_lowest_lines(end),
-        *_mesh_lines(end),
+        *(line for answer in end.told for line in answer.lines(end, units)),
         *(f"warning: {text}" for text in (end.pressed, end.contradiction) if text),
     ]
 
@@ -243,22 +238,6 @@ def _known_bracket(end: Collapse) -> list[str]:
     if end.bounds.lower is None and end.bounds.upper is None:
         return []
     return [f"bracket: {end.bounds}, whatever was found"]
-
-
-def _peak_lines(end: Collapse) -> list[str]:
-    """The most that the path to a collapse carries."""
-    peak = end.peak
-    if peak is None or end.proof:
-        return []
-    if peak.status == "none":
-        return ["peak: none found, the load factor rises to that of the collapse"]
-    if peak.status == "not_known":
-        return [f"peak: not known, {peak.reason}"]
-    return [
-        f"peak: on the way at least {peak.load_factor:.4g} was carried, at"
-        f" {1e3 * peak.displacement_m:.3g} mm; then joints slip and the load falls (it depends on"
-        " stiffness and mesh: quote the load factor of the collapse)"
-    ]
 
 
 def _crushing_lines(end: Collapse, units: Units) -> list[str]:
@@ -289,29 +268,6 @@ def _torn_lines(end: Collapse, units: Units) -> list[str]:
     ]
 
 
-def _lowest_lines(end: Collapse) -> list[str]:
-    """Whether a lower collapse state was found, and all states where several are known."""
-    lowest = end.lowest
-    if lowest is None:
-        return []
-    if lowest.status == "not_known":
-        return [f"lower state: not known, {lowest.reason}"]
-    if end.bounds.meet:
-        return ["lower state: none, as the bracket proves"]
-    factors = [state.load_factor for state in end.states]
-    several = f"; states were found from {min(factors):.6g} to {max(factors):.6g}"
-    others = several if len(factors) > 1 else ""
-    if end.is_lowest:
-        return [f"lower state: none found below the one reported{others}"]
-    if lowest.status == "lower":
-        return [
-            f"lower state: the lowest one found, {SELF_STRESS}, is at {lowest.load_factor:.6g} with"
-            f" a gap of {lowest.gap or 0.0:.0e}; {NOT_FROM_REST}{others}"
-        ]
-    plural = "es" * (lowest.starts != 1)
-    return [f"lower state: none found by {lowest.starts} search{plural}, which is no proof{others}"]
-
-
 def _pass_line(one: Pass) -> str:
     """What was found on the way to the accuracy wished."""
     hinges = ", point hinges" if one.hinges == "points" else ""
@@ -320,44 +276,6 @@ def _pass_line(one: Pass) -> str:
         f"accuracy: {one.displacements} displacements of degree {one.degree}{hinges}:"
         f" load factor {one.load_factor:.6g}, error {estimate}"
     )
-
-
-def _mesh_lines(end: Collapse) -> list[str]:
-    """What a load factor owes to the mesh, and other states that a finer one leads to."""
-    error = end.mesh_error
-    if error is None or end.proof:
-        return []
-    if np.isnan(error.load_factor_point_hinges):
-        lines = ["mesh: what the length of hinges does to the load factor is not known"]
-    elif error.hinge_length == 0.0:
-        lines = [f"mesh: the hinges are almost points; {_other_errors(error)}"]
-    elif error.estimate == 0.0 and not error.state_changes and error.algebraic_error == 0.0:
-        lines = ["mesh: the load factor does not depend on the mesh"]
-    else:
-        lines = [f"mesh: {_hinge_text(end.load_factor, error)}; {_other_errors(error)}"]
-    for one in error.state_changes:
-        where = "on a finer mesh" if one.halvings[0] == one.halvings[1] else "with shorter hinges"
-        known = f"load factor {one.before:.4g} to {one.after:.4g}: no part of the errors"
-        found = "not found: its load factor is not known" if np.isnan(one.after) else known
-        lines.append(f"mesh: another collapse state {where}, {found}")
-    return lines + ([f"mesh: {error.unknown}"] if error.unknown else [])
-
-
-def _hinge_text(load_factor: float, error: MeshError) -> str:
-    """Load factors for the lengths of hinges."""
-    if error.load_factor_point_hinges == load_factor:
-        return "the load factor does not depend on the length of hinges"
-    return (
-        f"load factor {load_factor:.4g} for hinges of {1e3 * error.hinge_length:.3g} mm;"
-        f" {error.load_factor_point_hinges:.4g} for point hinges"
-    )
-
-
-def _other_errors(error: MeshError) -> str:
-    """The error that hinges have no part in."""
-    if np.isnan(error.algebraic_error):
-        return "other errors not known"
-    return f"other errors {100.0 * error.algebraic_error:.2g} %"
 
 
 def description(layout: Layout) -> str:

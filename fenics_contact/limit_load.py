@@ -11,17 +11,16 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from dolfinx import fem
 
+from fenics_contact.answers.asking import ANSWERS, answered, of_curve, unasked
 from fenics_contact.collapse.engine import collapse_by_engine
-from fenics_contact.collapse.further import with_peak, with_peak_at_any_cost
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve
-from fenics_contact.collapse.lowest import with_lowest
 from fenics_contact.collapse.reasons import explained
 from fenics_contact.collapse.record import Listener
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
@@ -31,7 +30,6 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Bonded, Discretization
-from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
@@ -44,7 +42,6 @@ from fenics_contact.mesh_error.accuracy import (
     with_costs,
     with_pass,
 )
-from fenics_contact.mesh_error.estimate import with_error
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.for_forms import ForForms
@@ -52,13 +49,12 @@ from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.bounds import LimitBounds, rounded
-from fenics_contact.results.history import CapacityPoint, Peak, Step, TracePoint
-from fenics_contact.results.mechanism import mechanism
+from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.plan import skipped, skipped_iterations
-from fenics_contact.results.result import Collapse, Result, known_bounds
-from fenics_contact.results.seismic import SeismicCheck, seismic_check
+from fenics_contact.results.result import Answer, Collapse, Result, known_bounds
 from fenics_contact.results.service_state import NOT_KNOWN
-from fenics_contact.scene.scene import Scene, SolveOptions
+from fenics_contact.results.sign import signed
+from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
 
@@ -68,16 +64,14 @@ CURVE = 25
 MOST_POINTS = 1000
 #: Why a limit load by the forces of joint faces is without one.
 NO_CURVE = "capacity curve: no loading path leads to a limit load by the forces of joint faces"
-#: Factorisations of a collapse, about: a unit for what the curve's peak may cost.
+#: Factorisations of a collapse, about: a unit for what answers may cost that the curve needs.
 CURVE_SOLVE = 10.0
-
-
-#: Adds to a collapse of a load case, at a cost in units of one factorisation of the structure.
-Addition = Callable[[LoadCase, Collapse, float], Collapse]
 
 
 class LimitLoad(Result, ForForms, Pictured):
     """Result of `limit_load`, with its fields and files."""
+
+    kinds: ClassVar[tuple[type[Answer], ...]] = ANSWERS
 
     @property
     def mode(self) -> fem.Function | None:
@@ -136,12 +130,12 @@ class LimitLoad(Result, ForForms, Pictured):
             return replace(self, skipped=(*self.skipped, NO_CURVE))
         with Discretization(self.scene) as made:
             made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
-            curve, peak = _traced(made, end, SIGNS[direction], points, monitor or _Silent())
+            curve, end = _traced(made, end, points, monitor or _Silent())
         passed = time.perf_counter() - start
         seconds = {"capacity": passed, "total": self.seconds["total"] + passed}
         return replace(
             self,
-            ends={**self.ends, direction: replace(end, peak=peak)},
+            ends={**self.ends, direction: end},
             capacity=tuple(_rounded(point, end.size) for point in curve),
             factorizations=self.factorizations + made.factorizations(),
             mode_factorizations=self.mode_factorizations + made.mode_tally.count,
@@ -171,8 +165,8 @@ class LimitLoad(Result, ForForms, Pictured):
             return None
         axes = new_axes() if axes is None else axes
         end = self.collapse
-        limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
-        draw_capacity(axes, curve, limit, peak)
+        if end is not None:
+            draw_capacity(axes, curve, end)
         return axes
 
     def _view(self) -> View:
@@ -201,22 +195,21 @@ class LimitLoad(Result, ForForms, Pictured):
 
 
 def _traced(
-    made: Discretization, end: Collapse, sign: float, points: int, monitor: Monitor
-) -> tuple[tuple[CapacityPoint, ...], Peak | None]:
-    """The capacity curve to a collapse under the live load of a sign, and the peak on its path.
+    made: Discretization, end: Collapse, points: int, monitor: Monitor
+) -> tuple[tuple[CapacityPoint, ...], Collapse]:
+    """The capacity curve to a collapse, and the collapse with what is known by the curve.
 
     The curve is empty where the run is stopped before its first point.
     """
     kind = strategy_of(made.scene).kind
-    end = end if sign > 0.0 else end.reversed()
+    sign = end.sign
+    end = signed(end, sign)
     curve: list[CapacityPoint] = []
     with suppress(Stopped):
         case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
-        if end.peak is not None and end.peak.status == "not_known":
-            end = with_peak_at_any_cost(case, end, CURVE_SOLVE)
+        end = of_curve(case, end, CURVE_SOLVE)
         curve = capacity_curve(case, end, points, monitor.point)
-    known = end if sign > 0.0 else end.reversed()
-    return tuple(replace(p, load_factor=sign * p.load_factor) for p in curve), known.peak
+    return signed(tuple(curve), sign), signed(end, sign)
 
 
 class Monitor(Protocol):
@@ -349,27 +342,13 @@ def limit_load_of(
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
         nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
-        return _result(discretization, dict.fromkeys(_asked(scene), nothing), seconds)
+        return _result(discretization, dict.fromkeys(_asked(scene), unasked(nothing)), seconds)
 
 
 def _asked(scene: Scene) -> tuple[str, ...]:
     """Directions asked for."""
     direction = scene.solve.direction
     return tuple(SIGNS) if direction == "both" else (direction,)
-
-
-def _additions(options: SolveOptions) -> dict[str, tuple[str, Addition]]:
-    """What is added to a collapse: by name, in words, and how.
-
-    Each takes the load case, its collapse, and the cost of the collapse in units of one
-    factorisation of the structure.
-    """
-    wanted: dict[str, tuple[str, Addition]] = {"peak": ("peak of the loading path", with_peak)}
-    if options.lowest is not False and not options.fast:
-        wanted["lowest"] = "second opinion on the collapse", with_lowest
-    if options.error is not False and not options.fast:
-        wanted["error"] = "estimate of the error", with_error
-    return wanted
 
 
 def _solved(
@@ -399,7 +378,7 @@ def _solved(
         cases[name].blocks.begin()
     found, cost = _collapses(cases, asked, lower)
     seconds["solve"] = time.perf_counter() - start
-    found = _with_additions(discretization, cases, found, cost, monitor, seconds)
+    found = answered(cases, found, cost, monitor.phase, seconds)
     for name, end in found.items():
         if end.status == "limit" and not blocks.crushes:
             found[name] = with_least_forces(cases[name].discretization, end)
@@ -409,27 +388,8 @@ def _solved(
             found[name] = replace(found[name], rolling=turned, pressed=pressed)
         if discretization.effort.watch.reason:
             found[name] = _with_bounds_so_far(cases[name], found[name], lower)
-    ends = {name: found[name] if SIGNS[name] > 0.0 else found[name].reversed() for name in asked}
+    ends = {name: signed(found[name], SIGNS[name]) for name in asked}
     return _result(discretization, ends, seconds)
-
-
-def _with_additions(
-    discretization: Discretization,
-    cases: dict[str, LoadCase],
-    found: dict[str, Collapse],
-    cost: float,
-    monitor: Monitor,
-    seconds: dict[str, float],
-) -> dict[str, Collapse]:
-    """Collapses with all that the scene asks for beside their load factors; see `_additions`."""
-    options = discretization.scene.solve
-    for phase, (text, add) in _additions(options).items():
-        start = time.perf_counter()
-        if not (options.fast or discretization.effort.watch.reason):
-            monitor.phase(text)
-        found = {name: add(cases[name], end, cost) for name, end in found.items()}
-        seconds[phase] = time.perf_counter() - start
-    return found
 
 
 def _load_cases(
@@ -518,23 +478,9 @@ def _result(
         discretization.effort.spent,
         stopped=discretization.effort.watch.reason,
         fall=fall,
-        seismic=_seismic(discretization.layout, ends),
     )
 
 
 def _rounded(record: Any, size: float) -> Any:
     """A record whose load factor is 0 where it cannot be told from it; see `bounds.rounded`."""
     return replace(record, load_factor=rounded(record.load_factor, size))
-
-
-def _seismic(layout: Layout, ends: Mapping[str, Collapse]) -> dict[str, SeismicCheck]:
-    """The seismic check of every limit, where the scene asks for it."""
-    options = layout.scene.seismic
-    found: dict[str, SeismicCheck] = {}
-    if options is None:
-        return found
-    for name, end in ends.items():
-        if end.status == "limit" and end.mode is not None and end.joints is not None:
-            moving = mechanism(layout, end.mode, end.joints).moving
-            found[name] = seismic_check(layout, options, end.load_factor, end.mode, moving)
-    return found

@@ -24,6 +24,7 @@ from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, 
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import Collapse
 from fenics_contact.results.service_state import NOT_KNOWN
+from fenics_contact.results.sign import signed
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
@@ -120,9 +121,9 @@ def _against_the_live_load(
     motion = case.blocks.collapse(strength)[1]
     direction = None if motion is None else case.discretization.rigid_motion(motion)
     strategy = replace(strategy, attempts=(next_to(state, direction),))
-    found = find_collapse(case, strategy, tolerance).reversed()
+    found = signed(find_collapse(case, strategy, tolerance), -1.0)
     # The lower end holds where the live load does positive work.
-    return replace(found, program=climb.case.blocks.classical_bounds)
+    return replace(found, program=climb.case.blocks.classical_bounds, sign=1.0)
 
 
 def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> LoadPath:
@@ -378,8 +379,9 @@ def capacity_curve(
         works = works[: max(found, default=0)]
     none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
     curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
-    if end.peak is not None and end.peak.state is not None:
-        curve.append(_capacity_point(case, end.peak.state))
+    for answer in filter(None, end.answers.values()):
+        if (carried := getattr(answer.value, "state", None)) is not None:
+            curve.append(_capacity_point(case, carried))
     return sorted(curve, key=lambda point: point.work)
 
 

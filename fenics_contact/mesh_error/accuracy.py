@@ -111,12 +111,16 @@ def with_pass(result: Found) -> Found:
         for hinges, one in (("mesh", end), ("points", end.at_point_hinges)):
             if one is None:
                 continue
-            error = one.mesh_error or MeshError(math.nan, math.nan, math.nan)
+            answer = one.answers.get("mesh_error")
+            error = answer.value if answer else MeshError(math.nan, math.nan, math.nan)
             algebraic = float(np.fmax(error.algebraic_error, least))  # of what is known
             error = replace(error, algebraic_error=algebraic)
-            found = replace(one, mesh_error=error, attempts=end.attempts, trace=end.trace)
-            ends[name] = found = found.with_errors_in_bracket()
-            error = found.mesh_error or error
+            found = replace(one, attempts=end.attempts, trace=end.trace)
+            if answer:
+                found = found.with_answer("mesh_error", replace(answer, value=error))
+                found = found.with_errors_in_bracket()
+                error = found.mesh_error
+            ends[name] = found
             about = name, result.layout.size, result.scene.degree, hinges
             row = Pass(*about, one.load_factor, error.hinge_error, error.algebraic_error, seconds)
             _log.info("pass: %s, estimate %.2g", row, row.estimate)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import EffortError, Stopped
+from fenics_contact.errors import EffortError
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.mesh_error import hinges
 from fenics_contact.mesh_error.hinges import Way, determinate, independent, to_point_hinges
@@ -25,6 +25,7 @@ from fenics_contact.mesh_error.other_degree import first_look_cost, with_other_d
 from fenics_contact.results.joint_values import Contact, JointValues
 from fenics_contact.results.mesh_error import MeshError, StateChange
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.sign import signed
 
 _log = logging.getLogger("fenics_contact")
 
@@ -58,39 +59,28 @@ OPTIONS = ErrorOptions()
 OF_SIDE = {1: 1.0, 2: 0.2}
 
 
-def with_error(case: LoadCase, end: Collapse, cost: float) -> Collapse:
-    """A collapse with the estimate of its discretisation error, if its load case led to it."""
-    if end.status != "limit" or end.mode is None:
-        return end
-    if end.engine == "faces":
-        return replace(end, mesh_error=MeshError(math.nan, end.load_factor, 0.0, 0.0))
-    if end.torn is not None:
-        _log.info("no error estimate: on other meshes other points tear")
-        return end
-    try:
-        return _with_estimate(case.unrecorded, end)
-    except Stopped as stop:
-        unknown = MeshError(math.nan, math.nan, math.nan, unknown=str(stop))
-        return replace(end, mesh_error=unknown)
+#: The estimate, the collapse at point hinges, and the estimate there; None where there is none.
+Estimate = tuple[MeshError, Collapse | None, MeshError | None]
 
 
-def _with_estimate(case: LoadCase, end: Collapse) -> Collapse:
-    """A limit load with the estimate of its discretisation error."""
-    scene = case.discretization.scene
-    if end.path is not None and scene.solve.slip == "load-steps":
-        _log.info("no error estimate: slip is measured from the step before")
-        return end
-    tolerance = scene.solve.tolerance
+def estimated(case: LoadCase, end: Collapse) -> Estimate:
+    """The estimate of the discretisation error of a limit load, and its collapse at point hinges.
+
+    Raises:
+        Stopped: If the run is to end.
+    """
+    tolerance = case.discretization.scene.solve.tolerance
     live = case.problem.live
     mode = end.mode
     if mode is not None and case.problem.dot(live, mode) < 0.0:  # the dead load does the work
-        found = with_mesh_error(case.reversed(), end.reversed(), tolerance).reversed()
-        return replace(end, mesh_error=found.mesh_error, at_point_hinges=found.at_point_hinges)
+        found = with_mesh_error(case.reversed(), signed(end, -1.0), tolerance)
+        error, finer, at_hinges = (signed(one, -1.0) for one in found)
+        return error, finer, at_hinges
     return with_mesh_error(case, end, tolerance)
 
 
-def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse:
-    """A collapse with what its load factor owes to the mesh, and that with point hinges.
+def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Estimate:
+    """What the load factor of a collapse owes to the mesh, and the collapse with point hinges.
 
     Args:
         case: The load case.
@@ -98,18 +88,17 @@ def with_mesh_error(case: LoadCase, end: Collapse, tolerance: float) -> Collapse
         tolerance: On the load factor, relative.
     """
     if end.joints is None:
-        return replace(end, mesh_error=MeshError(math.nan, math.nan, math.nan))
+        return MeshError(math.nan, math.nan, math.nan), None, None
     effort = case.discretization.effort
     largest = _largest_cost(case, end)
     with effort.at_most(largest):
-        found = _estimated(case, end, end.joints, tolerance)
-        error = found.mesh_error
-        if error is not None and math.isnan(error.estimate):
+        error, finer, at_hinges = _estimated(case, end, end.joints, tolerance)
+        if math.isnan(error.estimate):
             error = replace(error, unknown=_why(case, error, effort.left, largest))
-    return replace(found, mesh_error=error)
+    return error, finer, at_hinges
 
 
-def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: float) -> Collapse:
+def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: float) -> Estimate:
     """As `with_mesh_error`, as far as the effort allows."""
     whole = case.discretization
     points = values.hinges(whole.joints.neighbours)
@@ -119,7 +108,11 @@ def _estimated(case: LoadCase, end: Collapse, values: JointValues, tolerance: fl
     error = replace(_hinge_error(way), hinge_length=length)
     if way.complete:
         error = _with_algebraic_error(case, way, error, max(tolerance, OPTIONS.rough))
-    return replace(end, mesh_error=error, at_point_hinges=_at_point_hinges(case, way, error))
+    if not way.complete or len(way.states) == 1:
+        return error, None, None
+    finer = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
+    left = abs(way.rest) / way.states[0].size
+    return error, finer, replace(error, hinge_length=0.0, hinge_error=left)
 
 
 def _length_on_mesh(whole: Discretization, points: Indices, force: Array) -> float:
@@ -199,12 +192,3 @@ def _with_algebraic_error(
         jump = StateChange((halvings, halvings), last.load_factor, other.load_factor)
         return replace(error, state_changes=(*error.state_changes, jump))
     return replace(error, algebraic_error=OPTIONS.error_of_degree[degree - 1] * change)
-
-
-def _at_point_hinges(case: LoadCase, way: Way, error: MeshError) -> Collapse | None:
-    """The last state of the way, with what is left of c / m; None where hinges change nothing."""
-    if not way.complete or len(way.states) == 1:
-        return None
-    found = on_mesh(case, way.states[-1], Softened(way.points[-2], way.halvings[-1]))
-    left = abs(way.rest) / way.states[0].size
-    return replace(found, mesh_error=replace(error, hinge_length=0.0, hinge_error=left))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -33,12 +32,10 @@ from fenics_contact.output.state_files import (
 )
 from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.certificate import Certificate
-from fenics_contact.results.history import Lowest, Peak
 from fenics_contact.results.mechanism import mechanism
-from fenics_contact.results.mesh_error import MeshError
 from fenics_contact.results.named_arrays import tie_arrays
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.scene.units import rounded_alike
+from fenics_contact.scene.units import Units, rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -131,13 +128,12 @@ def _write_capacity(result: Result, folder: Path) -> None:
         for p in result.capacity:
             factor = p.load_factor if p.converged else ""
             table.writerow([p.displacement, factor, p.work, int(p.converged)])
-    if result.scene.output.pictures:
-        end = result.collapse
+    end = result.collapse
+    if result.scene.output.pictures and end is not None:
         title = short_title(result.scene.title)
-        limit, peak = (math.nan, None) if end is None else (end.load_factor, end.peak)
         paths = picture_paths(result.scene, folder / "capacity")
         with drawing("capacity"):
-            save_capacity(result.capacity, limit, peak, title, paths)
+            save_capacity(result.capacity, end, title, paths)
 
 
 def _suffix(result: Result, direction: str) -> str:
@@ -187,7 +183,7 @@ def _write_collapse(result: Result, direction: str, end: Collapse, folder: Path)
 def _title(end: Collapse, reversal: str) -> str:
     """Status and load factor of a collapse and its bracket, rounded alike."""
     status = "" if end.status == "limit" else f"{end.status.replace('_', ' ')}, "
-    status += "lowest state found, " if end.is_lowest else ""
+    status += f"{end.searched.partition(',')[0]}, " if end.searched else ""
     reversal += f", gap {end.gap:.0e}" if end.gap is not None else ""
     factor = end.load_factor
     bounds = end.bounds.told(lambda bound: rounded_alike([factor, bound])[1])
@@ -216,17 +212,15 @@ def result_record(result: Result) -> Record:
         "gap": None,
         "error_estimate": None,
         "residuals": None,
-        "discretization": None,
-        "peak": None,
+        **{kind.key: None for kind in result.kinds},
         "ties": [],
-        "seismic": {name: dict(vars(one)) for name, one in result.seismic.items()} or None,
         "capacity": vars(result.curve_end) if result.curve_end else None,
-        "lowest": None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
     }
     if collapse is not None:
         record |= _collapse_record(result, collapse)
+    record |= _by_direction(result)
     record["iterations"] |= _record(result, "factorizations", "mode_factorizations")
     ends = {name: _end_record(result, end) for name, end in result.ends.items()}
     directions = {n: ends[n] | _collapse_record(result, end) for n, end in result.ends.items()}
@@ -244,9 +238,21 @@ def result_record(result: Result) -> Record:
     }
 
 
+def _by_direction(result: Result) -> Record:
+    """Answers that result.json holds by direction, of all limits."""
+    record: Record = {}
+    for kind in result.kinds:
+        if kind.by_direction:
+            found = {n: end.answers.get(kind.name) for n, end in result.ends.items()}
+            limits = {n: one for n, one in found.items() if result.ends[n].status == "limit"}
+            record[kind.key] = {n: one.record() for n, one in limits.items() if one} or None
+    return record
+
+
 def _end_record(result: Result, end: Collapse) -> Record:
     """What one end of the range of load factors is, and what the blocks do there. Collective."""
     moves = None
+    units = result.scene.units.of_report
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
         found = mechanism(result.layout, end.mode, end.joints)
         moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
@@ -256,7 +262,9 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "engine": end.engine,
         "gap": end.as_state.gap,
         "proof": end.proof or None,
-        "is_lowest": end.is_lowest,
+        "is_lowest": bool(end.searched),
+        "searched": end.searched or None,
+        "answers": _told(end, units) if end.status == "limit" else [],
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "rolling": end.rolling or None,
@@ -265,6 +273,12 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "attempts": [dict(vars(trial)) for trial in end.attempts],
         "path": [dict(vars(point)) for point in end.trace],
     }
+
+
+def _told(end: Collapse, units: Units) -> list[Record]:
+    """Tables of the report on all answers to a collapse: a title, and rows of names and values."""
+    found = ((one.title, [list(row) for row in one.rows(end, units)]) for one in end.told)
+    return [{"title": title, "rows": rows} for title, rows in found if rows]
 
 
 def _collapse_record(result: Result, collapse: Collapse) -> Record:
@@ -287,28 +301,16 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     if collapse.states:
         names = ("start", "status", "load_factor", "gap")
         record["states"] = [_record(state, *names) for state in collapse.states]
-    record["lowest"] = collapse.lowest and _lowest_record(collapse.lowest)
     if certificate is not None:
         record |= _certificate_record(certificate, result.layout.joints)
-    record["peak"] = collapse.peak and _peak_record(collapse.peak)
     record["crushing"] = _crushing_record(collapse)
     record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")
     record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
-    record["discretization"] = collapse.mesh_error and _mesh_error_record(collapse.mesh_error)
+    for kind in result.kinds:
+        if not kind.by_direction:
+            answer = collapse.answers.get(kind.name)
+            record[kind.key] = answer and answer.record()
     return record | {"iterations": _iteration_record(collapse)}
-
-
-def _peak_record(peak: Peak) -> Record:
-    """The most that the loading path carries, or why that is not known."""
-    names = "status", "load_factor", "not_found_at", "work", "displacement_m"
-    return _record(peak, *names) | {"reason": peak.reason or None}
-
-
-def _lowest_record(lowest: Lowest) -> Record:
-    """What searches for a lower collapse state found."""
-    return _record(lowest, "status", "load_factor", "gap", "starts") | {
-        "reason": lowest.reason or None
-    }
 
 
 def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
@@ -334,14 +336,6 @@ def _crushing_record(collapse: Collapse) -> list[Record] | None:
         return None
     names = "position", "group", "length", "normal_force"
     return [_record(place, *names) for place in collapse.crushed]
-
-
-def _mesh_error_record(error: MeshError) -> Record:
-    """What the load factor owes to the mesh."""
-    errors = "hinge_error", "algebraic_error", "estimate"
-    names = ("hinge_length", "load_factor_point_hinges", *errors)
-    changes = [_record(change, "halvings", "before", "after") for change in error.state_changes]
-    return _record(error, *names) | {"state_changes": changes, "unknown": error.unknown or None}
 
 
 def _other_warnings(result: Result) -> list[str]:

@@ -6,7 +6,6 @@ Every `draw_...` draws on given matplotlib axes, on this rank, and returns them;
 from __future__ import annotations
 
 import io
-import math
 import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -43,8 +42,9 @@ from fenics_contact.output.fields import principal_stresses
 from fenics_contact.output.stress_raster import StressRaster
 from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View
-from fenics_contact.results.history import CapacityPoint, Peak
+from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.result import Collapse
 from fenics_contact.scene.units import rounded_alike
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
@@ -201,10 +201,10 @@ def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
 def draw_capacity(
     axes: Any,
     points: Sequence[CapacityPoint],
-    limit: float = math.nan,
-    peak: Peak | None = None,
+    end: Collapse,
 ) -> Any:
-    """The capacity curve: load factor over displacement, with the peak on it."""
+    """The capacity curve to a collapse: load factor over displacement, with what answers mark."""
+    limit = end.load_factor
     curve = [(1e3 * point.displacement, point.load_factor) for point in points if point.converged]
     missing = len(points) - len(curve)
     label = f"equilibrium states ({missing} not found)" if missing else "equilibrium states"
@@ -212,10 +212,9 @@ def draw_capacity(
     if np.isfinite(limit):
         text = f"limit load {rounded_alike([limit])[0]}"
         axes.axhline(limit, color=VERMILLION, linestyle="--", label=text)
-    if peak is not None and peak.status == "found":
-        text = f"peak, at least {rounded_alike([limit, peak.load_factor])[1]}"
-        place = 1e3 * peak.displacement_m, peak.load_factor
-        axes.plot(*place, "^", color=BLACK, markersize=8, label=text)
+    for answer in end.told:
+        for text, displacement, load_factor in answer.marks(end):
+            axes.plot(1e3 * displacement, load_factor, "^", color=BLACK, markersize=8, label=text)
     axes.update_datalim([(0.0, 0.0)])
     axes.autoscale_view()
     axes.set(ylabel="load factor", xlabel="mean displacement along the live load (mm)")
@@ -306,8 +305,7 @@ def save_collapse(view: View, title: str, paths: Sequence[Path | BinaryIO]) -> N
 
 def save_capacity(
     points: Sequence[CapacityPoint],
-    limit: float,
-    peak: Peak | None,
+    end: Collapse,
     title: str,
     paths: Sequence[Path],
 ) -> None:
@@ -315,7 +313,7 @@ def save_capacity(
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.5), dpi=DPI, layout="constrained")
-    draw_capacity(figure.subplots(), points, limit, peak)
+    draw_capacity(figure.subplots(), points, end)
     _save(figure, title or "Capacity curve", paths)
 
 

@@ -42,7 +42,7 @@ class LimitBounds:
         """Whether the ends are so close that all collapse states have one load factor."""
         return self.lower is not None and self.upper is not None and meet(self.lower, self.upper)
 
-    def reversed(self) -> LimitBounds:
+    def opposite(self) -> LimitBounds:
         """The bounds in the opposite sign of the live load."""
         values = self.upper, self.lower, self.frictionless
         return LimitBounds(*(None if b is None else -b + 0.0 for b in values))

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.results.sign import LoadFactor
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
 #: What a converged result may miss, relative to typical force, displacement or power.
@@ -89,8 +90,8 @@ class Certificate:
     residuals: Mapping[str, float]
     error_estimate: float
     worst_joint: WorstJoint | None = None
-    kinematic_factor: float = float("nan")
-    static_factor: float = float("nan")
+    kinematic_factor: LoadFactor = float("nan")
+    static_factor: LoadFactor = float("nan")
     size: float = 1.0
     tolerance: float = 0.0
 

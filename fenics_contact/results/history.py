@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fenics_contact.results.sign import LoadFactor
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
@@ -27,7 +28,7 @@ class Step:
         secant: Estimate of 1 - c, c the contraction without relaxation.
     """
 
-    load_factor: float
+    load_factor: LoadFactor
     bound_change: float
     relaxation: float
     factorizations: int
@@ -72,7 +73,7 @@ class LoadStep:
         motion: u, this rank's part in the supports' coordinates, m; None if it was not kept.
     """
 
-    load_factor: float
+    load_factor: LoadFactor
     displacement: float
     work: float
     motion: Array | None = field(default=None, repr=False, compare=False)
@@ -102,7 +103,7 @@ class CurveEnd:
 
     points: int
     not_found: int
-    load_factor: float
+    load_factor: LoadFactor
     on_plateau: bool
 
     @classmethod
@@ -130,8 +131,8 @@ class LoadPath:
     """
 
     steps: tuple[LoadStep, ...]
-    lower: float
-    upper: float
+    lower: LoadFactor
+    upper: LoadFactor
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ class Torn:
     """
 
     length_m: float
-    load_factor_whole: float
+    load_factor_whole: LoadFactor
 
 
 @dataclass(frozen=True)
@@ -164,20 +165,12 @@ class Peak:
     """
 
     status: str
-    load_factor: float = float("nan")
-    not_found_at: float = float("nan")
+    load_factor: LoadFactor = float("nan")
+    not_found_at: LoadFactor = float("nan")
     work: float = float("nan")
     displacement_m: float = float("nan")
     reason: str = ""
     state: State | None = field(default=None, repr=False, compare=False)
-
-    def reversed(self) -> Peak:
-        """The peak under the reversed live load, in multiples of the live load as given."""
-        state = self.state
-        if state is not None:
-            state = replace(state, load_factor=-state.load_factor, work=-state.work)
-        changed = {"load_factor": -self.load_factor, "not_found_at": -self.not_found_at}
-        return replace(self, **changed, state=state)
 
 
 @dataclass(frozen=True)
@@ -186,7 +179,7 @@ class CollapseState:
 
     start: str  # the searches that led to it
     status: str
-    load_factor: float
+    load_factor: LoadFactor
     gap: float | None = None
 
 
@@ -218,7 +211,7 @@ class Lowest:
     """
 
     status: str
-    load_factor: float = float("nan")
+    load_factor: LoadFactor = float("nan")
     starts: int = 0
     reason: str = ""
     gap: float | None = None
@@ -257,6 +250,6 @@ class TracePoint:
     """
 
     phase: str
-    load_factor: float
+    load_factor: LoadFactor
     work: float
     displacement: float

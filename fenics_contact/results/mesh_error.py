@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from fenics_contact.results.bounds import meet
+from fenics_contact.results.sign import LoadFactor
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,8 @@ class StateChange:
     """
 
     halvings: tuple[float, float]
-    before: float
-    after: float
+    before: LoadFactor
+    after: LoadFactor
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class MeshError:
     """
 
     hinge_length: float
-    load_factor_point_hinges: float
+    load_factor_point_hinges: LoadFactor
     hinge_error: float
     algebraic_error: float = math.nan
     state_changes: tuple[StateChange, ...] = ()

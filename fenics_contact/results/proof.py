@@ -18,23 +18,23 @@ NOT_FROM_REST = "blocks that are loaded from rest need not reach it"
 DIGITS = (4, 8)
 
 
-def proof(load_factor: float, limit: float, crushes: bool, lowest: bool) -> str:
+def proof(load_factor: float, limit: float, crushes: bool, searched: str) -> str:
     """What is proved of a state.
 
     Args:
         load_factor: Its own.
         limit: That which its friction forces allow.
         crushes: Whether joints have compressive strengths.
-        lowest: Whether it was searched for as the lowest state.
+        searched: What was searched for, in words; empty for what a load leads to.
     """
     here, end = _apart(load_factor, limit)
-    what = f"the lowest collapse state found, {SELF_STRESS}, is at" if lowest else "collapses at"
+    what = f"the {searched}, is at" if searched else "collapses at"
     inside = "the friction cone" + " and the compressive strengths" * crushes
     # Where the dead load drives the collapse these forces need so much of the live load.
     more = "more" if abs(limit) >= abs(load_factor) else "less"
     return (
         f"{what} {here}: there is an equilibrium inside {inside} at {here}, and with its friction"
-        f" forces nothing carries {more} than {end}{f'; {NOT_FROM_REST}' * lowest}"
+        f" forces nothing carries {more} than {end}{f'; {NOT_FROM_REST}' * bool(searched)}"
     )
 
 

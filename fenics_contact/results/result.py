@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -27,21 +28,64 @@ from fenics_contact.results.history import (
     CurveEnd,
     History,
     LoadPath,
-    Lowest,
-    Peak,
     Torn,
     TracePoint,
     Trial,
 )
 from fenics_contact.results.joint_values import JointValues
-from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.mesh_error import Pass
 from fenics_contact.results.moving_blocks import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.results.proof import proof
-from fenics_contact.results.seismic import SeismicCheck
+from fenics_contact.results.sign import LoadFactor, signed
 from fenics_contact.scene.scene import Scene
+from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
+
+
+@dataclass(frozen=True)
+class Answer(ABC):
+    """What is known of a collapse beside its load factor, in numbers and in words.
+
+    Each kind is a class of its own, in a file of `fenics_contact.answers`. Results hold answers by
+    name; console, result.json and report go through them and know none by name.
+
+    Attributes:
+        value: What was found, as data, with a status and a reason where it may be missed.
+    """
+
+    value: Any
+    #: Attribute of a collapse, and of a result, that is this value.
+    name: ClassVar[str]
+    #: Key of result.json.
+    key: ClassVar[str]
+    #: Whether only the loading path tells: nothing is said beside a proof by joint faces.
+    of_path: ClassVar[bool] = False
+    #: Whether results hold and write the values of limits by direction.
+    by_direction: ClassVar[bool] = False
+    #: Title of its table in the report; empty: its rows are among those of the load factor.
+    title: ClassVar[str] = ""
+
+    @abstractmethod
+    def record(self) -> Any:
+        """What result.json holds."""
+
+    @abstractmethod
+    def lines(self, end: Collapse, units: Units) -> Sequence[str]:
+        """Lines for the console, of an answer to a collapse."""
+
+    @abstractmethod
+    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+        """Names and values for the report."""
+
+    def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
+        """Points on a capacity curve: text, displacement (m) and load factor."""
+        yield from ()
+
+    def in_bracket(self, end: Collapse) -> Answer:
+        """The answer once the bracket of its collapse is known. Collective."""
+        return self
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,18 +105,13 @@ class Collapse:
         work_ratio: T in units of the live load's work on the bonded structure.
         path: Load factors with equilibrium, under load control.
         states: This one and others that were found and verified, where there are any.
-        lowest: Second opinion: whether others are below; None where none was asked for.
         reason: Why there is no limit load, for people.
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
-        mesh_error: Estimate of the discretisation error; None if it was not made. The bracket,
-            once it is known, may narrow it: `with_bracket`.
         at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
             where that changes nothing, or was not looked for.
         attempts: What was tried, in order.
         trace: Points of the path that was followed, in order.
-        peak: The most that the loading path carries before the collapse; None with given friction,
-            where it is the load factor itself, and where there is no limit.
         crushed: Where joints crush, the longest places first; None where no joint has a
             compressive strength.
         torn: Joints that have lost their strengths; None where none may.
@@ -82,10 +121,14 @@ class Collapse:
         gap: Proved distance of the load factor from what the friction forces of its own state
             allow, relative; None where the path's certificate has it: see `as_state`.
         asked: Largest gap that was asked for.
+        searched: What was searched for, in words; empty for a collapse that a load leads to.
+        answers: What is known beside the load factor, by name; the values are attributes too:
+            `collapse.answers["name"].value` is `collapse.name`. None where nothing was asked.
+        sign: Of the live load: load factors have it, the program's bounds do not.
     """
 
     status: str
-    load_factor: float
+    load_factor: LoadFactor
     program: Callable[[], LimitBounds]
     state: State | None = None
     mode: Array | None = None
@@ -95,14 +138,11 @@ class Collapse:
     work_ratio: float = 0.0
     path: LoadPath | None = None
     states: tuple[CollapseState, ...] = ()
-    lowest: Lowest | None = None
     reason: str = ""
     wedging: Array | None = None
-    mesh_error: MeshError | None = None
     at_point_hinges: Collapse | None = None
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
-    peak: Peak | None = None
     crushed: tuple[CrushedPlace, ...] | None = None
     torn: Torn | None = None
     rolling: str = ""
@@ -110,6 +150,27 @@ class Collapse:
     engine: str = "path"
     gap: float | None = None
     asked: float = math.inf
+    searched: str = ""
+    answers: Mapping[str, Answer | None] = field(default_factory=dict)
+    sign: LoadFactor = 1.0
+
+    def __getattr__(self, name: str) -> Any:
+        """The value of an answer."""
+        answers = self.__dict__.get("answers", {})
+        if name not in answers:
+            raise AttributeError(f"a collapse has no '{name}'")
+        answer = answers[name]
+        return None if answer is None else answer.value
+
+    def with_answer(self, name: str, answer: Answer | None) -> Collapse:
+        """With one answer more, or in place of another one."""
+        return replace(self, answers={**self.answers, name: answer})
+
+    @property
+    def told(self) -> list[Answer]:
+        """The answers that say something of this collapse."""
+        found = filter(None, self.answers.values())
+        return [one for one in found if not (one.of_path and self.proof)]
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"
@@ -128,18 +189,12 @@ class Collapse:
         return CollapseState(self.engine, self.status, self.load_factor, gap)
 
     @property
-    def is_lowest(self) -> bool:
-        """Whether it was searched for as the lowest state, in which self-stress is free."""
-        told = None if self.lowest is None else (self.lowest.status, self.lowest.load_factor)
-        return told == ("lower", self.load_factor)
-
-    @property
     def proof(self) -> str:
         """What is proved of a load factor by the forces of joint faces, in words; else empty."""
         if self.gap is None or self.certificate is None:
             return ""
         limit = self.certificate.kinematic_factor
-        return proof(self.load_factor, limit, self.crushed is not None, self.is_lowest)
+        return proof(self.load_factor, limit, self.crushed is not None, self.searched)
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -154,7 +209,7 @@ class Collapse:
         associative program, and its mode takes at least the least friction there can be, so that
         a verified load factor is in its bracket as far as its residuals are zero.
         """
-        return self.program()
+        return signed(self.program(), self.sign)
 
     def with_bracket(self) -> Collapse:
         """With its bracket solved for, and what that says of it; the status stays. Collective.
@@ -165,7 +220,7 @@ class Collapse:
         """
         bounds = self.bounds.rounded(self.size)
         outside = self._outside(bounds)
-        known = replace(self, program=partial(known_bounds, bounds))
+        known = replace(self, program=partial(known_bounds, signed(bounds, self.sign)))
         if self.certificate is None or self.status != "limit":
             beyond = self.status != "unbounded" and outside > 0.0
             return replace(known, load_factor=np.nan) if beyond else known
@@ -211,59 +266,15 @@ class Collapse:
         return float(max(outside - gap, 0.0) / certificate.size)
 
     def with_errors_in_bracket(self) -> Collapse:
-        """With errors by the mesh that do not lead out of the bracket. Collective."""
-        error = self.mesh_error
-        finer = self.at_point_hinges
-        if error is None:
-            return self
-        bounds = self.bounds
-        lower = -math.inf if bounds.lower is None else bounds.lower
-        upper = math.inf if bounds.upper is None else bounds.upper
-        error = error.within(self.load_factor, self.size, (lower, upper))
-        finer = finer and finer.with_errors_in_bracket()
-        return replace(self, mesh_error=error, at_point_hinges=finer)
-
-    def reversed(self) -> Collapse:
-        """Collapse under the reversed live load, in multiples of the live load as given."""
-        changes = self.mesh_error.state_changes if self.mesh_error else ()
-        reversed_changes = tuple(_negated(change, "before", "after") for change in changes)
-        error = self.mesh_error and replace(self.mesh_error, state_changes=reversed_changes)
-
-        def with_steps(record: Any) -> Any:
-            return record and replace(record, steps=tuple(map(_negated, record.steps)))
-
-        return replace(
-            self,
-            load_factor=-self.load_factor,
-            program=partial(_reversed, self.program),
-            state=_negated(self.state, "load_factor", "work"),
-            certificate=_negated(self.certificate, "static_factor", "kinematic_factor"),
-            history=tuple(map(with_steps, self.history)),
-            path=_negated(with_steps(self.path), "lower", "upper"),
-            states=tuple(map(_negated, self.states)),
-            trace=tuple(map(_negated, self.trace)),
-            lowest=_negated(self.lowest),
-            at_point_hinges=self.at_point_hinges and self.at_point_hinges.reversed(),
-            peak=self.peak and self.peak.reversed(),
-            torn=_negated(self.torn, "load_factor_whole"),
-            mesh_error=_negated(error, "load_factor_point_hinges"),
-        )
+        """With answers that know of the bracket. Collective."""
+        answers = {name: one and one.in_bracket(self) for name, one in self.answers.items()}
+        finer = self.at_point_hinges and self.at_point_hinges.with_errors_in_bracket()
+        return replace(self, answers=answers, at_point_hinges=finer)
 
 
 def known_bounds(bounds: LimitBounds) -> LimitBounds:
     """Bounds that were solved for, as a program."""
     return bounds
-
-
-def _reversed(program: Callable[[], LimitBounds]) -> LimitBounds:
-    """The bounds of a program in the opposite sign of the live load."""
-    return program().reversed()
-
-
-def _negated(record: Any, *fields: str) -> Any:
-    """A record with the opposite sign of some fields, of its load factor by default."""
-    names = fields or ("load_factor",)
-    return record and replace(record, **{name: -getattr(record, name) for name in names})
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -286,8 +297,6 @@ class Result:
         stopped: Why the run was ended early, for people; empty where it was not.
         fall: Without equilibrium under the dead load: rigid motions (a, b, c) of the bodies about
             their centres by which it falls, shape (bodies, 3); no joint resists them.
-        seismic: The seismic check by direction, of the limits found; empty where the scene asks
-            for none.
     """
 
     layout: Layout
@@ -302,7 +311,8 @@ class Result:
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
     stopped: str = ""
-    seismic: Mapping[str, SeismicCheck] = field(default_factory=dict)
+    #: Answers that are looked for.
+    kinds: ClassVar[tuple[type[Answer], ...]] = ()
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
@@ -438,24 +448,24 @@ class Result:
         return None if end is None or end.status == "unbounded" else end.certificate
 
     @property
-    def peak(self) -> Peak | None:
-        """The most that the loading path carries before the collapse; None where not asked for."""
-        return None if self.collapse is None else self.collapse.peak
-
-    @property
-    def lowest(self) -> Lowest | None:
-        """Whether a second search found a lower collapse state; None where not asked for."""
-        return None if self.collapse is None else self.collapse.lowest
-
-    @property
     def states(self) -> tuple[CollapseState, ...]:
         """Collapse states that were found with their gaps, that of the path or by faces first."""
         return () if self.collapse is None else self.collapse.states
 
-    @property
-    def discretization(self) -> MeshError | None:
-        """What the load factor owes to the mesh, an estimate; None where it was not made."""
-        return None if self.collapse is None else self.collapse.mesh_error
+    def __getattr__(self, name: str) -> Any:
+        """The value of an answer of the collapse that fields show, by its name or its key.
+
+        None where it was not asked for. Of answers by direction those of all limits, by direction.
+        """
+        for kind in self.kinds:
+            if name in (kind.name, kind.key):
+                found = {n: end.answers.get(kind.name) for n, end in self.ends.items()}
+                if kind.by_direction:
+                    limits = {n: one for n, one in found.items() if self.ends[n].status == "limit"}
+                    return {n: one.value for n, one in limits.items() if one is not None}
+                first = next(iter(found.values()), None)
+                return None if first is None else first.value
+        raise AttributeError(f"a result has no '{name}'")
 
     def with_brackets(self) -> Self:
         """The result with all brackets solved for, and what they say; no status changes.
@@ -481,7 +491,6 @@ class Result:
         """The result with its ends changed, and the time that it took among those of a phase."""
         start = time.perf_counter()
         ends = {name: change(end) for name, end in self.ends.items()}
-        checked = {n: one for n, one in self.seismic.items() if ends[n].status == "limit"}
         seconds = self.seconds.get(phase, 0.0) + time.perf_counter() - start
         timed = {**self.seconds, phase: seconds}
-        return replace(self, ends=ends, seismic=checked, seconds=timed)
+        return replace(self, ends=ends, seconds=timed)

@@ -42,6 +42,11 @@ class Units:
     name: str = "SI"
     thickness: float | None = None
 
+    @property
+    def of_report(self) -> Units:
+        """Units of the report: kN, MPa, and m or mm."""
+        return Units("mm" if self.name == "mm" else "m", self.thickness)
+
     def converted(self, value: float, unit: str) -> tuple[float, str]:
         """A value and its unit, from those in SI."""
         if unit == "m":

@@ -17,6 +17,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, buttress
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.results.mesh_error import MeshError
+from fenics_contact.results.sign import signed
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.property.scenes import Draw
@@ -83,9 +84,9 @@ def test_a_wall_proves_nothing_beyond_no_friction_and_soon():
 
 
 def test_ends_change_sides_with_the_load():
-    bounds = bracket(arch_recipe(7, 0.2).scene(1)).reversed()
+    bounds = signed(bracket(arch_recipe(7, 0.2).scene(1)), -1.0)
     assert bounds.lower <= bounds.upper < 0.0 and bounds.meet
-    assert LimitBounds(0.1, 0.5, 0.0).reversed() == LimitBounds(-0.5, -0.1, 0.0)
+    assert signed(LimitBounds(0.1, 0.5, 0.0), -1.0) == LimitBounds(-0.5, -0.1, 0.0)
 
 
 def test_reversed_load_on_a_symmetric_arch_has_the_same_bracket():
@@ -108,7 +109,7 @@ def test_states_that_were_found_are_in_the_bracket(seed):
     scene = draw.recipe().scene(draw.elements)
     result = limit_load(replace(scene, solve=replace(scene.solve, direction="both", error=False)))
     for name, end in result.ends.items():
-        end = end if name == "positive" else end.reversed()
+        end = end if name == "positive" else signed(end, -1.0)
         if end.status == "limit":
             slack = 1e-6 * end.size + end.certificate.error_estimate
             lower = -math.inf if end.bounds.lower is None else end.bounds.lower

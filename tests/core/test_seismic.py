@@ -28,7 +28,6 @@ from fenics_contact.console import description, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
-from fenics_contact.output.seismic_words import seismic_line
 from fenics_contact.scene.units import Units
 from tests.bank import GRAVITY, PUSH, coulomb
 from tests.drawing import rectangle
@@ -165,7 +164,9 @@ def test_files_and_texts_have_the_check():
     mass = "2000 kg per metre of thickness"
     rest = f" of {mass} that move in 1 rigid part)"
     assert line + mass + rest in summary(result.with_brackets())
-    assert "M* = 0.8 t of 0.8 t that move" in seismic_line(vars(found), Units("m", thickness=0.4))
+    answer = result.positive.answers["seismic"]
+    (text,) = answer.lines(result.positive, Units("m", thickness=0.4))
+    assert "M* = 0.8 t of 0.8 t that move" in text
     with Discretization(given) as made:
         assert "seismic check with FC = 1.35" in description(made)
 

@@ -31,6 +31,7 @@ FLOORS = (
     {"results"},
     {"collapse", "output", "console"},
     {"mesh_error"},
+    {"answers"},
     {"equilibrium", "limit_load"},
     {"sweeps"},
     {"cli"},

@@ -22,6 +22,7 @@ from fenics_contact import (
     SolverError,
     limit_load,
 )
+from fenics_contact.answers.lowest import LowestAnswer
 from fenics_contact.meshing import running_bond
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.results.bounds import LimitBounds
@@ -36,6 +37,7 @@ from fenics_contact.results.history import (
 )
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.sign import signed
 from tests.helpers import coulomb, notebook_picture, on_ground
 
 
@@ -53,12 +55,12 @@ def collapse(status: str = "limit") -> Collapse:
         history=(History((Step(0.5, 0.0, 1.0, 3),)),),
         path=LoadPath((LoadStep(0.25, 1e-3, 2.0),), 0.25, 0.75),
         states=(CollapseState("dead load", "limit", 0.5),),
-        lowest=Lowest("lower", 0.25, 1),
+        answers={"lowest": LowestAnswer(Lowest("lower", 0.25, 1))},
     )
 
 
 def test_load_factors_of_the_reversed_load():
-    end = collapse().reversed()
+    end = signed(collapse(), -1.0)
     assert end.load_factor == -0.5
     assert (end.bounds.lower, end.bounds.upper) == (-1.0, -0.25)
     assert (end.certificate.static_factor, end.certificate.kinematic_factor) == (-0.5, -0.75)
@@ -72,7 +74,7 @@ def test_load_factors_of_the_reversed_load():
 def by_faces(load_factor: float, limit: float, **known: Any) -> Collapse:
     """A collapse by the forces of joint faces, which allow a load factor `limit`."""
     certificate = Certificate({"limit": 1e-3}, math.nan, kinematic_factor=limit)
-    end = replace(collapse(), load_factor=load_factor, certificate=certificate, lowest=None)
+    end = replace(collapse(), load_factor=load_factor, certificate=certificate, answers={})
     return replace(end, engine="faces", gap=1e-3, **known)
 
 
@@ -258,7 +260,7 @@ def test_what_a_result_knows_has_the_names_of_the_record(result):
 def test_load_without_a_limit_has_no_residuals():
     unbounded = replace(collapse("unbounded"), certificate=Certificate({"equilibrium": 1e-9}, 0.0))
     for ends in ({"positive": unbounded}, {}):
-        result = Result(None, ends, (), {}, 0)
+        result = LimitLoad(None, ends, (), {}, 0)
         assert result.residuals == result.tolerances == {}
         assert result.peak is result.discretization is None
     assert result.lowest is None and result.states == ()

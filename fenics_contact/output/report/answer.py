@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
 from fenics_contact.output.report.words import PICTURES, STATUS, STATUS_OF_ONE, direction_words
-from fenics_contact.results.proof import SELF_STRESS
 from fenics_contact.scene.units import PER_METRE, Units
 
 #: Acceleration that is written as 1 g, m/s2.
@@ -115,8 +114,8 @@ def answer(record: Record) -> str:
     lost: list[str] = []
     for direction, end in record["ends"].items():
         part = _stands(end, direction, acceleration)
-        if part and end.get("is_lowest"):
-            lost.append(f"The lowest collapse state found, {SELF_STRESS}, is at {part}.")
+        if part and end.get("searched"):
+            lost.append(f"The {end['searched']}, is at {part}.")
             continue
         beyond = None if _tears(record) else _beyond(end, direction)
         (known if part else lost).append(part or _lost(beyond, direction, acceleration))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from fenics_contact.scene.units import Units, rounded_alike
+from fenics_contact.scene.units import Units
 
 #: Blocks that are listed by number.
 LISTED = 40
@@ -67,18 +67,6 @@ def value_text(value: Any, unit: str = "", units: Units | None = None) -> str:
     else:
         words = f"{value:.6g}" if isinstance(value, float) else str(value)
     return f"{words} {unit}" if unit else words
-
-
-def alike(value: float | None, leading: float | None) -> str:
-    """A load factor rounded to the decimals of the leading one."""
-    if value is None:
-        return "not known"
-    return rounded_alike([leading if leading else value, value])[1]
-
-
-def counted(number: int, what: str) -> str:
-    """A number of blocks or joints."""
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def numbers(blocks: Sequence[int]) -> str:

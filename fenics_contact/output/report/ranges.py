@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fenics_contact.output.report.content import Content, Record
-from fenics_contact.output.report.html import alike, heading, paragraph, table
+from fenics_contact.output.report.html import heading, paragraph, table
 from fenics_contact.output.report.words import RANGE, STATUS, direction_words
-from fenics_contact.output.seismic_words import TITLE, seismic_rows
-from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS, WITHOUT_PATH
-from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.results.proof import WITHOUT_PATH
+from fenics_contact.results.words import alike
+from fenics_contact.scene.units import PER_METRE
 
 #: Joints that crush that are listed.
 CRUSHED = 8
@@ -30,8 +30,9 @@ def load_factors(content: Content) -> Iterator[str]:
         yield table(_rows(direction, end, content))
         yield _ties(content, direction)
         yield _crushing(content, direction)
-        check = (record.get("seismic") or {}).get(direction)
-        yield table(seismic_rows(check, content.units), title=TITLE)
+        yield from (
+            table(one["rows"], title=one["title"]) for one in end["answers"] if one["title"]
+        )
     if not record["ends"]:
         yield paragraph(f"Reason: {record['reason']}.")
 
@@ -103,36 +104,10 @@ def _rows(direction: str, end: Record, content: Content) -> Iterator[Sequence[st
     if end.get("proof"):
         yield "model", WITHOUT_PATH
     else:
-        yield from _peak_rows(factor, details["peak"])
-        yield from _error_rows(factor, details, content.record)
-    yield from _lowest_rows(end, details)
-
-
-def _lowest_rows(end: Record, details: Record) -> Iterator[Sequence[str]]:
-    """Whether a lower collapse state is known, and all that were found where there are several."""
-    factor = end["load_factor"]
-    lowest = details.get("lowest")
-    if not lowest:
-        return
-    searches = f"{lowest['starts']} search{'es' * (lowest['starts'] != 1)}"
-    proved = end["bounds"].get("meet")
-    text = {
-        "lower": (
-            f"{alike(lowest['load_factor'], factor)}, {SELF_STRESS}; {NOT_FROM_REST}. Its gap is"
-            f" {lowest['gap'] or 0.0:.0e}."
-        ),
-        "none": (
-            "there is no lower one, as the bracket proves"
-            if proved
-            else f"no lower state found by {searches}"
-        ),
-        "not_known": f"not known: {lowest['reason']}",
-    }
-    yield "lowest collapse state found", text[lowest["status"]]
-    states = details.get("states", [])
-    for number, state in enumerate(states if len(states) > 1 else [], start=1):
-        where = f"{alike(state['load_factor'], factor)}, gap {state['gap'] or 0.0:.0e}"
-        yield f"collapse state {number}", f"{where} (from: {state['start']})"
+        gap = details["error_estimate"]
+        apart = "not known" if gap is None else f"{gap:.0e}"
+        yield "difference from rigid blocks with the friction forces of this state", apart
+    yield from (row for one in end["answers"] if not one["title"] for row in one["rows"])
 
 
 def _bracket_rows(
@@ -157,43 +132,3 @@ def _torn_rows(
     yield "joints that have lost their strength", length
     yield "load factor with all strengths", alike(torn["load_factor_whole"], factor)
     yield "bracket of the blocks with these joints torn", f"{ends[0]} to {ends[1]}"
-
-
-def _peak_rows(factor: float, peak: Record | None) -> Iterator[Sequence[str]]:
-    """What the loading path carries before it falls to the collapse."""
-    if peak is None or peak["status"] == "none":
-        return
-    if peak["status"] == "not_known":
-        yield "carried on the way to the collapse", f"not known: {peak['reason']}"
-        return
-    carried = alike(peak["load_factor"], factor)
-    moved = Units().small(peak["displacement_m"])
-    yield (
-        "carried on the way to the collapse, at least",
-        f"{carried}, at {moved}; then joints slip and the load falls. This depends on the"
-        " stiffness and on the mesh: the load factor above is the one to quote.",
-    )
-
-
-def _error_rows(factor: float, details: Record, record: Record) -> Iterator[Sequence[str]]:
-    """What is known of the error of a load factor."""
-    gap = details["error_estimate"]
-    mesh = details["discretization"]
-    apart = "not known" if gap is None else f"{gap:.0e}"
-    yield "difference from rigid blocks with the friction forces of this state", apart
-    if not mesh:
-        yield "error by the mesh", "not estimated"
-        return
-    length = mesh["hinge_length"]
-    error = mesh["hinge_error"]
-    if length is not None:
-        yield "length of hinges in this mesh", Units().small(length)
-    yield "load factor for point hinges", alike(mesh["load_factor_point_hinges"], factor)
-    small = error is not None and abs(error) <= record["scene"]["solve"]["tolerance"]
-    percent = "not known" if error is None else f"{100 * error:.2g} %"
-    yield "error by the length of hinges", "below the tolerance" if small else percent
-    if mesh["unknown"]:
-        yield "what is not known of the error by the mesh", mesh["unknown"]
-    for change in mesh["state_changes"]:
-        before, after = (alike(change[key], factor) for key in ("before", "after"))
-        yield "another collapse state for shorter hinges", f"{before} to {after}"

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import (
-    counted,
     heading,
     paragraph,
     picture,
@@ -14,6 +13,7 @@ from fenics_contact.output.report.html import (
     value_text,
 )
 from fenics_contact.output.report.words import KEYS, PICTURES
+from fenics_contact.results.words import counted
 from fenics_contact.scene.units import Units
 
 #: Values that are not shown where they are not used: these keys with these values.

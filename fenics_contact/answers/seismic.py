@@ -13,14 +13,20 @@ displacement in the mode of the centre of these forces, along them.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
+from fenics_contact.answers.question import Asked, Question
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
+from fenics_contact.results.mechanism import mechanism
+from fenics_contact.results.result import Collapse
 from fenics_contact.scene.scene import Seismic
+from fenics_contact.scene.units import Units
 
 #: Blocks whose joint opens or slides by less than this part of the largest speed move as one.
 AS_ONE = 1e-3
@@ -49,6 +55,58 @@ class SeismicCheck:
     confidence_factor: float
     acceleration: float
     acceleration_g: float
+
+
+class SeismicAnswer(Asked):
+    """The check of every limit, a `SeismicCheck`, where the scene asks for it."""
+
+    value: SeismicCheck
+    name = key = "seismic"
+    by_direction = True
+    title = "Seismic check of this mechanism (Circolare 7/2019, C8.7.1.2.1)"
+
+    @classmethod
+    def concerns(cls, question: Question) -> bool:
+        """Whether the scene asks for the check."""
+        return question.case.discretization.scene.seismic is not None
+
+    @classmethod
+    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+        """The check of a collapse."""
+        layout = question.case.discretization.layout
+        end = question.end
+        options = layout.scene.seismic
+        if options is None or end.mode is None or end.joints is None:
+            return None, end
+        moving = mechanism(layout, end.mode, end.joints).moving
+        return cls(seismic_check(layout, options, end.load_factor, end.mode, moving)), end
+
+    def record(self) -> Any:
+        """All numbers."""
+        return dict(vars(self.value))
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """The check in a line."""
+        check = self.value
+        return [
+            f"seismic: a0* = {check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g (alpha0 ="
+            f" {check.multiplier:.4g}, e* = {check.mass_fraction:.4g}, FC ="
+            f" {check.confidence_factor:.4g}, M* = {units.mass(check.participating_mass)} of"
+            f" {units.mass(check.moving_mass)} that move in {check.parts} rigid"
+            f" part{'s' * (check.parts != 1)})"
+        ]
+
+    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+        """Names and values of its table."""
+        check = self.value
+        acceleration = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
+        yield "multiplier of the weights alpha0", f"{check.multiplier:.4g}"
+        yield "rigid parts that move", f"{check.parts}"
+        yield "mass that moves", units.mass(check.moving_mass)
+        yield "participating mass M*", units.mass(check.participating_mass)
+        yield "participating fraction e*", f"{check.mass_fraction:.4g}"
+        yield "confidence factor FC", f"{check.confidence_factor:.4g}"
+        yield "spectral acceleration at which it starts, a0* = alpha0 g / (e* FC)", acceleration
 
 
 def seismic_check(

@@ -1,0 +1,1 @@
+"""What is known of a collapse beside its load factor: a file for each kind of answer."""

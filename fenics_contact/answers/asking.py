@@ -1,0 +1,85 @@
+"""The loop over answers: what stands against one, what it may cost, and when a run ends."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from fenics_contact.answers.lowest import LowestAnswer
+from fenics_contact.answers.mesh_error import MeshErrorAnswer
+from fenics_contact.answers.peak import PeakAnswer
+from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.seismic import SeismicAnswer
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.errors import Stopped
+from fenics_contact.results.result import Answer, Collapse
+
+#: All answers that are looked for, in their order: the first may lead to another collapse.
+ANSWERS: tuple[type[Asked], ...] = (LowestAnswer, PeakAnswer, MeshErrorAnswer, SeismicAnswer)
+
+
+def answered(
+    cases: Mapping[str, LoadCase],
+    found: Mapping[str, Collapse],
+    cost: float,
+    begin: Callable[[str], None],
+    seconds: dict[str, float],
+) -> dict[str, Collapse]:
+    """Collapses with all that their scene asks for beside the load factors. Collective.
+
+    Args:
+        cases: By direction.
+        found: Collapses by direction.
+        cost: Of one of them, in units of one factorisation of the structure.
+        begin: Told what begins.
+        seconds: Gets the time of every answer.
+    """
+    ends = dict(found)
+    for kind in ANSWERS:
+        start = time.perf_counter()
+        for name, end in ends.items():
+            case = cases[name]
+            options = case.discretization.scene.solve
+            if not kind.is_asked(options):
+                ends[name] = end.with_answer(kind.name, None)
+                continue
+            if kind.begins and not (options.fast or case.discretization.effort.watch.reason):
+                begin(kind.begins)
+            ends[name] = asked(kind, Question(case, end, cost))
+        if kind.seconds:
+            seconds[kind.seconds] = time.perf_counter() - start
+    return ends
+
+
+def asked(kind: type[Asked], question: Question) -> Collapse:
+    """A collapse with one answer; it is not known why, where something stands against it."""
+    end = question.end
+    answer: Answer | None = None
+    if end.status == "limit" and end.mode is not None and kind.concerns(question):
+        reasons = [reason for holds, reason in kind.unless if holds(question)]
+        stopped = question.case.discretization.effort.watch.reason
+        try:
+            if reasons:
+                answer = kind.not_known(reasons[0]) if reasons[0] else None
+            elif stopped and kind.begins:
+                answer = kind.not_known(stopped)
+            else:
+                answer, end = kind.run(question)
+        except Stopped as stop:
+            answer = kind.not_known(str(stop))
+    return end.with_answer(kind.name, answer)
+
+
+def of_curve(case: LoadCase, end: Collapse, cost: float) -> Collapse:
+    """A collapse with the answers that a capacity curve needs, at any cost."""
+    for kind in ANSWERS:
+        known = end.answers.get(kind.name)
+        if kind.of_curve and known is not None and known.value.status == "not_known":
+            end = asked(kind, Question(case, end, cost, by_curve=True))
+    return end
+
+
+def unasked(end: Collapse) -> Collapse:
+    """A collapse of which nothing was asked."""
+    return replace(end, answers={**dict.fromkeys(kind.name for kind in ANSWERS), **end.answers})

@@ -1,0 +1,179 @@
+"""Other collapse states than the one that is reported, and the lowest of those found.
+
+Collapse states with Coulomb friction are not unique (M.C. Ferris, F. Tin-Loi, Int. J. Mech. Sci. 43
+(2001) 209). The face engine goes down from several starts (`faces.lowest`); its states have a
+proved gap. None proves that there is no lower one: that is what the bracket is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from fenics_contact.answers.question import Asked, Question
+from fenics_contact.collapse.face_collapse import MANY_BLOCKS, collapse_of
+from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.errors import SolverError, Stopped
+from fenics_contact.faces.certificate import FaceState
+from fenics_contact.faces.limit import FaceSearch
+from fenics_contact.faces.lowest import OPTIONS as SEARCHES
+from fenics_contact.faces.lowest import STARTS, lowest_from
+from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
+from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS
+from fenics_contact.results.result import Collapse
+from fenics_contact.results.words import alike
+from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.scene.units import Units
+
+#: A state is lower by this part of the load factor's size at least.
+LOWER = 2e-3
+#: Why nothing is known.
+NO_STATE = "the search found no state"
+MORE = f"{NO_STATE}; solve.states = 'lowest' tries more starts"
+TEARS = "in other states other joints tear"
+DEAD_LOAD = "the dead load drives the collapse"
+#: What a state is that was searched for.
+SEARCHED = f"lowest collapse state found, {SELF_STRESS}"
+BY_LOAD = "lower states are not looked for where the load is raised step by step"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """States by their starts, and why the searches ended early; for all ranks."""
+
+    states: dict[str, FaceState]
+    stopped: str
+
+
+class LowestAnswer(Asked):
+    """The lowest collapse state found, a `Lowest`; None where it is not looked for."""
+
+    value: Lowest
+    name = key = seconds = "lowest"
+    begins = "second opinion on the collapse"
+    unless = (
+        (Question.loses_strength, TEARS),
+        (Question.by_rising_load, BY_LOAD),
+        (Question.driven_by_dead_load, DEAD_LOAD),
+    )
+
+    @classmethod
+    def is_asked(cls, options: SolveOptions) -> bool:
+        """Unless it is left out."""
+        return options.lowest is not False and not options.fast
+
+    @classmethod
+    def concerns(cls, question: Question) -> bool:
+        """Whether friction is Coulomb's; many blocks only if asked for, at the collapse's cost."""
+        options = question.options
+        asked = options.states == "lowest" or options.lowest
+        return question.case.problem.coulomb and (
+            bool(asked) or question.case.block_count < MANY_BLOCKS
+        )
+
+    @classmethod
+    def not_known(cls, reason: str) -> Self:
+        """That lower states are not known."""
+        return cls(Lowest("not_known", reason=reason))
+
+    @classmethod
+    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+        """The lowest state found beside a collapse, where several may exist.
+
+        With `states = "lowest"` more starts are tried, and the lowest state becomes the collapse.
+        """
+        case = question.case
+        end = question.end
+        every = question.options.states == "lowest"
+        names = list(STARTS) if every else list(STARTS)[:1]
+        faces = PlanarFaces.of(case.discretization, case.sign)
+        found = case.problem.comm.bcast(_searched(case, faces, names))
+        if found.stopped or not found.states:
+            reason = found.stopped or (NO_STATE if every else MORE)
+            return cls.not_known(reason), replace(end, states=end.states or (end.as_state,))
+        states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
+        best = states[0][1]
+        lower = best.load_factor < end.load_factor - LOWER * end.size
+        told = Lowest(
+            "lower" if lower else "none",
+            best.load_factor if lower else end.load_factor,
+            len(states),
+            gap=best.gap if lower else end.as_state.gap,
+        )
+        others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
+        known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
+        if lower and every:
+            collapse = collapse_of(case, faces, best, SEARCHES.allowed * SEARCHES.gap)
+            if collapse.status == "limit":
+                found_by = {"attempts": end.attempts, "trace": end.trace}
+                end = replace(collapse, searched=SEARCHED, **found_by)
+        return cls(told), replace(end, states=known)
+
+    def record(self) -> Any:
+        """What searches for a lower collapse state found."""
+        names = "status", "load_factor", "gap", "starts"
+        lowest = self.value
+        return {name: getattr(lowest, name) for name in names} | {"reason": lowest.reason or None}
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """Whether a lower collapse state was found, and all states where several are known."""
+        lowest = self.value
+        if lowest.status == "not_known":
+            return [f"lower state: not known, {lowest.reason}"]
+        if end.bounds.meet:
+            return ["lower state: none, as the bracket proves"]
+        factors = [state.load_factor for state in end.states]
+        several = f"; states were found from {min(factors):.6g} to {max(factors):.6g}"
+        others = several if len(factors) > 1 else ""
+        if end.searched:
+            return [f"lower state: none found below the one reported{others}"]
+        if lowest.status == "lower":
+            return [
+                f"lower state: the lowest one found, {SELF_STRESS}, is at {lowest.load_factor:.6g}"
+                f" with a gap of {lowest.gap or 0.0:.0e}; {NOT_FROM_REST}{others}"
+            ]
+        searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
+        return [f"lower state: none found by {searches}, which is no proof{others}"]
+
+    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+        """The same for the report, and all states that were found where there are several."""
+        lowest = self.value
+        factor = end.load_factor
+        if lowest.status == "not_known":
+            text = f"not known: {lowest.reason}"
+        elif lowest.status == "lower":
+            found = alike(lowest.load_factor, factor)
+            gap = f"{lowest.gap or 0.0:.0e}"
+            text = f"{found}, {SELF_STRESS}; {NOT_FROM_REST}. Its gap is {gap}."
+        elif end.bounds.meet:
+            text = "there is no lower one, as the bracket proves"
+        else:
+            searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
+            text = f"no lower state found by {searches}"
+        yield "lowest collapse state found", text
+        for number, state in enumerate(end.states if len(end.states) > 1 else (), start=1):
+            where = f"{alike(state.load_factor, factor)}, gap {state.gap or 0.0:.0e}"
+            yield f"collapse state {number}", f"{where} (from: {state.start})"
+
+
+def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | None:
+    """The searches of rank 0."""
+    if case.problem.comm.rank != 0:
+        return None
+    asked = case.discretization.scene.solve.states == "lowest"
+    effort = SEARCHES.asked if asked else SEARCHES.usual
+    wait = case.discretization.effort.wait
+    states: dict[str, FaceState] = {}
+    try:
+        for name in names:
+            search = FaceSearch(faces.model, SEARCHES.gap, effort, wait)
+            state = lowest_from(search, STARTS[name])
+            if state is not None:
+                states[name] = state
+    except Stopped as stop:
+        return _Found(states, str(stop))
+    except SolverError as error:  # faces that do not hold the blocks
+        return _Found(states, str(error))
+    return _Found(states, "")

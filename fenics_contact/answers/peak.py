@@ -1,0 +1,170 @@
+"""The peak: the most that a slowly raised load reaches before joints slip and it falls.
+
+It is told beside the collapse, which is never above it, wherever a path of elastic blocks leads to
+the collapse (`collapse.peak`). It depends on stiffness and mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Self
+
+from fenics_contact.answers.question import Asked, Question
+from fenics_contact.collapse.load_control import OPTIONS as RISING
+from fenics_contact.collapse.load_control import raised_path
+from fenics_contact.collapse.peak import (
+    ABOVE,
+    CLIMB,
+    NOT_ASKED,
+    TOO_DEAR,
+    Above,
+    Limits,
+    find_peak,
+    peak_of,
+)
+from fenics_contact.collapse.service_state import service_state
+from fenics_contact.collapse.strategy import strategy_of
+from fenics_contact.errors import SolverError
+from fenics_contact.results.history import Peak
+from fenics_contact.results.result import Collapse
+from fenics_contact.results.words import alike
+from fenics_contact.scene.units import Units
+
+#: Why it is not known.
+NOT_REACHED = "a load that rises step by step does not reach the collapse"
+FAST = "solve.fast = true leaves it out"
+NO_PATH = "the loading path was not followed to its end"
+TEARS = "what joints carry before they tear depends on the way of the load"
+
+
+def _left_out(question: Question) -> bool:
+    return question.is_fast() and not question.by_curve and not question.by_rising_load()
+
+
+def _not_asked(question: Question) -> bool:
+    not_asked = question.options.peak is False
+    return not_asked and not question.by_curve and not question.by_rising_load()
+
+
+class PeakAnswer(Asked):
+    """The most that the loading path carries, a `Peak`.
+
+    None with given friction, where it is the load factor itself, and where there is no limit.
+    """
+
+    value: Peak
+    name = key = seconds = "peak"
+    begins = "peak of the loading path"
+    of_path = of_curve = True
+    unless = (
+        (Question.by_faces, NO_PATH),
+        (Question.loses_strength, TEARS),
+        (_left_out, FAST),
+        (_not_asked, NOT_ASKED),
+    )
+
+    @classmethod
+    def concerns(cls, question: Question) -> bool:
+        """Whether friction is Coulomb's."""
+        return question.end.state is not None and question.case.problem.coulomb
+
+    @classmethod
+    def not_known(cls, reason: str) -> Self:
+        """That the peak is not known."""
+        return cls(Peak("not_known", reason=reason))
+
+    @classmethod
+    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+        """The peak of the path to a collapse; if it is asked for, at any cost."""
+        end = question.end
+        case = question.case
+        work = 0.0 if end.state is None else end.state.work
+        above = Above(end.load_factor, end.size, work)
+        if end.path is not None:
+            return cls(peak_of(end.path, above)), end
+        at_any_cost = question.by_curve or question.options.peak
+        cost = question.cost
+        limits = Limits.asked(cost) if at_any_cost else Limits.usual(cost, case.block_count)
+        tolerance = question.options.tolerance
+        way = case.record.rise_on_modes
+        peak = find_peak(case.unrecorded, above, tolerance, limits, way)
+        if at_any_cost:
+            more = _beyond if peak.status == "found" else _raised
+            peak = more(question.unrecorded, above, peak, limits)
+        return cls(peak), end
+
+    def record(self) -> Any:
+        """Its numbers, or why they are not known."""
+        peak = self.value
+        names = "status", "load_factor", "not_found_at", "work", "displacement_m"
+        return {name: getattr(peak, name) for name in names} | {"reason": peak.reason or None}
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """What is carried on the way to the collapse."""
+        peak = self.value
+        if peak.status == "none":
+            return ["peak: none found, the load factor rises to that of the collapse"]
+        if peak.status == "not_known":
+            return [f"peak: not known, {peak.reason}"]
+        return [
+            f"peak: on the way at least {peak.load_factor:.4g} was carried, at"
+            f" {1e3 * peak.displacement_m:.3g} mm; then joints slip and the load falls (it depends"
+            " on stiffness and mesh: quote the load factor of the collapse)"
+        ]
+
+    def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
+        """Its place on the capacity curve."""
+        peak = self.value
+        if peak.status == "found":
+            text = f"peak, at least {alike(peak.load_factor, end.load_factor)}"
+            yield text, peak.displacement_m, peak.load_factor
+
+    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+        """The same for the report; nothing where there is no peak."""
+        peak = self.value
+        if peak.status == "not_known":
+            yield "carried on the way to the collapse", f"not known: {peak.reason}"
+        if peak.status == "found":
+            carried = alike(peak.load_factor, end.load_factor)
+            yield (
+                "carried on the way to the collapse, at least",
+                f"{carried}, at {units.small(peak.displacement_m)}; then joints slip and the load"
+                " falls. This depends on the stiffness and on the mesh: the load factor above is"
+                " the one to quote.",
+            )
+
+
+def _beyond(question: Question, above: Above, found: Peak, limits: Limits) -> Peak:
+    """A peak with the next load factor, if `equilibrium()` finds no state there either.
+
+    Its search is taken to its end, which may cost as much as a load that rises to a collapse.
+    """
+    case = question.case
+    target = found.load_factor + CLIMB.beyond * above.size
+    effort = case.discretization.effort
+    with effort.at_most(RISING.cost):
+        state = service_state(case, target)
+        tried = state.status != "equilibrium" and effort.left >= 1.0
+    return replace(found, not_found_at=target) if tried else found
+
+
+def _raised(question: Question, above: Above, before: Peak, limits: Limits) -> Peak:
+    """The peak of a load that rises step by step, where another search has not found one.
+
+    The block modes that it follows do not have every peak of the structure. This costs hundreds of
+    factorisations.
+    """
+    case = question.case
+    scene = case.discretization.scene
+    with case.discretization.effort.at_most(limits.found):
+        try:
+            path = raised_path(case, strategy_of(scene), scene.solve)
+        except SolverError as error:
+            return replace(before, status="not_known", reason=str(error))
+    found = peak_of(path, above)
+    if found.status == "none" and not above(path.upper) <= ABOVE:
+        return Peak("not_known", reason=TOO_DEAR)  # more may be carried
+    if found.status == "none" and above(path.lower) < -ABOVE:
+        return Peak("not_known", reason=NOT_REACHED)
+    return found
