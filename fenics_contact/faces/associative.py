@@ -1,8 +1,13 @@
 """Programs with associative friction: upper ends, and loads that crush what they rest on.
 
-With dilatancy F slip is normal to Coulomb's cone and the program is convex: its mode v opens by
-F |v_T| at least, so that nothing carries more than c . |v_T| + sigma - f_D . v (D.C. Drucker, J.
-Appl. Mech. 21 (1954) 71).
+With dilatancy F slip is normal to Coulomb's cone and the program is convex: a mode v that opens by
+F |v_T| at least proves that nothing carries more than
+
+    (c . |v_T| + sigma - f_D . v) / f_L . v
+
+(D.C. Drucker, J. Appl. Mech. 21 (1954) 71). The kernel's multipliers are inside
+the cones, so that its modes open a little more, once the rest of their equation is small enough:
+`proved_end` judges them with all rounding against them.
 """
 
 from __future__ import annotations
@@ -11,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import Iterate, Program, solve
-from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.cones import TINY, Array
+from fenics_contact.faces.kernel import Iterate, KernelOptions, Program, Tolerances, solve
+from fenics_contact.faces.model import FaceModel, crushing_power
 from fenics_contact.faces.system import Equations
 
 #: Relative error of equilibrium above which there is none.
@@ -22,6 +27,14 @@ NO_EQUILIBRIUM = 1e-7
 CLOSING = 1e-6
 #: Searches at most.
 SEARCHES = 4
+#: An end is sharp where an equilibrium is so near, relative.
+SHARP = 1e-8
+#: An end that is as far from a state, relative, as this is looked for again.
+FAR = 1e-5
+#: With next to nothing added to Newton's matrix: it would be missing in the mode's equation.
+FIRM = KernelOptions(proximal=1e-11)
+#: Relative rounding.
+EPS = float(np.finfo(float).eps)
 
 
 def associative_state(model: FaceModel, equations: Equations) -> Iterate:
@@ -30,22 +43,89 @@ def associative_state(model: FaceModel, equations: Equations) -> Iterate:
     return solve(Program(model, equations, model.strength, friction, friction))
 
 
-def associative_end(model: FaceModel) -> float | None:
-    """A load factor that nothing exceeds, by the mode of that state; None if none was found.
+def associative_end(model: FaceModel, sharp: float = SHARP) -> float | None:
+    """Load factor that nothing exceeds, proved by an admissible mode; None if none was found.
 
-    A search that comes to no end is made again from the live load that it has reached.
+    All rounding is against it. Where the kernel comes to no end, it begins again from the live
+    load that it has reached: the modes are of other loads then, but each of them proves an end.
+
+    Args:
+        model: The faces; slip is taken to be associative, with the dilatancy F.
+        sharp: The search ends when the end is so near to an equilibrium, relative.
     """
-    loaded = model
+    friction = model.friction
+    loaded, carried = model, 0.0
+    end: float | None = None
+    stands = False
+    inside: list[tuple[Array, Array, float]] = []  # modes, their openings and ends
+
+    def near(iterate: Iterate) -> bool:
+        nonlocal end, stands
+        stands = stands or iterate.missing <= NO_EQUILIBRIUM
+        work = float(model.live @ iterate.motion)
+        if work <= 0.0:
+            return False
+        mode = iterate.motion / work
+        _, opening = _least_opening(model, mode)
+        found = proved_end(model, mode)
+        if found is not None:
+            inside.append((mode, opening, found))
+        elif inside:
+            lacks = np.maximum(-opening, 0.0)
+            parts = [float(np.max(lacks / (lacks + other[1] + TINY))) for other in inside]
+            least = int(
+                np.argmin([part * other[2] for part, other in zip(parts, inside, strict=True)])
+            )
+            part = min(1.0, (1.0 + 1e-3) * parts[least])
+            found = proved_end(model, (1.0 - part) * mode + part * inside[least][0])
+        if found is not None and (end is None or found < end):
+            end = found
+        reached = carried + iterate.load_factor
+        if end is None or iterate.missing > NO_EQUILIBRIUM:
+            return False
+        return abs(end - reached) <= sharp * model.size(reached)
+
     for _ in range(SEARCHES):
-        found = associative_state(loaded, Equations(loaded))
-        work = float(model.live @ found.motion)
-        if found.missing <= NO_EQUILIBRIUM and work > 0.0:
-            mode = found.motion / work
-            power = replace(model, dilatancy=model.friction).power(mode)
-            opens = power.closing.max(initial=0.0) <= CLOSING * np.abs(model.relative(mode)).max()
-            return power.bound(model.strength) if opens else None
-        loaded = replace(loaded, dead=loaded.dead + found.load_factor * loaded.live)
-    return None
+        program = Program(loaded, Equations(loaded), model.strength, friction, friction)
+        found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=FIRM)
+        carried += found.load_factor
+        if stands and end is not None and end - carried <= FAR * model.size(carried):
+            return end
+        loaded = replace(model, dead=model.dead + carried * model.live)
+    return end if stands else None
+
+
+def proved_end(model: FaceModel, mode: Array) -> float | None:
+    """What a mode proves with associative friction, rounded upwards; None if it proves nothing."""
+    slip, opening = _least_opening(model, mode)
+    crushes = model.crushing > 0.0
+    works = model.live * mode
+    if np.any(opening[~crushes] < 0.0):
+        return None
+    crushed = crushing_power(opening[crushes], model.crushing[crushes])
+    most = 4.0 * np.abs(opening[crushes]).sum(axis=1) / model.crushing[crushes]  # of its terms
+    shares = np.concatenate([model.strength * slip, crushed, -model.dead * mode])
+    rounding = (len(shares) + 16) * EPS
+    power = float(shares.sum() + rounding * np.abs(shares).sum() + 16.0 * EPS * most.sum())
+    work = float(works.sum())
+    error = rounding * float(np.abs(works).sum())
+    if work <= 2.0 * error:
+        return None
+    return float(np.nextafter(power / (work - np.copysign(error, power)), np.inf))
+
+
+def _least_opening(model: FaceModel, mode: Array) -> tuple[Array, Array]:
+    """|v_T| at most and v_N - F |v_T| at least, of all units; ties may close: 0."""
+    count = model.pressing
+    moved = model.relative(mode)
+    terms = int(np.diff(model.motion.indptr).max(initial=0)) + 2
+    error = (terms * EPS) * (abs(model.motion) @ np.abs(mode)).reshape(moved.shape)
+    slip = np.linalg.norm(np.abs(moved[:, count:]) + error[:, count:], axis=1) * (1.0 + 8.0 * EPS)
+    lifted = (1.0 + 4.0 * EPS) * model.friction * slip
+    opening = moved[:, :count] - error[:, :count] - lifted[:, None]
+    opening -= 4.0 * EPS * np.abs(opening)
+    opening[model.tensile] = 0.0
+    return slip, opening
 
 
 def crushed_by(model: FaceModel, load_factor: float) -> Array | None:

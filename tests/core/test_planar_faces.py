@@ -159,7 +159,7 @@ def test_associative_end_is_that_of_the_linear_program(name):
     with Discretization(BANK[name].scene(1)) as made:
         known = RigidBlocks.of(made).limit()
         found = associative_end(PlanarFaces.of(made).model)
-    assert found == pytest.approx(known, rel=2e-5)
+    assert found is not None and -1e-9 * abs(known) <= found - known <= 1e-6 * abs(known)
 
 
 def crushing_draw(seed: int, part: float) -> FaceModel:
