@@ -15,7 +15,7 @@ import numpy as np
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError
 from fenics_contact.results.certificate import Certificate, certify, kinematic_factor
-from fenics_contact.solvers.kkt import COLD, Linearization, PerturbedKKT
+from fenics_contact.solvers.kkt import COLD, KKTOptions, PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
 
 _log = logging.getLogger("fenics_contact")
@@ -104,5 +104,6 @@ def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
 def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
     """du/dT and d(lambda)/dT = 1 / (f_L . A^-1 f_L) at a state; as `elastic_mode`."""
     near = kkt.on_central_path(state, OPTIONS.mu, COLD)
-    linear = Linearization(kkt, near, OPTIONS.stiffest, OPTIONS.mu)
+    options = KKTOptions(largest_spring=OPTIONS.stiffest, sliding_spring=OPTIONS.mu)
+    linear = replace(kkt, options=options).linearize(near)
     return linear.live_response / linear.flexibility, 1.0 / linear.flexibility

@@ -20,7 +20,7 @@ from fenics_contact.discretization.elasticity import (
     with_loads,
 )
 from fenics_contact.discretization.facets import collect_boundary
-from fenics_contact.discretization.forms import compile_forms, compile_laws
+from fenics_contact.discretization.forms import compile_all
 from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import displacement_space
@@ -93,8 +93,7 @@ class Discretization(Layout, Closing):
     def __init__(self, scene: Scene) -> None:
         """Discretise; raises `InputError` if joints, supports or loads do not fit the mesh."""
         start = time.perf_counter()
-        compile_forms(scene)
-        self._not_compiled = compile_laws(scene.comm)
+        compile_all(scene)
         self.compile_seconds = time.perf_counter() - start
         start = time.perf_counter()
         self.scene = scene
@@ -272,7 +271,7 @@ class Discretization(Layout, Closing):
         self.supports = find_supports(scene, self.boundary)
         ties = find_ties(scene, self.boundary, self.space)
         self.joints = find_joints(scene, self.boundary).with_ties(ties)
-        self.warnings = self._not_compiled + warnings_on(scene, self.boundary, self.joints)
+        self.warnings = warnings_on(scene, self.boundary, self.joints)
 
     def _take_loads_and_laws(self) -> None:
         """Take loads and laws into the problem, with initial gaps, strengths, supports that move.

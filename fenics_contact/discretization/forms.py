@@ -33,8 +33,7 @@ from fenics_contact.discretization.facets import Boundary
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import BlockMesh, Labels, Names
 from fenics_contact.scene.scene import LoadForm, Scene
-from fenics_contact.solvers import compiled_laws
-from fenics_contact.solvers.compiled_laws import CompiledLaws
+from fenics_contact.solvers import compiled
 
 #: Lame's lambda (of the plane state) and mu by cell, Pa, or D by cell, row after row.
 Law: TypeAlias = tuple[fem.Function, fem.Function] | fem.Function
@@ -127,8 +126,11 @@ def stress_expression(
     return fem.Expression(components, compat.interpolation_points(space)), space
 
 
-#: What finds compiled laws in a folder, or compiles them there.
-LoadLaws = Callable[[Path], CompiledLaws]
+#: What nothing is solved without.
+NO_COMPILER = (
+    "the forms of dolfinx and the laws of joints cannot be compiled; install a C compiler, for"
+    " instance by apt install gcc python3-dev or conda install c-compiler"
+)
 
 #: Corners of a cell in gmsh's order, by the cell's name.
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
@@ -153,10 +155,13 @@ class _Kind:
     given: bool
 
 
-def compile_forms(scene: Scene) -> None:
-    """Compile all forms, so that later work finds them in the cache; on all ranks.
+def compile_all(scene: Scene) -> None:
+    """Compile all forms and the laws, so that later work finds them in the cache; on all ranks.
 
     The compiler prints nothing. What an earlier run compiled is only looked up.
+
+    Raises:
+        InputError: On all ranks, if one of them cannot compile them.
     """
     kind = _Kind(
         cell=scene.mesh.domain.topology.cell_type.name,
@@ -165,45 +170,36 @@ def compile_forms(scene: Scene) -> None:
         moved=bool(scene.dead.movement),
         given=scene.stress is not None,
     )
-    for turn in (True, False):  # ranks that share a cache must not write it at the same time
-        if turn == (scene.comm.rank == 0):
-            _compile(kind)
-        scene.comm.barrier()
+    in_turns(scene.comm, lambda: _compile(kind))
 
 
-def compile_laws(comm: MPI.Comm, load: LoadLaws = compiled_laws.load) -> tuple[str, ...]:
-    """Compile the laws of joint points, as forms are; a warning where that fails on any rank.
+def in_turns(comm: MPI.Comm, compile_here: Callable[[], None]) -> None:
+    """Compile on rank 0, then on the others: ranks that share a cache do not write it together.
 
-    All ranks then compute them in Python: the same numbers, in more time.
+    Raises:
+        InputError: On all ranks, with the reason of the first that failed.
     """
-    reason = ""
-    for turn in (True, False):  # as the forms
-        if turn == (comm.rank == 0):
-            laws, reason = _loaded(load)
-        comm.barrier()
-    reason = next(filter(None, comm.allgather(reason)), "")
-    compiled_laws.use(None if reason else laws)
-    slower = "joint laws are not compiled, solves take longer: is there a C compiler?"
-    return (f"{slower} ({reason})",) if reason else ()
-
-
-@cache
-def _loaded(load: LoadLaws) -> tuple[CompiledLaws | None, str]:
-    """The compiled laws, or why there are none."""
-    try:
-        with compat.quiet_compiler(), compat.form_cache() as folder:
-            return load(folder), ""
-    except Exception as error:  # compilers and the packages around them fail in many ways
-        return None, " ".join(str(error).split()) or type(error).__name__
+    with raised_together(comm):
+        reason = ""
+        for turn in (True, False):
+            if turn == (comm.rank == 0):
+                try:
+                    compile_here()
+                except Exception as error:  # compilers and what is around them fail in many ways
+                    reason = " ".join(str(error).split()) or type(error).__name__
+            comm.barrier()
+        if reason:
+            raise InputError(f"{NO_COMPILER} ({reason})")
 
 
 @cache
 def _compile(kind: _Kind) -> None:
-    """Compile the forms for a mesh of one cell: code does not depend on the mesh."""
+    """Compile laws, and forms for a mesh of one cell: code does not depend on the mesh."""
     corners = np.array(_CORNERS[kind.cell], dtype=float)
     cells = np.arange(len(corners))[None, :]
     here = compat.Partition.to(np.zeros(1, dtype=np.int32))
-    with compat.quiet_compiler(), compat.form_cache():
+    with compat.quiet_compiler(), compat.form_cache() as folder:
+        compiled.load(folder)
         domain, _ = compat.create_mesh(MPI.COMM_SELF, kind.cell, cells, corners, here)
         domain.topology.create_connectivity(1, 2)
         space = compat.function_space(domain, "Lagrange", kind.degree, (2,))

@@ -28,7 +28,7 @@ from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKK
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
-    TangentModel,
+    Rates,
 )
 from fenics_contact.solvers.problem import State
 
@@ -255,10 +255,9 @@ class Continuation:
         linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
         self._factored(point, tangent.load_factor)
-        rates = point.mu, path.log_mu_rate, options.smallest
-        model = TangentModel.of(linear, correction, tangent, *rates)
+        rates = Rates(point.mu, path.log_mu_rate, options.smallest)
         numbers = replace(options.elimination, allowed=limit, rounds=rounds)
-        elimination = NonlinearElimination(linear, correction, tangent, model, numbers)
+        elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
         reach = None
         to_goal = 0.0
         largest = options.largest_change
@@ -271,7 +270,7 @@ class Continuation:
         moved = step.moved
         mu = path.mu(point.mu, s)
         work = path.work(point.work, s)
-        _, pressure, _, shear, _ = self.kkt.scales.force * step.states.values
+        _, pressure, _, shear, _ = self.kkt.scales.force * step.states
         state = State(moved.u, moved.elastic, moved.load_factor, pressure, shear, work)
         iterate = replace(self.kkt, work=work).on_central_path(state, mu)
         return PathPoint(iterate, mu, work), step.reached

@@ -1,10 +1,176 @@
-/* The curve of the chosen points on a line, followed by its length.
+/* The curve of a few joint points on their laws, all others on their tangents.
 
-   What ChosenPoints says in Python where all points are on one rank, in the same order and with the
-   same routines of BLAS and LAPACK. x are p and q of the chosen points, and tau. */
+   On one factor of the structure the tangents lead to x = x0 + part c + s t, and forces in excess of
+   those of the springs answer by displacements C f. Let D(p, q) be what the laws of the chosen points
+   differ by from their tangents, with displacements d(D) by the blocks alone and excess forces f(D).
+   Their equations, two a point, are
+
+       d(D) - C f(D) = 0,    D = x(p, q, mu(s)) - x0 - part c - s t,    mu(s) = mu exp(rate s).
+
+   On a line (part, s) = begin + tau direction the solutions x = (p, q, tau) are a curve that may turn
+   back: it is followed by its length, as far as the other points stay near their laws. Lengths,
+   errors and distances are relative to the sizes of p and q. */
 
 #include <stdlib.h>
 #include <string.h>
+
+enum { CURVE_STEPS = 80, NEWTON_STEPS = 7 };  /* along a curve; of one such step */
+static const double LONGEST = 3.0, SHORTEST = 3e-2; /* steps */
+
+/* Joint points, of which a table has these rows. */
+enum {
+    LAW,                         /* friction, strength, dilatancy, carried */
+    START = LAW + 4,             /* x0 */
+    CORRECTION = START + 5,      /* c */
+    TANGENT = CORRECTION + 5,    /* t */
+    SPRINGS = TANGENT + 5,       /* normal, tangential, coupling, slope, give */
+    COMPLIANCE = SPRINGS + 5     /* normal, tangential */
+};
+
+typedef struct {
+    int count;
+    double smallest, mu, log_mu_rate; /* size of p and q at least; product at x0; d(log mu)/ds */
+    const double *table;
+} points;
+
+static inline const double *rows_of(const points *of, int row)
+{
+    return of->table + (size_t)row * of->count;
+}
+
+static inline laws laws_of_points(const points *of)
+{
+    int n = of->count;
+    const double *friction = rows_of(of, LAW);
+    laws found = {n, 1.0, friction, friction + n, friction + 2 * n, friction + 3 * n};
+    return found;
+}
+
+static inline double mu_at(const points *of, double s)
+{
+    double grown = of->log_mu_rate * s;
+    return of->mu * exp(709.0 < grown ? 709.0 : grown); /* no number is larger */
+}
+
+/* States on the laws that belong to x, p and q, shape (5, count). */
+void on_laws(const points *of, double s, const double *x, double *values)
+{
+    laws law = laws_of_points(of);
+    for (int i = 0; i < of->count; i++)
+        put(law_at(&law, i, x[i], x[of->count + i], mu_at(of, s), 6).at, values + i, of->count);
+}
+
+/* Where the tangents lead at (part, s) under openings and slips by the blocks: springs answer. */
+static inline state on_tangent(const double *x0, const double *c, const double *t, const double *k,
+                               const double *compliance, int next, double part, double s,
+                               double opening, double slip)
+{
+    double k_n = k[0], k_t = k[next], coupling = k[2 * next], slope = k[3 * next], give = k[4 * next];
+    double moved = opening + slope * slip;
+    double r = -k_n * moved, shear = -k_t * slip - coupling * moved;
+    state x;
+    x.y = x0[0] + part * c[0] + s * t[0] + (moved + (compliance[0] + give) * r);
+    x.r = x0[next] + part * c[next] + s * t[next] + r;
+    x.w = x0[2 * next] + part * c[2 * next] + s * t[2 * next] + (slip + compliance[next] * shear);
+    x.shear = x0[3 * next] + part * c[3 * next] + s * t[3 * next] + shear;
+    x.dilation = x0[4 * next] + part * c[4 * next] + s * t[4 * next] + (-slope * slip - give * r);
+    return x;
+}
+
+/* States on the tangents, shape (5, count), under openings and slips, shape (2, count). */
+void on_tangents(const points *of, double part, double s, const double *motion, double *values)
+{
+    int n = of->count;
+    for (int i = 0; i < n; i++)
+        put(on_tangent(rows_of(of, START) + i, rows_of(of, CORRECTION) + i, rows_of(of, TANGENT) + i,
+                       rows_of(of, SPRINGS) + i, rows_of(of, COMPLIANCE) + i, n, part, s, motion[i],
+                       motion[n + i]),
+            values + i, n);
+}
+
+/* Distances of states on the tangents from the states on the laws with equal p and q: the larger of
+   the differences of clearances and of slips, to six digits; infinite where a tangent leads nowhere. */
+WIDE
+void distances(const points *of, double part, double s, const double *motion,
+               double *restrict found)
+{
+    int n = of->count;
+    double mu = mu_at(of, s), smallest = of->smallest;
+    laws law = laws_of_points(of);
+    const double *friction = law.friction, *strength = law.strength, *carried = law.carried;
+    const double *x0 = rows_of(of, START), *c = rows_of(of, CORRECTION), *t = rows_of(of, TANGENT);
+    const double *springs = rows_of(of, SPRINGS), *compliance = rows_of(of, COMPLIANCE);
+    for (int i = 0; i < n; i++) {
+        state at = on_tangent(x0 + i, c + i, t + i, springs + i, compliance + i, n, part, s, motion[i],
+                              motion[n + i]);
+        double y, r, q = at.shear - at.w;
+        normal_law(at.r - at.y, mu, &y, &r);
+        double bound = friction[i] * r + strength[i], gamma = carried[i] > 0.0 ? bound : 1.0;
+        double w = copysign(gamma - distance_from_bound(fabs(q), gamma, mu, 4), q) - q;
+        double of_p = fabs(y - at.y) / larger(r + y, smallest);
+        double of_q = fabs(w - at.w) / larger(gamma + fabs(w), smallest);
+        double distance = larger(of_p, carried[i] > 0.0 ? of_q : 0.0);
+        found[i] = distance == distance ? distance : INFINITY;
+    }
+}
+
+/* Displacements d by blocks alone, and forces f in excess of those of the springs. */
+static inline void split(state x, const double *k, const double *compliance, int next, double carried,
+                         double *moved, double *excess, int step)
+{
+    double opening = x.y + x.dilation - compliance[0] * x.r, slip = x.w - compliance[next] * x.shear;
+    double by_both = opening + k[3 * next] * slip;
+    moved[0] = opening;
+    moved[step] = slip;
+    excess[0] = x.r + k[0] * by_both;
+    excess[step] = (x.shear + k[next] * slip + k[2 * next] * by_both) * carried;
+}
+
+/* Equations of the chosen points at x on a line: d and f of D and of its change by tau, shape
+   (2, 2 count) each; sizes of p, q, tau; and slopes by p and q column by column, shape (2 count,
+   2 count + 1), whose last column is left out. C is given column by column. */
+void chosen_points(const points *of, const double *c, double part, double s, double of_part,
+                   double of_s, const double *x, double *moved, double *excess, double *sizes,
+                   double *slopes)
+{
+    int n = of->count, rows = 2 * n;
+    double mu = mu_at(of, s), smallest = of->smallest, rate = of->log_mu_rate;
+    laws law = laws_of_points(of);
+    for (int j = 0; j < n; j++) {
+        tangents on = law_at(&law, j, x[j], x[n + j], mu, 4);
+        const double states[5] = {on.at.y, on.at.r, on.at.w, on.at.shear, on.at.dilation};
+        const double by_mu[5] = {on.by_mu.y, on.by_mu.r, on.by_mu.w, on.by_mu.shear, on.by_mu.dilation};
+        const double *x0 = rows_of(of, START) + j, *correction = rows_of(of, CORRECTION) + j;
+        const double *tangent = rows_of(of, TANGENT) + j, *k = rows_of(of, SPRINGS) + j;
+        const double *compliance = rows_of(of, COMPLIANCE) + j;
+        double d[5], change[5];
+        for (int m = 0; m < 5; m++) {
+            int i = m * n;
+            d[m] = states[m] - (x0[i] + part * correction[i] + s * tangent[i]);
+            change[m] = of_s * (rate * by_mu[m] - tangent[i]) - of_part * correction[i];
+        }
+        state here = {d[0], d[1], d[2], d[3], d[4]};
+        state along = {change[0], change[1], change[2], change[3], change[4]};
+        double carried = law.carried[j];
+        split(here, k, compliance, n, carried, moved + j, excess + j, n);
+        split(along, k, compliance, n, carried, moved + rows + j, excess + rows + j, n);
+        for (int side = 0; side < 2; side++) { /* p and q of a point change its own forces alone */
+            double own[2], forces[2];
+            split(side ? on.by_q : on.by_p, k, compliance, n, carried, own, forces, 1);
+            double *slope = slopes + (side * n + j) * rows;
+            const double *to_normal = c + j * rows, *to_shear = c + (n + j) * rows;
+            for (int i = 0; i < rows; i++)
+                slope[i] = -(to_normal[i] * forces[0] + to_shear[i] * forces[1]);
+            slope[j] += own[0];
+            slope[n + j] += own[1];
+        }
+        sizes[j] = larger(on.at.r + on.at.y, smallest);
+        sizes[n + j] = larger(on.gamma + fabs(on.at.w), smallest);
+    }
+    sizes[2 * n] = 1.0;
+}
+
+/* ---- the curve on a line */
 
 typedef struct {
     const points *chosen, *all;
@@ -13,8 +179,7 @@ typedef struct {
     const unsigned char *others; /* points that are not chosen */
     double part, s, of_part, of_s; /* where the line begins, and its direction */
     double low, high;              /* values of tau at which the curve ends */
-    double allowed, longest, shortest, solved;
-    int curve_steps, newton_steps;
+    double allowed, solved;        /* distance of the other points; error of the chosen ones */
 } curve;
 
 typedef void dgemv(char *, int *, int *, double *, double *, int *, double *, int *, double *,
@@ -42,7 +207,8 @@ static void product(int rows, int columns, const double *a, const double *x, dou
         memset(found, 0, rows * sizeof(double));
 }
 
-/* A place on or near the curve: CurvePoint. */
+/* A place on or near the curve: part and s, the largest error, what is left of the equations, d and f
+   and their changes by tau, sizes of x, and slopes. */
 typedef struct {
     double part, s, error;
     double *x, *rest, *moved, *excess, *sizes, *slopes;
@@ -58,7 +224,8 @@ typedef struct {
     double *distances; /* of all points, those last asked for */
 } tracing;
 
-static void look_at(const tracing *of, place *at) /* ChosenPoints.at */
+/* What is left of the equations at the x of a place, d - C f, with derivatives by x. */
+static void look_at(const tracing *of, place *at)
 {
     const curve *on = of->on;
     int rows = of->rows;
@@ -93,7 +260,8 @@ static int solved(const tracing *of, const place *at, const double *row, double 
     return failed == 0;
 }
 
-static int direction(const tracing *of) /* ChosenPoints.direction, into along */
+/* Direction of the curve here, largest relative change one, into along; whether there is one. */
+static int direction(const tracing *of)
 {
     const place *here = &of->here;
     double largest = 0.0;
@@ -121,7 +289,7 @@ static void hold_tau(const tracing *of, double *row)
     row[of->rows] = 1.0;
 }
 
-/* The point a step on; Newton's steps, or -1 where it is not found: ChosenPoints.step. */
+/* The point a step on, not beyond the ends of tau; Newton's steps, or -1 where it is not found. */
 static int step(const tracing *of, double length, place *new)
 {
     const curve *on = of->on;
@@ -139,17 +307,17 @@ static int step(const tracing *of, double length, place *new)
         hold_tau(of, row);
     }
     look_at(of, new);
-    for (int corrections = 0; corrections <= on->newton_steps; corrections++) {
+    for (int corrections = 0; corrections <= NEWTON_STEPS; corrections++) {
         if (new->error <= on->solved) {
             if (on->low <= new->x[last] && new->x[last] <= on->high)
                 return corrections;
             new->x[last] = end = within(new->x[last], on->low, on->high);
             hold_tau(of, row);
         } else {
-            if (!isfinite(new->error) || fabs(new->x[last] - end) > on->longest)
+            if (!isfinite(new->error) || fabs(new->x[last] - end) > LONGEST)
                 return -1;
             if (!solved(of, new, row, -1.0, 0.0, of->change)
-                || !(fabs(new->x[last] + of->change[last] - tau) <= on->longest))
+                || !(fabs(new->x[last] + of->change[last] - tau) <= LONGEST))
                 return -1;
             for (int i = 0; i < width; i++)
                 new->x[i] += of->change[i];
@@ -159,7 +327,7 @@ static int step(const tracing *of, double length, place *new)
     return -1;
 }
 
-/* Largest distance of the points that are not chosen from their laws: TangentModel.distances. */
+/* Largest distance of the points that are not chosen from their laws. */
 static double distance(tracing *of, const place *at)
 {
     const curve *on = of->on;
@@ -180,13 +348,13 @@ static double distance(tracing *of, const place *at)
     return largest;
 }
 
-/* The step along the curve, into new, shortened until the other points stay near their laws:
-   ChosenPoints._step_near_laws. Newton's steps, or -1; its length, and the distance at its end. */
+/* The step along the curve, into new, shortened until the other points stay near their
+   laws. Newton's steps, or -1; its length, and the distance at its end, or of the last one tried. */
 static int step_near_laws(tracing *of, double *length, double *near)
 {
     const curve *on = of->on;
     double leaving = 0.0;
-    while (*length > on->shortest) {
+    while (*length > SHORTEST) {
         int corrections = step(of, *length, &of->new);
         if (corrections < 0) {
             *length *= 0.4;
@@ -204,13 +372,14 @@ static int step_near_laws(tracing *of, double *length, double *near)
     return -1;
 }
 
-/* ChosenPoints.trace from x, which becomes the end, as forward does; whether a point bends there. */
+/* Follow the curve from here to its end, forward becomes the direction there; whether a point that is
+   not chosen bends beyond. */
 static int followed(tracing *of)
 {
     const curve *on = of->on;
     double length = 1.0, near = 0.0;
     look_at(of, &of->here);
-    for (int k = 0; k < on->curve_steps && direction(of); k++) {
+    for (int k = 0; k < CURVE_STEPS && direction(of); k++) {
         int corrections = step_near_laws(of, &length, &near);
         if (corrections < 0)
             return near > on->allowed;
@@ -219,7 +388,7 @@ static int followed(tracing *of)
         place before = of->here;
         of->here = of->new;
         of->new = before;
-        length = smaller(corrections <= 3 ? 3.0 * length : length, on->longest);
+        length = smaller(corrections <= 3 ? 3.0 * length : length, LONGEST);
         double tau = of->here.x[of->rows];
         if (!(on->low < tau && tau < on->high))
             break;
@@ -227,13 +396,13 @@ static int followed(tracing *of)
     return 0;
 }
 
-/* ChosenPoints.near from the x of new; whether a point of the curve was found, its x in new. */
+/* Newton's method with tau held, from the x of new; whether a point of the curve was found. */
 static int nearest(tracing *of)
 {
     const curve *on = of->on;
     place *new = &of->new;
     hold_tau(of, of->row);
-    for (int k = 0; k < on->newton_steps; k++) {
+    for (int k = 0; k < NEWTON_STEPS; k++) {
         look_at(of, new);
         if (new->error <= on->solved)
             return 1;
@@ -269,7 +438,7 @@ static place new_place(double **from, size_t rows)
 /* Take room for all of it; 0: there is none. To be freed: the room. */
 static double *begin(tracing *of, const curve *on, double *forward, double *of_distances)
 {
-    size_t rows = 2 * on->chosen->count, width = rows + 1, all = on->all ? on->all->count : 0;
+    size_t rows = 2 * on->chosen->count, width = rows + 1, all = on->all->count;
     double *room = malloc((3 * width * width + 20 * width + 2 * all) * sizeof(double)), *from = room;
     if (!room)
         return 0;
@@ -289,9 +458,10 @@ static double *begin(tracing *of, const curve *on, double *forward, double *of_d
     return room;
 }
 
-/* ChosenPoints.trace from x, which becomes the end, as forward does. 1: a point that is not chosen
-   bends beyond, 0: none does, -1: no memory. */
-int trace(const curve *on, double *x, double *forward, double *of_distances)
+/* Follow a curve from x, which becomes its end, as forward does, a row whose product with the
+   direction is positive; forces: excess ones at the end. 1: a point that is not chosen bends beyond,
+   0: none does, -1: no memory. */
+int trace(const curve *on, double *x, double *forward, double *forces, double *of_distances)
 {
     tracing of;
     double *room = begin(&of, on, forward, of_distances);
@@ -300,11 +470,12 @@ int trace(const curve *on, double *x, double *forward, double *of_distances)
     memcpy(of.here.x, x, of.width * sizeof(double));
     int bends = followed(&of);
     memcpy(x, of.here.x, of.width * sizeof(double));
+    memcpy(forces, of.here.excess, of.rows * sizeof(double));
     free(room);
     return bends;
 }
 
-/* ChosenPoints.near for x, which becomes that point. 1: found, 0: not found, -1: no memory. */
+/* The point of a curve next to x, which becomes it. 1: found, 0: not found, -1: no memory. */
 int near(const curve *on, double *x)
 {
     tracing of;

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.compiled_laws import compiled_laws
+from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
 
@@ -169,14 +169,9 @@ class _Entries:
 
     def set(self, blocks: Sequence[Array]) -> None:
         """Add what springs add to K."""
-        compiled = compiled_laws()
         self.values[:] = self.elastic
         for place, added in zip(self.places, blocks, strict=True):
-            if compiled is None:
-                kept = place >= 0
-                np.add.at(self.values, place[kept], added[kept])
-            else:
-                compiled.add_at(place.size, place, added, self.values)
+            call("add_at", place.size, place, added, self.values)
 
 
 class JointStiffness(Closing):

@@ -28,14 +28,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.solvers.joint_law import (
-    Asked,
-    LinearLaws,
-    PointLaws,
-    Slacks,
-    Units,
-    slacks_next_to,
-)
+from fenics_contact.solvers.compiled import call
+from fenics_contact.solvers.joint_law import LinearLaws, PointLaws, Slacks
 from fenics_contact.solvers.joint_stiffness import Factor, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
@@ -170,10 +164,12 @@ class PerturbedKKT:
             nearest: Least distance of shear from its bound, in units of the bound. Above zero for
                 a state from elsewhere, where no spring may vanish.
         """
+        law = self.law.compiled(self.scales.force, self.frictional)
         state = *self.problem.motion_of(start), *start.forces
-        units = Units(self.scales.displacement, self.scales.force)
-        slacks = slacks_next_to(self.law, self.frictional, state, mu, units, nearest)
+        values = np.empty((7, self.problem.points))
+        call("slacks_next_to", law, mu, self.scales.displacement, nearest, *state, values)
         factor = start.load_factor if self.load_factor is None else self.load_factor
+        slacks = Slacks(*values)
         return Iterate(
             **vars(slacks), u=start.displacement, elastic=start.elastic, load_factor=factor
         )
@@ -245,42 +241,27 @@ class Linearization:
         factor: A^-1.
     """
 
-    def __init__(
-        self,
-        kkt: PerturbedKKT,
-        now: Iterate,
-        stiffest: float | None = None,
-        sliding: float | None = None,
-    ) -> None:
-        """Factor A with the springs of an iterate.
-
-        Args:
-            kkt: The conditions.
-            now: The iterate.
-            stiffest: Cap on springs; that of the options when not given.
-            sliding: Spring of points without friction, likewise.
-
-        Raises:
-            SolverError: If A is singular.
-        """
+    def __init__(self, kkt: PerturbedKKT, now: Iterate) -> None:
+        """Factor A with the springs of an iterate; raises `SolverError` if A is singular."""
         self.kkt = kkt
         self.now = now
-        options = kkt.options
-        largest = (stiffest or options.largest_spring) * kkt.stiffness.mean_diagonal
+        largest = kkt.options.largest_spring * kkt.stiffness.mean_diagonal
         unit = kkt.scales.displacement / kkt.scales.force
-        compliance = kkt.problem.compliance
-        self.laws = LinearLaws.of(kkt.law, now, kkt.frictional, compliance, largest, unit)
-        free = (sliding or options.sliding_spring) * kkt.scales.force / kkt.scales.displacement
-        self.factor: Factor = kkt.stiffness.factor(*self.laws.stiffness(free))
+        law = kkt.law.compiled(kkt.scales.force, kkt.frictional)
+        self.laws = LinearLaws(law, now, kkt.problem.compliance, largest, unit)
+        normal, tangential, coupling, slope, _ = self.laws.springs
+        free = kkt.options.sliding_spring * kkt.scales.force / kkt.scales.displacement
+        self.factor: Factor = kkt.stiffness.factor(
+            normal,
+            np.where(kkt.frictional, tangential + coupling * slope, free),
+            coupling if np.any(kkt.law.friction) else None,
+            normal * slope if np.any(kkt.law.dilatancy) else None,
+        )
 
     @cached_property
     def live_response(self) -> Array:
         """A^-1 f_L."""
         return self.factor.solve(self.kkt.problem.live)
-
-    @cached_property
-    def _largest_response(self) -> float:
-        return self.kkt.problem.max(np.abs(self.live_response))
 
     @cached_property
     def flexibility(self) -> float:
@@ -293,21 +274,31 @@ class Linearization:
         return self.factor.determinant_sign * float(np.sign(self.flexibility))
 
     def directions(self, asked: Sequence[tuple[Residual, Array]]) -> list[Iterate]:
-        """Newton directions, all solved for at once.
+        """Newton directions, all solved for at once: what the eliminated equations say.
 
         Args:
             asked: Residual to be taken away, and change of the products, shape (3, points).
         """
-        rights = [self._right_hand_side(*one) for one in asked]
+        p = self.kkt.problem
+        rights = [
+            p.joint_forces(*self.laws.forces(residual.opening, residual.slip, change))
+            - residual.equilibrium
+            for residual, change in asked
+        ]
         with_work = self.kkt.load_factor is None
         if with_work and "live_response" not in vars(self):
-            *found, self.live_response = self.factor.solve_all([*rights, self.kkt.problem.live])
+            *solutions, self.live_response = self.factor.solve_all([*rights, p.live])
         else:
-            found = self.factor.solve_all(rights)
+            solutions = self.factor.solve_all(rights)
         directions = []
-        for one, right, u in zip(asked, rights, found, strict=True):
-            held = self._bordered(u, right, one[0].work) if with_work else (u, 0.0)
-            directions.append(self._direction(*one, *held))
+        for (residual, change), right, u in zip(asked, rights, solutions, strict=True):
+            factor = 0.0
+            if with_work:
+                u, factor = self._bordered(u, right, residual.work)
+            moved = p.normal @ u, p.tangential @ u
+            slacks = self.laws.changes(residual.opening, residual.slip, change, moved)
+            elastic = p.elastic_part(u)
+            directions.append(Iterate(**vars(slacks), u=u, elastic=elastic, load_factor=factor))
         return directions
 
     def hold_work(self, u: Array, excess: float = 0.0) -> tuple[Array, float]:
@@ -323,27 +314,12 @@ class Linearization:
         Then A u = b + d lambda f_L is solved once more, with d lambda known.
         """
         held, factor = self.hold_work(u, excess)
-        cancellation = self.kkt.options.cancellation
-        if cancellation == np.inf:
-            return held, factor
         largest = self.kkt.problem.max
-        if abs(factor) * self._largest_response > cancellation * largest(np.abs(held)):
+        cancellation = self.kkt.options.cancellation
+        if cancellation < np.inf and abs(factor) * largest(
+            np.abs(self.live_response)
+        ) > cancellation * largest(np.abs(held)):
             again = self.factor.solve(right + factor * self.kkt.problem.live)
             held, more = self.hold_work(again, excess)
             factor += more
         return held, factor
-
-    def _right_hand_side(self, residual: Residual, change: Array) -> Array:
-        """Right-hand side b."""
-        forces = self.laws.forces(Asked(residual.opening, residual.slip, change))
-        return self.kkt.problem.joint_forces(*forces) - residual.equilibrium
-
-    def _direction(
-        self, residual: Residual, change: Array, u: Array, load_factor: float
-    ) -> Iterate:
-        """The direction with given displacements: what the eliminated equations say."""
-        p = self.kkt.problem
-        asked = Asked(residual.opening, residual.slip, change)
-        slacks = self.laws.changes(asked, p.normal @ u, p.tangential @ u)
-        elastic = p.elastic_part(u)
-        return Iterate(**vars(slacks), u=u, elastic=elastic, load_factor=load_factor)

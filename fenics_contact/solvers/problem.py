@@ -239,6 +239,12 @@ class ContactProblem:
         """Values of all ranks, on all ranks. One rank alone packs nothing to send."""
         return [value] if self.comm.size == 1 else self.comm.allgather(value)
 
+    def whole(self, values: Array) -> Array:
+        """Arrays of all ranks, on all ranks, one after the other along the last axis."""
+        if self.comm.size == 1:
+            return values
+        return np.concatenate(self.comm.allgather(values), axis=-1)
+
     def sum(self, values: Array) -> float:
         """Sum of this rank's values over all ranks."""
         return self._total(float(np.sum(values)))

@@ -176,12 +176,12 @@ class Place:
     ) -> elimination.NonlinearElimination:
         """A step from here."""
         here = self.linear, self.across, self.along
-        model = elimination.TangentModel.of(*here, self.mu, -1.0, 1e-3)
-        return elimination.NonlinearElimination(*here, model, options)
+        rates = elimination.Rates(self.mu, -1.0, 1e-3)
+        return elimination.NonlinearElimination(*here, rates, options)
 
     def arrived(self, at: elimination.Step) -> tuple[Iterate, float]:
         """The point with equal products where a step leads, and its products."""
-        _, r, _, shear, _ = at.states.values
+        _, r, _, shear, _ = at.states
         f, to, mu = self.kkt.scales.force, at.moved, self.mu * float(np.exp(-at.s))
         state = State(to.u, to.elastic, to.load_factor, r * f, shear * f, self.kkt.work)
         return self.kkt.on_central_path(state, mu), mu

@@ -32,7 +32,7 @@ from tests.core.problems import (
 )
 
 #: All points are chosen, and solved for to many digits.
-ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9, newton_steps=20)
+ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9)
 
 #: A wall with so much friction that its path turns back, and one whose path has no folds.
 folded, plain = (
@@ -89,7 +89,7 @@ def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
     start = kkt.on_central_path(solved(folded, 0.1).state, 1e-3)
     for seed, size in ((0, 3.0), (3, 3.0), (10, 3.0), (18, 6.0)):  # the last: f_L.A^-1 f_L < 0
         linear = kkt.linearize(noisy(start, seed, size))
-        matrix = sprung(folded.problem, *linear.laws.springs)
+        matrix = sprung(folded.problem, *linear.laws.springs[:3])
         border = np.block([[matrix, live[:, None]], [live[None], np.zeros((1, 1))]])
         scale = np.sqrt(np.append(np.diag(matrix), np.abs(matrix).max()))
         assert linear.orientation == -np.linalg.slogdet(border / np.outer(scale, scale))[0]
@@ -139,7 +139,10 @@ def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
     [
         ({"max_steps": 2}, "not at its end after 2 steps"),
         ({"patience": 1, "largest_change": 0.3}, r"wanders, after \d+ steps"),
-        ({"lost": 0, "elimination": EliminationOptions(points=0, curve_steps=0)}, "lost after 1"),
+        (
+            {"lost": 0, "elimination": EliminationOptions(points=0, rounds=0, allowed=0.0)},
+            "lost after 1",
+        ),
     ],
 )
 def test_path_that_does_not_end(plain, options, message):

@@ -1,11 +1,12 @@
-"""Contact laws with equal products: what they solve, and their derivatives."""
+"""Contact laws: points with equal products solve them, and bound and dissipation fit together."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.joint_law import PointLaws, distance_from_bound, normal_law
+from fenics_contact.solvers.compiled import call
+from fenics_contact.solvers.joint_law import PointLaws, Slacks
 
 MU = 1e-3
 P, Q = (array.ravel() for array in np.meshgrid([-2.0, -0.03, 0.0, 0.04, 1.5], [-1.2, -0.01, 0.3]))
@@ -14,80 +15,57 @@ P, Q = (array.ravel() for array in np.meshgrid([-2.0, -0.03, 0.0, 0.04, 1.5], [-
 KIND = np.arange(len(P)) % 3
 ROUGH = np.where(KIND == 0, 0.6, 0.0)
 LAW = PointLaws(ROUGH, np.where(KIND == 1, 0.2, 0.0), 0.4 * ROUGH)
-LAWS = LAW.smoothed(1.0, KIND < 2, smallest=1e-3)
+CARRIED = KIND < 2
+
+
+def next_to(law: PointLaws, carried, difference, q, mu: float) -> Slacks:
+    """Slacks with products mu, and r_N - w_N and q as given; units are one."""
+    found, none = np.empty((7, len(q))), np.zeros(len(q))
+    state = np.maximum(-difference, 0.0), none, np.maximum(difference, 0.0), q
+    call("slacks_next_to", law.compiled(1.0, carried), mu, 1.0, 0.0, *state, found)
+    return Slacks(*found)
 
 
 def test_states_solve_the_laws():
-    states = LAWS.states(P, Q, MU)
-    y, r, w, shear, dilation = states.values
-    assert states.p == pytest.approx(P) and states.q == pytest.approx(Q)
-    assert y * r == pytest.approx(np.full_like(y, MU))
-    assert np.all(r > 0.0)
-    bound = LAWS.friction * r + LAWS.strength
-    rough = LAWS.frictional
-    assert np.all(np.abs(shear[rough]) < bound[rough])
-    # w = z2 - z1 with s1 z1 = s2 z2 = mu
-    slip = MU / (bound + shear)[rough] - MU / (bound - shear)[rough]
-    assert w[rough] == pytest.approx(slip, rel=1e-9, abs=1e-12)
-    both = MU / (bound + shear)[rough] + MU / (bound - shear)[rough]
-    assert dilation[rough] == pytest.approx(LAW.dilatancy[rough] * both, rel=1e-9)
-    assert np.all(shear[~rough] == 0.0)
+    at = next_to(LAW, CARRIED, P, Q, MU)
+    assert np.all(at.positive > 0.0)
+    for product in (at.y * at.pressure, at.s1 * at.z1, at.s2 * at.z2):
+        assert product == pytest.approx(np.full_like(product, MU))
+    bound = LAW.bound(at.pressure)[CARRIED]
+    assert (at.s1 + at.shear)[CARRIED] == pytest.approx(bound)
+    assert (at.s2 - at.shear)[CARRIED] == pytest.approx(bound)
+    assert np.all(at.shear[~CARRIED] == 0.0)
+    opening = at.y + LAW.dilation(at.z1, at.z2)
+    assert (at.pressure - opening) == pytest.approx(P)
+    assert (at.shear - at.slip)[CARRIED] == pytest.approx(Q[CARRIED])
 
 
 def test_laws_without_products_are_those_of_signorini_and_coulomb():
-    y, r, w, shear, _ = LAWS.states(P, Q, 1e-16).values
-    assert np.minimum(y, r) == pytest.approx(np.zeros_like(y), abs=1e-7)
-    slides, friction = np.abs(w) > 1e-6, LAWS.friction > 0.0
+    law = PointLaws(LAW.friction, LAW.strength)
+    at = next_to(law, CARRIED, P, Q, 1e-16)
+    assert np.minimum(at.y, at.pressure) == pytest.approx(np.zeros_like(P), abs=1e-7)
+    slides, friction = np.abs(at.slip) > 1e-6, law.friction > 0.0
     assert np.any(slides & friction) and np.any(~slides & friction)
     at_bound = slides & friction
-    assert np.abs(shear[at_bound]) == pytest.approx(0.6 * r[at_bound], abs=1e-7)
-    assert np.all(shear[at_bound] * w[at_bound] <= 0.0)
-
-
-@pytest.mark.parametrize("by", range(3), ids=["p", "q", "log mu"])
-def test_derivatives_are_those_of_differences(by):
-    h = 1e-6
-    states, found = LAWS.linearized(P, Q, MU)
-    assert states.values == pytest.approx(LAWS.states(P, Q, MU).values, rel=1e-6, abs=1e-9)
-    p, q, mu = h * np.eye(3)[by]
-    ahead = LAWS.states(P + p, Q + q, MU * np.exp(mu)).values
-    behind = LAWS.states(P - p, Q - q, MU * np.exp(-mu)).values
-    slope = (ahead - behind) / (2.0 * h)
-    assert found[by] == pytest.approx(slope, rel=1e-5, abs=1e-7)
-
-
-@pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-12])
-def test_normal_law_keeps_digits_of_both(mu):
-    p = np.array([-9.0, -1e-3, 0.0, 1e-3, 9.0])
-    y, r = normal_law(p, mu)
-    assert y * r == pytest.approx(np.full_like(p, mu), rel=1e-14)
-    assert r - y == pytest.approx(p, abs=1e-12)
-
-
-@pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-12])
-def test_distance_of_shear_from_its_bound(mu):
-    gamma, q = (array.ravel() for array in np.meshgrid([1e-6, 1e-2, 1.0, 50.0], [0.0, 1e-3, 1, 9]))
-    s = distance_from_bound(q, gamma, mu)
-    assert np.all(s > 0.0) and np.all(s <= gamma)
-    left = s - mu / s + mu / (2.0 * gamma - s)
-    size = mu / s + gamma + q
-    assert (gamma - q - left) / size == pytest.approx(np.zeros_like(s), abs=1e-12)
-    four = distance_from_bound(q, gamma, mu, newton_steps=4)
-    assert four == pytest.approx(s, rel=2e-6)
+    assert np.abs(at.shear[at_bound]) == pytest.approx(0.6 * at.pressure[at_bound], abs=1e-7)
+    assert np.all(at.shear[at_bound] * at.slip[at_bound] <= 0.0)
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e-6, 1e-16])
 def test_states_with_given_forces_less_displacements(mu):
-    """Where a joint dilates, p = r_N - w_N + D (z1 + z2) is solved for."""
+    """Of any sizes; where a joint dilates, p = r_N - w_N + D (z1 + z2) is solved for."""
     random = np.random.default_rng(0)
     friction, size = random.uniform(0.05, 2.0, 500), 10.0 ** random.uniform(-9.0, 2.0, (2, 500))
-    dilatancy = friction * random.choice([0.01, 0.3, 1.0], 500)
+    dilatancy = friction * random.choice([0.0, 0.01, 0.3, 1.0], 500)
     strength = random.choice([0.0, 1e-3, 1.0], 500)
     difference, q = size * random.normal(size=(2, 500))
-    laws = PointLaws(friction, strength, dilatancy).smoothed(1.0, friction > 0.0, np.sqrt(mu))
-    y, r, _, _, dilation = laws.states(laws.p_of(difference, q, mu), q, mu).values
-    left = r - (y + dilation) - difference
+    law = PointLaws(friction, strength, dilatancy)
+    at = next_to(law, law.frictional, difference, q, mu)
+    assert at.y * at.pressure == pytest.approx(np.full(500, mu), rel=1e-13)
+    left = at.pressure - (at.y + law.dilation(at.z1, at.z2)) - difference
     assert np.abs(left / (np.abs(difference) + np.abs(q) + np.sqrt(mu))).max() <= 1e-13
+    left = at.shear - at.slip - q
+    assert np.abs(left / (np.abs(difference) + np.abs(q) + np.sqrt(mu))).max() <= 1e-7
 
 
 def test_bound_and_dissipation_share_the_friction():

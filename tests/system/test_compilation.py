@@ -5,11 +5,16 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mpi4py import MPI
 
+from fenics_contact import InputError
+from fenics_contact.discretization.forms import in_turns
+from fenics_contact.solvers.compiled import load
 from tests.system.program import result, run, write_scene
 
 #: Meshes, with changes of the scene that need other forms.
@@ -72,20 +77,45 @@ def test_a_run_killed_while_it_compiled_does_not_stop_the_next(tmp_path, monkeyp
     assert (found.code, found.err) == (0, "")
 
 
-def test_a_run_without_a_compiler_says_so_and_finds_the_same(tmp_path, monkeypatch):
-    """Forms are those of an earlier run; joint laws are computed in Python."""
+@pytest.mark.parametrize("missing", ["laws of an earlier run", "laws and forms"])
+def test_a_run_without_a_compiler_says_what_to_install(missing, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write_scene(tmp_path, {"output.pictures": False}, "block")
-    runs, recorded = [], []
-    for compiler in ("cc", "/there/is/none"):
-        monkeypatch.setenv("CC", compiler)
-        runs.append(run(["solve", "scene.toml"], tmp_path))
-        recorded.append(result(tmp_path / "scene"))
+    if missing == "laws of an earlier run":
+        assert run(["solve", "scene.toml"], tmp_path).code == 0
         for path in (tmp_path / "cache").rglob("fenics_contact_laws_*"):
             path.unlink()
-    assert [done.code for done in runs] == [0, 0]
-    told = [done.out.count("joint laws are not compiled") for done in runs]
-    assert told == [0, 1]
-    assert [any("not compiled" in text for text in one["warnings"]) for one in recorded] == [0, 1]
-    factors = [one["load_factor"] for one in recorded]
-    assert factors[0] == factors[1]
+    monkeypatch.setenv("CC", "/there/is/none")
+    done = run(["solve", "scene.toml"], tmp_path)
+    assert done.code == 2
+    assert done.err.count("\n") == 1 and "Traceback" not in done.out
+    assert "install a C compiler, for instance by apt install gcc" in done.err
+    assert "/there/is/none" in done.err
+
+
+def compile_laws(folder: str) -> None:
+    """Load the laws from a folder, in a process of its own."""
+    load(Path(folder))
+
+
+def test_processes_may_compile_at_the_same_time(tmp_path):
+    context = get_context("spawn")
+    started = [context.Process(target=compile_laws, args=(str(tmp_path),)) for _ in range(3)]
+    for process in started:
+        process.start()
+    for process in started:
+        process.join()
+    assert [process.exitcode for process in started] == [0, 0, 0]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.mpi
+def test_where_one_rank_cannot_compile_all_say_so():
+    comm = MPI.COMM_WORLD
+
+    def compile_here() -> None:
+        if comm.rank == comm.size - 1:
+            raise OSError("no compiler")
+
+    with pytest.raises(InputError, match=r"install a C compiler.* \(no compiler\)"):
+        in_turns(comm, compile_here)
