@@ -15,7 +15,7 @@ import numpy as np
 from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Gaps, Stretches
 from fenics_contact.discretization.mortar import NO_NODE, Stencil, lagrange
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
+from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.geometry.planar_cells import (
     SMOOTH_ANGLE,
     arc_heights,
@@ -29,6 +29,12 @@ from fenics_contact.scene.scene import Scene
 STRAIGHT = CLOSED
 #: A side so many times longer than the next one is straight beside an arc, no chord of it.
 LONG = 3.0
+#: Nodes closer than this are one place, as a fraction of their shortest facet.
+MATCHING = 1e-4
+#: Facets are meant to be apart from this distance on, in the same unit.
+APART = 5e-3
+#: Cosine of the largest angle between facets that face each other.
+PARALLEL = float(np.cos(np.radians(20.0)))
 
 
 @dataclass(frozen=True)
@@ -107,14 +113,10 @@ class Corners:
         """The corners of some rows."""
         return Corners(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
-    def bodies(self, boundary: Boundary) -> Labels:
-        """Body of the corner, and the one that it meets, shape (corners, 2)."""
-        return boundary.body[self.facets[:, 1:]]
-
     def stencil(self, boundary: Boundary) -> Stencil:
         """Nodes of both sides; the first side is the body with the lower number."""
         rows = np.arange(len(self.node))
-        own, met = self.bodies(boundary).T
+        own, met = boundary.body[self.facets[:, 1:]].T
         nodes = np.full((len(rows), 2, boundary.nodes.shape[1]), NO_NODE)
         weights = np.zeros(nodes.shape)
         nodes[rows, (own > met).astype(int), 0] = self.node
@@ -149,7 +151,7 @@ def find_corners(boundary: Boundary, gaps: Gaps, found: Stretches, source: str) 
     free &= ~np.isin(corners.node, corners.node[~meets])
     bad = np.flatnonzero(meets & free)
     if len(bad):
-        first, second = np.sort(corners.bodies(boundary)[bad[0]])
+        first, second = np.sort(boundary.body[corners.facets[bad[0], 1:]])
         x, y = np.round(corners.position[bad[0]], 9) + 0.0
         raise InputError(
             f"{source}: corners of blocks {first} and {second} meet at ({x:g}, {y:g}). Which way"
@@ -221,24 +223,6 @@ def _before_sides(
     return corners.take(meets | sharp), np.where(meets, other, -1 - node)[meets | sharp]
 
 
-@dataclass(frozen=True)
-class PairingOptions:
-    """When facets face each other.
-
-    Attributes:
-        matching: Nodes closer than this are one place, as a fraction of their shortest facet.
-        apart: Facets are meant to be apart from this distance on, in the same unit.
-        parallel: Cosine of the largest angle between facets that face each other.
-    """
-
-    matching: float = 1e-4
-    apart: float = 5e-3
-    parallel: float = float(np.cos(np.radians(20.0)))
-
-
-OPTIONS = PairingOptions()
-
-
 def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices, Corners, Indices]:
     """Stretches of all joints and foundations, and their law: of the scene's joints, then others.
 
@@ -253,8 +237,18 @@ def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices,
     ground_role = boundary.role(scene.foundations)
     found, doubtful = _facing(boundary, gaps)
     _check_doubtful(scene.mesh.source, boundary, doubtful)
+    # After the joints, facets that stand on rigid ground over their length.
     grounded = np.flatnonzero(ground_role >= 0)
-    stretches = _with_ground(boundary, found, grounded)
+    ours = boundary.nodes[grounded, :2]
+    whole = np.broadcast_to([0.0, 1.0], (2, *ours.shape))
+    sides = np.stack([grounded, np.full_like(grounded, GROUND)])
+    stretches = Stretches(
+        facets=np.hstack([found.facets, sides]),
+        span=np.hstack([found.span, whole]),
+        nodes=np.hstack([found.nodes, np.stack([ours, np.full_like(ours, INSIDE)])]),
+        offset=np.concatenate([found.offset, np.zeros(ours.shape)]),
+        slave=np.concatenate([found.slave, np.ones_like(grounded)]),
+    )
     corners = find_corners(boundary, gaps, stretches, scene.mesh.source)
     paired = np.zeros(len(boundary.length), dtype=bool)
     paired[found.facets] = True
@@ -276,12 +270,17 @@ def find_contacts(scene: Scene, boundary: Boundary) -> tuple[Stretches, Indices,
                 f"foundation '{name}': {both} facets touch another block; a foundation is rigid"
                 " ground, make the group a joint"
             )
-    _check_tractions(scene, boundary, found.facets)
+    for kind, load in (("dead", scene.dead), ("live", scene.live)):
+        for name in load.traction:
+            if both := np.count_nonzero(boundary.in_group(name)[found.facets].all(axis=0)):
+                raise InputError(
+                    f"loads.{kind}.traction.{name}: {both} facets are in the group with both sides"
+                    " of a joint, and would carry the traction twice; leave joints out of the group"
+                )
     law = _laws(scene, boundary, found.facets, gaps.role)
     law = np.concatenate([law, len(scene.joints) + ground_role[grounded]])
-    sides = _sides_at_corners(scene, corners, gaps.role)
-    of_corners = _laws(scene, boundary, sides, gaps.role)
-    return stretches, law, corners, of_corners
+    met = _sides_at_corners(scene, corners, gaps.role)
+    return stretches, law, corners, _laws(scene, boundary, met, gaps.role)
 
 
 def _sides_at_corners(scene: Scene, corners: Corners, role: Indices) -> Indices:
@@ -306,20 +305,6 @@ def _sides_at_corners(scene: Scene, corners: Corners, role: Indices) -> Indices:
     return np.stack([np.where(second, two, one), met])
 
 
-def _with_ground(boundary: Boundary, found: Stretches, facets: Indices) -> Stretches:
-    """Stretches of joints, then those of facets that stand on rigid ground over their length."""
-    ours = boundary.nodes[facets, :2]
-    whole = np.broadcast_to([0.0, 1.0], (2, *ours.shape))
-    sides = np.stack([facets, np.full_like(facets, GROUND)])
-    return Stretches(
-        facets=np.hstack([found.facets, sides]),
-        span=np.hstack([found.span, whole]),
-        nodes=np.hstack([found.nodes, np.stack([ours, np.full_like(ours, INSIDE)])]),
-        offset=np.concatenate([found.offset, np.zeros(ours.shape)]),
-        slave=np.concatenate([found.slave, np.ones_like(facets)]),
-    )
-
-
 def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
     """Stretches along which facets of two bodies touch, or face each other within a law's gap."""
     return _facing(boundary, gaps or Gaps(np.full(len(boundary.length), -1), np.zeros(1)))[0]
@@ -342,13 +327,13 @@ def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
     """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
     middle = boundary.points[:, :2].mean(axis=1)
     length = boundary.length
-    reach = (0.5 + OPTIONS.apart) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
+    reach = (0.5 + APART) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
     pairs = [np.empty((2, 0), dtype=np.int64)]
     every = np.arange(len(length))
     for found in near_pairs(middle, reach, every, every):
         one, other = boundary.body[np.stack(found)]
         facets = np.stack(found)[:, one < other]
-        pairs.append(facets[:, _against(boundary, *facets) > OPTIONS.parallel])
+        pairs.append(facets[:, _against(boundary, *facets) > PARALLEL])
     return np.hstack(pairs)
 
 
@@ -361,28 +346,20 @@ def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretc
     least = all_of.offset.min(axis=1)
     gap = gaps.of_pairs(facets)
     # Behind a thin block there are others: a facet that one lies on all along faces nothing else.
-    exact = far <= OPTIONS.matching * shorter
+    exact = far <= MATCHING * shorter
     part = np.abs(np.diff(all_of.span, axis=2))[:, exact].ravel()
     covered = np.bincount(facets[:, exact].ravel(), part, len(boundary.length))
-    alone = ~np.any(covered[facets] > 1.0 - OPTIONS.matching, axis=0)
+    alone = ~np.any(covered[facets] > 1.0 - MATCHING, axis=0)
     depth = CLOSED * shorter + height
     touching = exact | (alone & (far <= depth))
     across = alone & (gap > 0.0) & (least >= -depth) & (least <= gap)
-    touching |= across & (_wedges(boundary, facets) <= gap)
-    doubtful = alone & ~touching & (far <= OPTIONS.apart * shorter + height)
-    return all_of.take(touching), all_of.take(doubtful)
-
-
-def _wedges(boundary: Boundary, facets: Indices) -> Array:
-    """By how much the distance of two straight sides may change along them, m; 0 at curved sides.
-
-    Sides between which this is more than their gap meet at a corner. `facets` are pairs of facets
-    of such sides, shape (2, pairs).
-    """
+    # Straight sides between which the distance changes by more than their gap meet at a corner.
     length, curvature = straight_sides(boundary)
     sine = np.sqrt(np.maximum(1.0 - _against(boundary, *facets) ** 2, 0.0))
     curved = np.any(np.abs(curvature[facets]) > 0.0, axis=0)
-    return np.where(curved, 0.0, sine * length[facets].min(axis=0))
+    touching |= across & (curved | (sine * length[facets].min(axis=0) <= gap))
+    doubtful = alone & ~touching & (far <= APART * shorter + height)
+    return all_of.take(touching), all_of.take(doubtful)
 
 
 def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> None:
@@ -391,10 +368,13 @@ def _check_doubtful(source: str, boundary: Boundary, doubtful: Stretches) -> Non
         return
     first = doubtful.offset[0]
     facets = doubtful.facets[:, 0]
+    groups = boundary.groups[facets]
+    names = sorted(set().union(*(boundary.facet_sets[group] for group in groups[groups >= 0])))
+    of = f" (group {', '.join(repr(name) for name in names)})" if names else ""
     what = "overlap by" if first.min() < 0.0 else "are apart by"
     raise InputError(
         f"{source}: blocks {what} up to {np.abs(first).max():.3g} m at"
-        f" {_place(boundary, facets[0])}{_groups_of(boundary, facets)}, too much for a joint and"
+        f" {_place(boundary, facets[0])}{of}, too much for a joint and"
         " too little to be meant; move them together or apart, or give their joint a gap"
     )
 
@@ -439,7 +419,10 @@ def _common_stretches(boundary: Boundary, pairs: Indices, slave: Indices) -> Str
     order = np.where(turned, [1, 0], [0, 1])
     place = np.take_along_axis(place, order, axis=2)
     nodes = np.take_along_axis(boundary.nodes[facets, :2], order, axis=2)
-    near = OPTIONS.matching * _shortest_at_nodes(boundary)[nodes].min(axis=0)
+    shortest = np.full(int(boundary.nodes.max(initial=-1)) + 1, np.inf)  # facet at a node
+    for end in boundary.nodes[:, :2].T:
+        np.minimum.at(shortest, end, boundary.length)
+    near = MATCHING * shortest[nodes].min(axis=0)
     # Sides whose end is at the end of the stretch: the inner one, or both where nodes are close.
     inward = (place[0] - place[1]) * [1.0, -1.0]  # how far the first side ends further inside
     at_end = np.stack([inward >= -near, inward <= near])
@@ -453,35 +436,9 @@ def _common_stretches(boundary: Boundary, pairs: Indices, slave: Indices) -> Str
     return Stretches(facets, span, np.where(at_end, nodes, INSIDE), offset, slave).take(keep)
 
 
-def _shortest_at_nodes(boundary: Boundary) -> Array:
-    """Length of the shortest facet at every node, m; infinite at others."""
-    shortest = np.full(int(boundary.nodes.max(initial=-1)) + 1, np.inf)
-    for end in boundary.nodes[:, :2].T:
-        np.minimum.at(shortest, end, boundary.length)
-    return shortest
-
-
 def _place(boundary: Boundary, facet: int) -> str:
     x, y = boundary.points[facet, :2].mean(axis=0)
     return f"({x:g}, {y:g})"
-
-
-def _groups_of(boundary: Boundary, facets: Indices) -> str:
-    """The groups of two facets, for messages."""
-    groups = boundary.groups[facets]
-    names = sorted(set().union(*(boundary.facet_sets[group] for group in groups[groups >= 0])))
-    return f" (group {', '.join(repr(name) for name in names)})" if names else ""
-
-
-def _check_tractions(scene: Scene, boundary: Boundary, pairs: Indices) -> None:
-    """Refuse a traction on both sides of a joint."""
-    for kind, load in (("dead", scene.dead), ("live", scene.live)):
-        for name in load.traction:
-            if both := np.count_nonzero(boundary.in_group(name)[pairs].all(axis=0)):
-                raise InputError(
-                    f"loads.{kind}.traction.{name}: {both} facets are in the group with both sides"
-                    " of a joint, and would carry the traction twice; leave joints out of the group"
-                )
 
 
 def _laws(scene: Scene, boundary: Boundary, pairs: Indices, joint_role: Indices) -> Indices:

@@ -270,7 +270,7 @@ class Discretization(Layout, Closing):
         """Take the supports, joints and ties of a scene, and what is to be warned of."""
         self.supports = find_supports(scene, self.boundary)
         ties = find_ties(scene, self.boundary, self.space)
-        self.joints = find_joints(scene, self.boundary).with_ties(ties)
+        self.joints = find_joints(scene, self.boundary, ties)
         self.warnings = warnings_on(scene, self.boundary, self.joints)
 
     def _take_loads_and_laws(self) -> None:

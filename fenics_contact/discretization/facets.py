@@ -74,6 +74,13 @@ class Boundary:
         moments = [np.bincount(self.body, flux * part, len(centre)) / 3.0 for part in arm.T]
         return centre + np.column_stack(moments) / self.areas(centre)[:, None]
 
+    def nearest(self, place: Array) -> Array:
+        """The place on every facet that is nearest to a place, m, shape (facets, 2)."""
+        first, second = self.points[:, :2].swapaxes(0, 1)
+        along = second - first
+        s = np.clip(np.sum((place - first) * along, axis=1) / self.length**2, 0.0, 1.0)
+        return np.asarray(first + s[:, None] * along)
+
     def role(self, names: Iterable[str]) -> Indices:
         """Position in `names` of the group each facet is in, -1 where none, shape (facets,).
 

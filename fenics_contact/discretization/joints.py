@@ -14,7 +14,7 @@ rule, degree 2: Simpson's). Ties are more points, after these: they slide, and p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,6 +39,8 @@ from fenics_contact.scene.scene import JointLaw, Scene
 from fenics_contact.solvers.joint_law import PointLaws
 from fenics_contact.solvers.problem import sparse_rows
 
+#: Arrays of `Joints` over all points.
+PER_POINT = ("nodes", "bodies", "position", "sides", "normal", "length", "law", "gap", "curvature")
 #: Sides whose curvatures differ by less than this part lie along each other.
 ALIKE = 0.25
 
@@ -91,47 +93,15 @@ class Joints:
     ties: Ties | None = None
     corners: int = 0
 
-    def with_ties(self, ties: Ties) -> Joints:
-        """Joint points, and the bars of ties after them."""
-        count = len(ties.tie)
-        if not count:
-            return self
-        half = [0.5 * float(np.sum(ties.yields[ties.tie == k])) for k in range(len(ties.names))]
-        none = np.full((count, 2), GROUND)
-        columns = {
-            "nodes": none,
-            "bodies": ties.bodies,
-            "position": ties.sides.mean(axis=1),
-            "sides": ties.sides,
-            "normal": np.zeros((count, 2)),
-            "length": ties.share,
-            "law": len(self.laws) + ties.tie,
-            "gap": np.zeros(count),
-            "curvature": np.zeros(count),
-        }
-        return replace(
-            self.followed_by(columns, ties.stencil),
-            laws=(*self.laws, *(JointLaw("tresca", bound=bound) for bound in half)),
-            names=(*self.names, *(f"ties.{name}" for name in ties.names)),
-            ties=ties,
-        )
-
-    def followed_by(self, columns: Mapping[str, Any], stencil: Stencil) -> Joints:
-        """These points and then others, with arrays over them by name."""
-        both = {name: np.concatenate([getattr(self, name), of]) for name, of in columns.items()}
-        return replace(self, **both, stencil=self.stencil.followed_by(stencil))
-
     def without_ties(self) -> Joints:
         """The joint points alone."""
         if self.ties is None:
             return self
         count = self.joint_count
         laws = len(self.laws) - len(self.ties.names)
-        where = "nodes", "bodies", "position", "sides", "normal", "length"
-        per_point = *where, "law", "gap", "curvature"
         return replace(
             self,
-            **{name: getattr(self, name)[:count] for name in per_point},
+            **{name: getattr(self, name)[:count] for name in PER_POINT},
             stencil=Stencil(self.stencil.nodes[:count], self.stencil.weights[:count]),
             laws=self.laws[:laws],
             names=self.names[:laws],
@@ -162,53 +132,55 @@ class Joints:
     @property
     def point_laws(self) -> PointLaws:
         """Law of every point, with openings and slips from where the joints are drawn."""
-        dilation = np.array([law.dilation for law in self.laws])[self.law]
+        dilation = self._by_law(lambda law: law.dilation)
         law = PointLaws(self.friction, self.shear_strength, dilation).bonded(self.bond)
-        return law if self.ties is None else replace(law, apart=self._of_ties(self.ties.length))
+        return law if self.ties is None else replace(law, apart=self._of_ties("length"))
 
     @property
     def compliance(self) -> Array:
         """Compliance of the points along their tangents, that of ties, m per N/m."""
-        none = np.zeros(len(self.length))
-        return none if self.ties is None else self._of_ties(self.ties.compliance)
+        return self._of_ties("compliance")
 
     @property
     def origin(self) -> Array:
         """Slip of the structure as drawn, of ties, m (`ties`)."""
-        none = np.zeros(len(self.length))
-        return none if self.ties is None else self._of_ties(self.ties.origin)
-
-    def _of_ties(self, values: Array) -> Array:
-        """Values of ties as those of all points, zero at joints."""
-        return np.concatenate([np.zeros(self.joint_count), values])
+        return self._of_ties("origin")
 
     @property
     def friction(self) -> Array:
         """Coefficient of friction of every point, 0 where the law is not Coulomb's."""
-        return np.array([law.friction or 0.0 for law in self.laws])[self.law]
+        return self._by_law(lambda law: law.friction or 0.0)
 
     @property
     def bond(self) -> Array:
         """Tensile force that every point carries, N/m."""
-        strength = np.array([law.tensile_strength for law in self.laws])[self.law]
-        return strength * self._whole_length
+        return self._by_law(lambda law: law.tensile_strength) * self._whole_length
 
     @property
     def shear_strength(self) -> Array:
         """Shear force that every point carries without pressure, N/m: Tresca's bound, cohesion."""
-        strength = np.array([law.bound or law.cohesion for law in self.laws])[self.law]
-        return strength * self._whole_length
+        return self._by_law(lambda law: law.bound or law.cohesion) * self._whole_length
 
     @property
     def losing(self) -> Flags:
         """Points that lose their strengths where they open."""
-        return np.array([law.loses for law in self.laws], dtype=bool)[self.law]
+        return self._by_law(lambda law: law.loses) > 0.0
+
+    def _by_law(self, value: Callable[[JointLaw], float]) -> Array:
+        """A value of the laws at all points."""
+        return np.array([value(law) for law in self.laws], dtype=float)[self.law]
+
+    def _of_ties(self, name: str) -> Array:
+        """Values of ties as those of all points, zero at joints."""
+        none = np.zeros(self.joint_count)
+        return none if self.ties is None else np.concatenate([none, getattr(self.ties, name)])
 
     @property
     def _whole_length(self) -> Array:
         """Length of joint of every point that carries strengths: not torn, no corner, m."""
-        length = self.length if self.torn is None else np.where(self.torn, 0.0, self.length)
-        length = length.copy()
+        length = self.length.copy()
+        if self.torn is not None:
+            length[self.torn] = 0.0
         length[self.joint_count - self.corners : self.joint_count] = 0.0
         return length
 
@@ -237,103 +209,121 @@ class JointOperators:
     tangential_rows: Array
 
 
-def find_joints(scene: Scene, boundary: Boundary) -> Joints:
-    """Points of all joints and foundations.
+def find_joints(scene: Scene, boundary: Boundary, ties: Ties | None = None) -> Joints:
+    """Points of all joints and foundations, corners that meet sides among them, and bars of ties.
 
     Raises:
         InputError: As `find_contacts` says.
     """
     stretches, law_of_stretch, corners, law_of_corner = find_contacts(scene, boundary)
-    pieces = pieces_of(boundary, stretches, law_of_stretch)
-    per_piece = pieces.nodes.shape[2]
-    piece, rows, point = _merge(boundary, pieces)
-    share = pieces.length[:, None] * SHARES[per_piece]
-    columns = share.ravel(), *(share * pieces.normal.T[:, :, None]).reshape(2, -1)
-    length, *mean = (np.bincount(point, column, len(rows)).astype(float) for column in columns)
-    normal = np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None]
-    point = point.reshape(share.shape)
-    stencil = stencil_of(boundary, pieces, point)
-    position = lagrange(pieces.places, per_piece) @ boundary.points[pieces.facet]
-    position = position.reshape(-1, 2)[rows]
-    nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
     laws = (*scene.joints.values(), *scene.foundations.values())
-    law = pieces.law[piece[rows]]
-    gapped = np.array([one.gap > 0.0 for one in laws], dtype=bool)
+    names = (*scene.joints, *scene.foundations)
+    gapped = np.array([law.gap > 0.0 for law in laws], dtype=bool)
+    pieces = pieces_of(boundary, stretches, law_of_stretch)
+    piece, rows, point = _merge(boundary, pieces)
+    of_pieces, stencil = _points_of_pieces(boundary, pieces, piece[rows], rows, point, gapped)
+    parts = [of_pieces]
+    stencils = [stencil]
+    if len(corners.node):
+        parts.append(_points_of_corners(boundary, corners, law_of_corner, gapped))
+        stencils.append(corners.stencil(boundary))
+    if ties is not None and len(ties.tie):
+        count = len(ties.tie)
+        where = ties.sides.mean(axis=1), ties.sides, np.zeros((count, 2)), ties.share
+        none = np.zeros(count)
+        law = len(laws) + ties.tie
+        parts.append((np.full((count, 2), GROUND), ties.bodies, *where, law, none, none))
+        stencils.append(ties.stencil)
+        half = 0.5 * np.bincount(ties.tie, ties.yields, len(ties.names))
+        laws = (*laws, *(JointLaw("tresca", bound=float(bound)) for bound in half))
+        names = (*names, *(f"ties.{name}" for name in ties.names))
+    else:
+        ties = None
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
-    joints = Joints(
-        nodes=nodes.reshape(2, -1).T[rows],
-        bodies=pieces.bodies[piece[rows]],
-        position=position,
-        sides=_sides(boundary, stencil, position),
-        normal=normal,
-        length=length,
-        law=law,
+    arrays = map(np.concatenate, zip(*parts, strict=True))
+    columns: dict[str, Any] = dict(zip(PER_POINT, arrays, strict=True))
+    return Joints(
+        **columns,
         laws=laws,
-        names=(*scene.joints, *scene.foundations),
+        names=names,
         segments=point[:, :2],
-        middle=point[:, 2] if per_piece == 3 else point[:0, 0],
-        stencil=stencil,
-        gap=_gaps(boundary, stencil, normal, gapped[law]),
-        curvature=_curvatures(boundary, pieces, point),
+        middle=point[:, 2] if point.shape[1] == 3 else point[:0, 0],
+        stencil=Stencil.joined(stencils),
         offset=float(np.abs(closed).max(initial=0.0)),
+        ties=ties,
+        corners=len(corners.node),
     )
-    if not len(corners.node):
-        return joints
-    return _with_corners(joints, boundary, corners, law_of_corner)
 
 
-def _with_corners(joints: Joints, boundary: Boundary, corners: Corners, law: Indices) -> Joints:
-    """Joint points, and then corners that meet sides of other blocks."""
-    count = len(corners.node)
-    bodies = corners.bodies(boundary)
-    first = bodies[:, :1] < bodies[:, 1:]  # whether the corner is the first side
-    stencil = corners.stencil(boundary)
-    nodes = np.column_stack([np.full(count, INSIDE), corners.node])
-    gapped = np.array([one.gap > 0.0 for one in joints.laws], dtype=bool)[law]
-    share = SHARES[boundary.nodes.shape[1]][0]
-    columns = {
-        "nodes": np.where(first, nodes[:, ::-1], nodes),
-        "bodies": np.sort(bodies, axis=1),
-        "position": corners.position,
-        "sides": stencil.means(_node_positions(boundary)),
-        "normal": np.where(first, -1.0, 1.0) * corners.normal,
-        "length": share * boundary.length[corners.facets[:, :2]].min(axis=1),
-        "law": law,
-        "gap": np.where(gapped, np.maximum(corners.distance, 0.0), 0.0),
-        "curvature": np.zeros(count),
-    }
-    return replace(joints.followed_by(columns, stencil), corners=count)
+def _points_of_pieces(
+    boundary: Boundary,
+    pieces: Pieces,
+    piece: Indices,
+    rows: Indices,
+    point: Indices,
+    gapped: Flags,
+) -> tuple[tuple[Any, ...], Stencil]:
+    """Arrays over the joint points of pieces in the order of `PER_POINT`, and their stencil.
 
-
-def _gaps(boundary: Boundary, stencil: Stencil, normal: Array, gapped: Flags) -> Array:
-    """Initial gaps of joint points: the distance of the sides where the law has one, else 0, m."""
-    if not np.any(gapped):
-        return np.zeros(len(gapped))
-    return np.where(gapped, np.maximum(_distances(boundary, stencil, normal), 0.0), 0.0)
-
-
-def _curvatures(boundary: Boundary, pieces: Pieces, point: Indices) -> Array:
-    """`Joints.curvature` of joint points; `point` is that of every place, as for `stencil_of`."""
-    facets = pieces.stretches.facets
-    sides = np.where(facets == GROUND, 0.0, straight_sides(boundary)[1][facets])
-    relative = sides.sum(axis=0)
-    unlike = (facets[1] != GROUND) & (relative > ALIKE * np.abs(sides).max(axis=0))
-    curvature = np.zeros(int(point.max(initial=-1)) + 1)
-    np.maximum.at(curvature, point[pieces.of_stretch], np.where(unlike, relative, 0.0)[:, None])
-    return curvature
-
-
-def _distances(boundary: Boundary, stencil: Stencil, normal: Array) -> Array:
-    """Distance of the sides at joint points, B_N of the nodes' positions, m.
-
-    Mid nodes of curved sides are where their arcs are: pressures would follow the facets else.
+    Args:
+        boundary: Facets of the blocks.
+        pieces: Pieces of joints.
+        piece: Piece of the first place of every point.
+        rows: The first place of every point.
+        point: Point of every place, shape (pieces, places).
+        gapped: Laws with a gap.
     """
-    position = _node_positions(boundary)
-    if boundary.nodes.shape[1] == 3:
-        ends = boundary.points[:, :2], boundary.nodes[:, :2]
-        height = arc_heights(*ends, boundary.normal)
-        position[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
-    return np.asarray(np.sum(normal * stencil.jump(position), axis=1))
+    count = point.shape[1]
+    share = pieces.length[:, None] * SHARES[count]
+    columns = share, *(share * pieces.normal.T[:, :, None])
+    length, *mean = (
+        np.bincount(point.ravel(), column.ravel(), len(rows)).astype(float) for column in columns
+    )
+    normal = np.column_stack(mean) / np.linalg.norm(mean, axis=0)[:, None]
+    stencil = stencil_of(boundary, pieces, point)
+    position = lagrange(pieces.places, count) @ boundary.points[pieces.facet]
+    position = position.reshape(-1, 2)[rows]
+    on_ground = np.all(stencil.nodes == GROUND, axis=2)
+    of_nodes = _node_positions(boundary)
+    sides = np.where(on_ground[:, :, None], position[:, None], stencil.means(of_nodes))
+    law = pieces.law[piece]
+    gap = np.zeros(len(rows))
+    if np.any(gapped[law]):
+        # Mid nodes of curved sides are where their arcs are: pressures would follow the facets.
+        if count == 3:
+            ends = boundary.points[:, :2], boundary.nodes[:, :2]
+            height = arc_heights(*ends, boundary.normal)
+            of_nodes[boundary.nodes[:, 2]] += height[:, None] * boundary.normal
+        distance = np.sum(normal * stencil.jump(of_nodes), axis=1)
+        gap = np.where(gapped[law], np.maximum(distance, 0.0), 0.0)
+    facets = pieces.stretches.facets
+    curved = np.where(facets == GROUND, 0.0, straight_sides(boundary)[1][facets])
+    relative = curved.sum(axis=0)
+    unlike = (facets[1] != GROUND) & (relative > ALIKE * np.abs(curved).max(axis=0))
+    curvature = np.zeros(len(rows))
+    np.maximum.at(curvature, point[pieces.of_stretch], np.where(unlike, relative, 0.0)[:, None])
+    nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
+    nodes = nodes.reshape(2, -1).T[rows]
+    where = position, sides, normal, length
+    return (nodes, pieces.bodies[piece], *where, law, gap, curvature), stencil
+
+
+def _points_of_corners(
+    boundary: Boundary, corners: Corners, law: Indices, gapped: Flags
+) -> tuple[Any, ...]:
+    """Arrays over corners that meet sides of other blocks, in the order of `PER_POINT`."""
+    count = len(corners.node)
+    bodies = boundary.body[corners.facets[:, 1:]]
+    first = bodies[:, :1] < bodies[:, 1:]  # whether the corner is the first side
+    nodes = np.column_stack([np.full(count, INSIDE), corners.node])
+    share = SHARES[boundary.nodes.shape[1]][0]
+    nodes = np.where(first, nodes[:, ::-1], nodes)
+    sides = corners.stencil(boundary).means(_node_positions(boundary))
+    normal = np.where(first, -1.0, 1.0) * corners.normal
+    length = share * boundary.length[corners.facets[:, :2]].min(axis=1)
+    gap = np.where(gapped[law], np.maximum(corners.distance, 0.0), 0.0)
+    where = corners.position, sides, normal, length
+    return nodes, np.sort(bodies, axis=1), *where, law, gap, np.zeros(count)
 
 
 def _node_positions(boundary: Boundary) -> Array:
@@ -343,15 +333,8 @@ def _node_positions(boundary: Boundary) -> Array:
     return position
 
 
-def _sides(boundary: Boundary, stencil: Stencil, position: Array) -> Array:
-    """`Joints.sides` of joint points at some positions."""
-    on_ground = np.all(stencil.nodes == GROUND, axis=2)
-    mean = stencil.means(_node_positions(boundary))
-    return np.where(on_ground[:, :, None], position[:, None], mean)
-
-
 def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indices]:
-    """Piece of every place, first place of every joint point, joint point of every place.
+    """Piece of every place, first place of every joint point, joint point of places by piece.
 
     Places of a piece are one joint point where they have the slave's node or facet, the node
     opposite, the body opposite, law and direction in common; points are in order of appearance.
@@ -364,21 +347,18 @@ def _merge(boundary: Boundary, pieces: Pieces) -> tuple[Indices, Indices, Indice
     mid = np.flatnonzero((slave >= most) & (np.arange(len(slave)) % count == 2))
     slave[mid] = most + len(boundary.length) + mid
     keys = np.column_stack([slave, other, pieces.bodies[piece], pieces.law[piece]])
-    keys = np.column_stack([keys, _direction(keys, pieces.normal[piece])])
-    _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(rows)
-    return piece, rows[order], np.argsort(order)[point.ravel()]
-
-
-def _direction(keys: Indices, normal: Array) -> Indices:
-    """0, or 1 where the joint kinks at a point and this piece comes second."""
+    # Where the joint kinks at a point, the piece that comes second has a point of its own.
     order = np.lexsort(keys.T[::-1])
     one = order[:-1]
     two = order[1:]
+    normal = pieces.normal[piece]
     kink = np.sum(normal[one] * normal[two], axis=1) < np.cos(SMOOTH_ANGLE)
     direction = np.zeros(len(keys), dtype=np.int64)
     direction[two[kink & np.all(keys[one] == keys[two], axis=1)]] = 1
-    return direction
+    keys = np.column_stack([keys, direction])
+    _, rows, point = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(rows)
+    return piece, rows[order], np.argsort(order)[point.ravel()].reshape(-1, count)
 
 
 def joint_operators(joints: Joints, supports: Supports, stiffness: PETSc.Mat) -> JointOperators:

@@ -172,8 +172,7 @@ def _place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[
         highest = int(np.argmax(at[:, 1]))
         return int(np.flatnonzero(above)[highest]), at[highest]
     place = np.array([load.x, load.y])
-    s = np.clip(np.sum((place - first) * along, axis=1) / boundary.length**2, 0.0, 1.0)
-    at = first + s[:, None] * along
+    at = boundary.nearest(place)
     distance = np.where(free, np.linalg.norm(at - place, axis=1), np.inf)
     facet = int(np.argmin(distance))
     if distance[facet] > boundary.length[facet]:

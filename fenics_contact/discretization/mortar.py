@@ -17,6 +17,7 @@ exact, so that a uniform pressure passes through any joint; where nodes match th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,29 +59,17 @@ class Stencil:
         shape = (-1, 2, nodes.shape[1])
         return cls(nodes.reshape(shape), weights.reshape(shape))
 
-    def followed_by(self, other: Stencil) -> Stencil:
-        """These points and then others."""
-        width = max(self.nodes.shape[2], other.nodes.shape[2])
-        padding = [((0, 0), (0, 0), (0, width - one.nodes.shape[2])) for one in (self, other)]
-        nodes = [
-            np.pad(one.nodes, pad, constant_values=NO_NODE)
-            for one, pad in zip((self, other), padding, strict=True)
+    @classmethod
+    def joined(cls, parts: Sequence[Stencil]) -> Stencil:
+        """Points of several stencils, one after the other."""
+        width = max(part.nodes.shape[2] for part in parts)
+        rest = [((0, 0), (0, 0), (0, width - part.nodes.shape[2])) for part in parts]
+        both = [
+            (np.pad(part.nodes, pad, constant_values=NO_NODE), np.pad(part.weights, pad))
+            for part, pad in zip(parts, rest, strict=True)
         ]
-        weights = [
-            np.pad(one.weights, pad) for one, pad in zip((self, other), padding, strict=True)
-        ]
-        return Stencil(np.concatenate(nodes), np.concatenate(weights))
-
-    @property
-    def rows(self) -> Any:
-        """The weights as such a matrix, as wide as the last node needs."""
-        from scipy.sparse import coo_matrix
-
-        row, column = np.nonzero(self.nodes.reshape(-1, self.nodes.shape[2]) != NO_NODE)
-        flat = self.nodes.reshape(-1, self.nodes.shape[2])[row, column]
-        weights = self.weights.reshape(-1, self.nodes.shape[2])[row, column]
-        size = 2 * len(self.nodes), int(self.nodes.max(initial=0)) + 1
-        return coo_matrix((weights, (row, flat)), size).tocsr()
+        nodes, weights = zip(*both, strict=True)
+        return cls(np.concatenate(nodes), np.concatenate(weights))
 
     def jump(self, values: Array) -> Array:
         """Vectors of the second side minus those of the first, shape (points, 2), from nodes'."""

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -33,10 +33,10 @@ from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.mortar import NOTHING, SHARES, Stencil
+from fenics_contact.discretization.mortar import NO_NODE, NOTHING, SHARES, Stencil
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Indices, Labels
-from fenics_contact.scene.scene import Scene, Tie
+from fenics_contact.scene.scene import Scene
 
 #: Places this far outside a block are in it, over the structure's size.
 AT_BLOCK = 1e-6
@@ -102,23 +102,9 @@ class Ties:
         return slip + (self.tensions(shear) - self.prestress) * self.compliance
 
 
-@dataclass(frozen=True)
-class _End:
-    """Where a bar begins or ends.
-
-    Attributes:
-        body: `GROUND` for the ground.
-        place: m, shape (2,).
-        nodes: Displacement nodes.
-        weights: Their shares in the displacement of the place; the sum is 1.
-        share: Part of the end of the tie.
-    """
-
-    body: int
-    place: Array
-    nodes: Indices
-    weights: Array
-    share: float = 1.0
+#: Where a bar begins or ends: the body (`GROUND` for the ground), the place, m, displacement nodes
+#: and their weights, whose sum is 1, and the part of the end of the tie.
+_End: TypeAlias = tuple[int, Array, Indices, Array, float]
 
 
 def find_ties(scene: Scene, boundary: Boundary, space: Any) -> Ties:
@@ -129,98 +115,92 @@ def find_ties(scene: Scene, boundary: Boundary, space: Any) -> Ties:
     """
     bars: list[tuple[int, _End, _End]] = []
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
-    for number, (name, tie) in enumerate(scene.ties.items()):
+    for index, (name, tie) in enumerate(scene.ties.items()):
         key = f"ties.{name}"
         first = _ends(scene.mesh, boundary, space, tie.from_, f"{key}.from")
         if tie.ground is not None:
             # The ground is the first side, as below foundations.
             none = np.empty(0, dtype=np.int64)
             second = first
-            first = [_End(GROUND, np.array(tie.ground), none, np.empty(0))]
+            first = [(GROUND, np.array(tie.ground), none, np.empty(0), 1.0)]
         elif tie.to is not None:
             second = _ends(scene.mesh, boundary, space, tie.to, f"{key}.to")
         for start, end in product(first, second):
-            _check_apart(start, end, key, size)
-            bars.append((number, start, end))
-    return _bars(scene, bars)
-
-
-def _check_apart(start: _End, end: _End, key: str, size: float) -> None:
-    x, y = end.place
-    if start.body == end.body:
-        raise InputError(
-            f"{key}: both ends are in one block, at ({x:g}, {y:g}); tie it to another one, or to"
-            " the ground"
-        )
-    if np.linalg.norm(end.place - start.place) <= AT_BLOCK * size:
-        raise InputError(f"{key}: both ends are at ({x:g}, {y:g}); a tie needs a length")
-
-
-def _bars(scene: Scene, bars: list[tuple[int, _End, _End]]) -> Ties:
-    """Arrays of bars from their ends."""
-    count = len(bars)
-    number = np.array([tie for tie, _, _ in bars], dtype=np.int64)
+            x, y = end[1]
+            if start[0] == end[0]:
+                raise InputError(
+                    f"{key}: both ends are in one block, at ({x:g}, {y:g}); tie it to another one,"
+                    " or to the ground"
+                )
+            if np.linalg.norm(end[1] - start[1]) <= AT_BLOCK * size:
+                raise InputError(f"{key}: both ends are at ({x:g}, {y:g}); a tie needs a length")
+            bars.append((index, start, end))
     ends = [end for _, *both in bars for end in both]
-    width = max((len(end.nodes) for end in ends), default=1)
-    nodes = np.full((2 * count, width), GROUND)
-    weights = np.zeros((2 * count, width))
-    for row, end in enumerate(ends):
-        nodes[row, : len(end.nodes)] = end.nodes
-        weights[row, : len(end.nodes)] = end.weights
-    share = np.array([start.share * end.share for _, start, end in bars])
-    ties: list[Tie] = list(scene.ties.values())
-    part = share * np.array([ties[tie].per_metre for tie in number])
-    soft = [0.0 if tie.stiffness is None else 1.0 / tie.stiffness for tie in ties]
+    shape = len(bars), 2, max((len(nodes) for _, _, nodes, _, _ in ends), default=1)
+    nodes = np.full((2 * len(bars), shape[2]), NO_NODE)
+    weights = np.zeros(nodes.shape)
+    for row, (_, _, at, parts, _) in enumerate(ends):
+        nodes[row, : len(at)] = at
+        weights[row, : len(at)] = parts
+    number = np.array([tie for tie, _, _ in bars], dtype=np.int64)
+    share = np.array([part for *_, part in ends]).reshape(-1, 2).prod(axis=1)
+    # The ties' thickness, yield, prestress and compliance.
+    soft = [0.0 if tie.stiffness is None else 1.0 / tie.stiffness for tie in scene.ties.values()]
+    given = [(tie.per_metre, tie.yield_, tie.prestress) for tie in scene.ties.values()]
+    per_metre, yields, prestress = np.array(given, dtype=float).reshape(-1, 3)[number].T
+    part = share * per_metre
     return Ties(
         names=tuple(scene.ties),
         tie=number,
-        bodies=np.array([end.body for end in ends], dtype=np.int32).reshape(count, 2),
-        sides=np.array([end.place for end in ends]).reshape(count, 2, 2),
-        stencil=Stencil(nodes.reshape(count, 2, width), weights.reshape(count, 2, width)),
+        bodies=np.array([body for body, *_ in ends], dtype=np.int32).reshape(-1, 2),
+        sides=np.array([place for _, place, *_ in ends]).reshape(-1, 2, 2),
+        stencil=Stencil(nodes.reshape(shape), weights.reshape(shape)),
         share=share,
-        yields=part * np.array([ties[tie].yield_ for tie in number]),
-        compliance=np.array([soft[tie] for tie in number]) / part,
-        prestress=part * np.array([ties[tie].prestress for tie in number]),
+        yields=part * yields,
+        compliance=np.array(soft)[number] / part,
+        prestress=part * prestress,
     )
 
 
 def _ends(
     mesh: BlockMesh, boundary: Boundary, space: Any, where: tuple[float, float] | str, key: str
 ) -> list[_End]:
-    """Ends of the bars of a tie at one of its ends: one for every block of a group. Collective."""
-    if isinstance(where, str):
-        return _ends_at_group(boundary, where)
-    return [_end_at_place(mesh, boundary, space, np.array(where), key)]
+    """Ends of the bars of a tie at one of its ends. Collective.
 
+    At a group they are means over its facets by length, block by block.
 
-def _ends_at_group(boundary: Boundary, name: str) -> list[_End]:
-    """Means over the facets of a group by length, block by block."""
-    facets = np.flatnonzero(boundary.role([name]) == 0)
+    Raises:
+        InputError: If no block or several blocks are at a place.
+    """
+    if not isinstance(where, str):
+        return [_end_at_place(mesh, boundary, space, np.array(where), key)]
+    facets = np.flatnonzero(boundary.role([where]) == 0)
     share = boundary.length[facets][:, None] * SHARES[boundary.nodes.shape[1]]
-    found = []
+    found: list[_End] = []
     for body in np.unique(boundary.body[facets]):
         mine = facets[boundary.body[facets] == body]
         weight = share[boundary.body[facets] == body]
         nodes, place = np.unique(boundary.nodes[mine], return_inverse=True)
         weights = np.bincount(place.ravel(), weight.ravel()) / weight.sum()
         middle = np.einsum("fn,fnk->k", weight, boundary.points[mine]) / weight.sum()
-        part = float(weight.sum() / share.sum())
-        found.append(_End(int(body), middle, nodes, weights, part))
+        found.append((int(body), middle, nodes, weights, float(weight.sum() / share.sum())))
     return found
 
 
 def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array, key: str) -> _End:
-    """The end at a place, from the rank that has a cell there. Collective.
-
-    Raises:
-        InputError: If no block or several blocks are there.
-    """
-    count = mesh.domain.topology.index_map(2).size_local
-    distance = _distances(mesh, place)[:count]
+    """The end at a place, from the rank that has the nearest cell there. Collective."""
+    corners = mesh.domain.geometry.x[compat.geometry_dofs(mesh.domain)][:, :, :2]
+    if corners.shape[1] == 4:  # row by row in dolfinx
+        corners = corners[:, [0, 1, 3, 2]]
+    # Distance from the cells, at most: 0 in a cell and below.
+    sides = np.roll(corners, -1, axis=1) - corners
+    turn = np.sign(np.cross(sides[:, 0], sides[:, 1]))[:, None]
+    outward = -turn * np.cross(sides, place - corners) / np.linalg.norm(sides, axis=2)
+    distance = outward.max(axis=1, initial=-np.inf)[: mesh.domain.topology.index_map(2).size_local]
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     here = np.flatnonzero(distance <= AT_BLOCK * size)
-    found = None
     function = fem.Function(space)  # collective
+    found = None
     if len(here):
         cell = int(here[np.argmin(distance[here])])
         found = float(distance[cell]), *_shape_functions(function, cell, place)
@@ -228,7 +208,8 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
     bodies = sorted({body for part, _ in parts for body in part})
     x, y = place
     if not bodies:
-        nearest = _nearest(boundary, place)
+        at = boundary.nearest(place)
+        nearest = at[np.argmin(np.linalg.norm(at - place, axis=1))]
         raise InputError(
             f"{key}: there is no block at ({x:g}, {y:g}); the nearest is at"
             f" ({nearest[0]:g}, {nearest[1]:g})"
@@ -239,19 +220,7 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
             f"{key}: ({x:g}, {y:g}) is on a joint, of the blocks {listed}; move it into one of them"
         )
     _, nodes, weights = min((one for _, one in parts if one is not None), key=lambda one: one[0])
-    return _End(bodies[0], place, nodes, weights)
-
-
-def _distances(mesh: BlockMesh, place: Array) -> Array:
-    """Distance of a place from this rank's cells, at most: 0 in a cell and below, m."""
-    corners = mesh.domain.geometry.x[compat.geometry_dofs(mesh.domain)][:, :, :2]
-    if corners.shape[1] == 4:  # row by row in dolfinx
-        corners = corners[:, [0, 1, 3, 2]]
-    sides = np.roll(corners, -1, axis=1) - corners
-    arm = place - corners
-    turn = np.sign(np.cross(sides[:, 0], sides[:, 1]))[:, None]
-    outward = -turn * np.cross(sides, arm) / np.linalg.norm(sides, axis=2)
-    return np.asarray(outward.max(axis=1, initial=-np.inf))
+    return bodies[0], place, nodes, weights, 1.0
 
 
 def _shape_functions(function: fem.Function, cell: int, place: Array) -> tuple[Indices, Array]:
@@ -267,12 +236,3 @@ def _shape_functions(function: fem.Function, cell: int, place: Array) -> tuple[I
     nodes = space.dofmap.index_map.local_to_global(dofs.astype(np.int32))
     used = np.abs(values) > NOTHING
     return np.asarray(nodes)[used], values[used] / values[used].sum()
-
-
-def _nearest(boundary: Boundary, place: Array) -> Array:
-    """The place on the outlines of the blocks that is nearest to a place, m, shape (2,)."""
-    first, second = boundary.points[:, :2].swapaxes(0, 1)
-    along = second - first
-    s = np.clip(np.sum((place - first) * along, axis=1) / boundary.length**2, 0.0, 1.0)
-    at = first + s[:, None] * along
-    return np.asarray(at[np.argmin(np.linalg.norm(at - place, axis=1))])
