@@ -378,5 +378,5 @@ def read_again(drawn: Drawn, snap: float = 0.0) -> Read:
     empty = sum(
         not any(block.contains(opening.centroid) for block in moved) for opening in drawn.openings
     )
-    said = "\n".join([*made.lines, made.read.slips])
+    said = "\n".join(made.lines)
     return Read(kept, empty, len(blocks), any(word in said for word in WORDS), said)

@@ -66,11 +66,27 @@ def _kinds(owner: Any) -> dict[str, Any]:
 def check_types(item: Any) -> None:
     """Refuse fields of a dataclass that are of other types than their annotations say.
 
+    Numbers of fields that are of floats become floats: that of a whole number is the number.
+
     Raises:
         InputError: The message names the field.
     """
     for name, kind in _kinds(cast(Hashable, type(item))).items():
-        check_type(key_of(name), getattr(item, name), kind)
+        value = getattr(item, name)
+        check_type(key_of(name), value, kind)
+        object.__setattr__(item, name, with_floats(value, kind))
+
+
+def with_floats(value: Any, kind: Any) -> Any:
+    """A value of a type, in which numbers of type float are that, and pairs are tuples."""
+    kind = kind_of(value, kind)
+    if kind is float:
+        return float(value)
+    if get_origin(kind) is tuple:
+        return tuple(with_floats(item, get_args(kind)[0]) for item in value)
+    if get_origin(kind) is Mapping:
+        return {name: with_floats(item, get_args(kind)[1]) for name, item in value.items()}
+    return value
 
 
 def key_of(name: str) -> str:

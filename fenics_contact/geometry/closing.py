@@ -15,15 +15,16 @@ from functools import cached_property
 import numpy as np
 
 from fenics_contact.errors.checks import checked
-from fenics_contact.geometry.meshing import (
+from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.outlines import (
     COINCIDENT,
     Polygons,
-    default_size,
+    inside_outlines,
+    outline_area,
+    points_near_segments,
     sides_of_outlines,
 )
-from fenics_contact.geometry.outlines import inside_outlines
 from fenics_contact.geometry.planar_cells import Array, Flags, Indices, connected, near_pairs
-from fenics_contact.geometry.point_pairs import points_near_segments
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Mortar:
     def of(cls, outlines: Polygons) -> Mortar:
         """Stretches of joints between outlines, each of shape (corners, 2), either way round."""
         size = 4.0 * default_size(outlines)
-        outlines = [_anticlockwise(outline) for outline in outlines]
+        outlines = [o if outline_area(o) >= 0.0 else o[::-1] for o in outlines]
         near = COINCIDENT * float(np.ptp(np.concatenate(outlines), axis=0).max())
         every = cls(outlines, near, *_stretches(outlines, near, LIMITS.reach * size))
         every = every._only(every._seen())
@@ -164,11 +165,6 @@ def closed_joints(outlines: Polygons) -> Polygons:
         InputError: If there is no stone, or one has no corners (x, y).
     """
     return ClosedJoints(Mortar.of([np.asarray(outline, float) for outline in outlines])).outlines
-
-
-def _anticlockwise(outline: Array) -> Array:
-    x, y = (outline - outline[0]).T
-    return outline if x[:-1] @ y[1:] - y[:-1] @ x[1:] >= 0.0 else outline[::-1]
 
 
 def _stretches(

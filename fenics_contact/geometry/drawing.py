@@ -10,34 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.errors.checks import check_types, checked
-from fenics_contact.geometry.meshing import (
+from fenics_contact.geometry.meshing import default_size, polygons
+from fenics_contact.geometry.outlines import (
     Segments,
-    default_size,
     divided_outlines,
-    polygons,
+    inside_outlines,
+    points_near_segments,
     sides_of_outlines,
     sides_on,
 )
-from fenics_contact.geometry.outlines import inside_outlines
-from fenics_contact.geometry.planar_cells import Array, Indices
-from fenics_contact.geometry.point_pairs import points_near_segments
+from fenics_contact.geometry.planar_cells import Array
 
-
-@dataclass(frozen=True)
-class DrawingLimits:
-    """What is told of drawings, and how large they may be.
-
-    Attributes:
-        gap: Corners this close to another block without touching it are told of, relative to the
-            side of a square of the blocks' mean area, or as far as mortar joints are thick.
-        cells: Largest number of cells; a limit load of more takes days.
-    """
-
-    gap: float = 0.06
-    cells: float = 2e6
-
-
-LIMITS = DrawingLimits()
+#: Corners this close to another block without touching it are told of, relative to the side of a
+#: square of the blocks' mean area, or as far as mortar joints are thick.
+GAP = 0.06
 
 
 @dataclass(frozen=True)
@@ -79,40 +65,24 @@ class Drawing:
         """Corners that lie close to another block without touching it, shape (corners, 4).
 
         The columns are x, y and the distance, m, and 1 where it is the distance of a side that the
-        corner faces, 0 where the nearest is another corner; see `DrawingLimits.gap`. `thickness` is
+        corner faces, 0 where the nearest is another corner; see `GAP`. `thickness` is
         that of mortar joints, m.
         """
         blocks, near = divided_outlines(list(self.blocks), {})
         ends = sides_of_outlines(blocks)
         owner = np.repeat(np.arange(len(blocks)), [len(block) for block in blocks])
-        reach = max(4.0 * LIMITS.gap * default_size(blocks), 1.01 * thickness)
-        rows, middle = _close_corners(ends, owner, near, reach)
+        reach = max(4.0 * GAP * default_size(blocks), 1.01 * thickness)
+        corners = np.unique(ends[:, 0], axis=0)
+        pairs = points_near_segments(corners, ends, reach)
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[pairs.segment]
+        beyond = np.abs(pairs.at - np.clip(pairs.at, 0.0, 1.0)) * length
+        order = np.lexsort([beyond > near, pairs.distance, owner[pairs.segment], pairs.point])
+        key = np.column_stack([pairs.point, owner[pairs.segment]])[order]
+        first = order[np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1)]  # of corner and block
+        first = first[pairs.distance[first] > near]
+        place = corners[pairs.point[first]]
+        middle = place + 0.5 * pairs.way[first]
         empty = inside_outlines(middle, blocks) < 0  # between corner and block there is no block
         empty[points_near_segments(middle, ends, near).point] = False
+        rows = np.column_stack([place, pairs.distance[first], beyond[first] <= near])
         return rows[empty]
-
-
-def _close_corners(ends: Array, owner: Indices, near: float, reach: float) -> tuple[Array, Array]:
-    """Corners within reach of a block that they do not touch; see `Drawing.gaps`.
-
-    Args:
-        ends: Ends of the sides of all blocks, shape (sides, 2, 2).
-        owner: Block of every side.
-        near: Distance within which a corner touches.
-        reach: Largest distance.
-
-    Returns:
-        Rows of `gaps`, each corner with its nearest block, and the places halfway to it.
-    """
-    corners = np.unique(ends[:, 0], axis=0)
-    pairs = points_near_segments(corners, ends, reach)
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[pairs.segment]
-    beyond = np.abs(pairs.at - np.clip(pairs.at, 0.0, 1.0)) * length
-    order = np.lexsort([beyond > near, pairs.distance, owner[pairs.segment], pairs.point])
-    key = np.column_stack([pairs.point, owner[pairs.segment]])[order]
-    first = order[np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1)]  # of corner and block
-    first = first[pairs.distance[first] > near]
-    place = corners[pairs.point[first]]
-    facing = beyond[first] <= near
-    rows = np.column_stack([place, pairs.distance[first], facing])
-    return rows, place + 0.5 * pairs.way[first]

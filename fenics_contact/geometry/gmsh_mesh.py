@@ -19,8 +19,15 @@ import numpy.typing as npt
 
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_like
-from fenics_contact.geometry.gmsh_reader import CELL_TYPES, GmshContents, Tags, contents, read
-from fenics_contact.geometry.msh_text import remark_of, text_contents
+from fenics_contact.geometry.gmsh_reader import (
+    CELL_TYPES,
+    GmshContents,
+    Tags,
+    contents,
+    read,
+    remark_of,
+    text_contents,
+)
 from fenics_contact.geometry.planar_cells import (
     Array,
     Indices,
@@ -163,7 +170,12 @@ def mesh_of(found: GmshContents, source: str) -> GmshMesh:
     used, flat = np.unique(nodes, return_inverse=True)
     facets, facet_groups, facet_sets = _facets(found, used)
     cell_groups, cell_sets = _numbered(groups_of_cells)
-    points = _coordinates(found, used, source)
+    if not np.all(np.isin(used, found.tags)):
+        raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
+    order = np.argsort(found.tags)
+    points = found.coordinates[order[np.searchsorted(found.tags, used, sorter=order)]]
+    check_coordinates(points, source)
+    points = points[:, :2].copy()
     cells = anticlockwise(points, flat.reshape(nodes.shape), source)
     tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
     surfaces = len(np.unique(surface))
@@ -175,16 +187,6 @@ def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
     index: dict[Names, int] = {}
     labels = [index.setdefault(names, len(index)) for names in groups]
     return np.array(labels, dtype=np.int32), tuple(index)
-
-
-def _coordinates(found: GmshContents, nodes: Tags, source: str) -> Array:
-    """Coordinates x, y of gmsh's nodes, shape (nodes, 2)."""
-    if not np.all(np.isin(nodes, found.tags)):
-        raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
-    order = np.argsort(found.tags)
-    points = found.coordinates[order[np.searchsorted(found.tags, nodes, sorter=order)]]
-    check_coordinates(points, source)
-    return points[:, :2].copy()
 
 
 def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]]:
@@ -230,17 +232,15 @@ def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Nam
 
 
 def with_blocks(mesh: GmshMesh, blocks: str) -> GmshMesh:
-    """The mesh with blocks of a kind of `BLOCKS`: its surfaces split, or as it is."""
+    """The mesh with blocks of a kind of `BLOCKS`: as it is, or with surfaces split.
+
+    Every surface then has a copy of every node that it uses. A tagged facet between two surfaces
+    becomes two facets, one of each, in the same groups.
+    """
     if blocks not in BLOCKS:
         raise InputError(f"blocks = '{blocks}' must be one of {', '.join(BLOCKS)}")
-    return with_split_surfaces(mesh) if blocks == "surfaces" else mesh
-
-
-def with_split_surfaces(mesh: GmshMesh) -> GmshMesh:
-    """The mesh with a copy of every node for each surface that uses it.
-
-    A tagged facet between two surfaces becomes two facets, one of each, in the same groups.
-    """
+    if blocks != "surfaces":
+        return mesh
     count = len(mesh.points)
     width = mesh.cells.shape[1]
     surface = mesh.cell_surfaces.astype(np.int64)
@@ -273,8 +273,17 @@ def bodies_of_cells(mesh: GmshMesh) -> Labels:
     """
     key = np.sort(sides_of(mesh.cells), axis=1) @ [len(mesh.points), 1]
     _, side = np.unique(key, return_inverse=True)
-    by_node = _connected(mesh.cells)
-    by_side = _connected(side.reshape(mesh.cells.shape))
+    count, width = mesh.cells.shape
+    owner = np.repeat(np.arange(count), width)
+    by_node, by_side = (  # sets of cells connected through what they share
+        np.unique(
+            connected(np.column_stack([owner, count + shared.ravel()]), count + shared.max() + 1)[
+                :count
+            ],
+            return_inverse=True,
+        )[1]
+        for shared in (mesh.cells, side)
+    )
     if by_node.max() != by_side.max():
         raise InputError(
             f"{mesh.source}: blocks share single nodes; every block needs nodes of its own"
@@ -290,10 +299,3 @@ def joined_surfaces(mesh: GmshMesh, body: Labels) -> int:
     parts = np.unique(rows, axis=0)[:, :2]
     _, count = np.unique(parts, axis=0, return_counts=True)
     return int(count[count > 1].sum())
-
-
-def _connected(entities: Indices) -> Labels:
-    """Number of the set of cells, connected through shared entities, that every cell is in."""
-    count, width = entities.shape
-    pairs = np.column_stack([np.repeat(np.arange(count), width), count + entities.ravel()])
-    return np.unique(connected(pairs, int(pairs.max()) + 1)[:count], return_inverse=True)[1]

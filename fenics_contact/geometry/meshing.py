@@ -9,7 +9,7 @@ raise `InputError` for sizes or numbers that are not positive.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,15 +18,15 @@ import numpy.typing as npt
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
-from fenics_contact.geometry.planar_cells import Array, Flags, Indices, sides_of
-from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped
-
-Segments = Mapping[str, Sequence[npt.ArrayLike]]
-Polygons = list[Array]
-
-#: Corners closer than this, relative to the size of the drawing, are the same point: drawings come
-#: with six or more digits.
-COINCIDENT = 1e-6
+from fenics_contact.geometry.outlines import (
+    Polygons,
+    Segments,
+    divided_outlines,
+    outline_area,
+    outline_problem,
+    sides_on,
+)
+from fenics_contact.geometry.planar_cells import Array, Indices, sides_of
 
 
 @checked
@@ -47,44 +47,37 @@ def model_from_arrays(
     Raises:
         InputError: If an array has another shape, or numbers of nodes that are not there.
     """
-    _check_tables(points, cells, facets)
+    shape = np.shape(points)
+    if len(shape) != 2 or shape[1] != 2:
+        raise InputError(f"points has the shape {shape}; give (points, 2)")
+    given = []
+    tables = {("cells", name): members for name, members in cells.items()}
+    tables |= {("facets", name): members for name, members in facets.items()}
+    for (key, group), members in tables.items():
+        dim, widths = (2, (3, 4)) if key == "cells" else (1, (2,))
+        table = np.asarray(members)
+        if not table.size:
+            continue
+        if table.ndim != 2 or table.shape[1] not in widths:
+            wanted = " or ".join(f"({key}, {width})" for width in widths)
+            raise InputError(f"{key}.{group} has the shape {table.shape}; give {wanted}")
+        if table.min() < 0 or table.max() >= shape[0]:
+            raise InputError(f"{key}.{group} has nodes that are not among {shape[0]} points")
+        given.append((dim, group, table.astype(np.int64)))
     coordinates = np.pad(np.asarray(points, dtype=float), ((0, 0), (0, 1)))
     with gmsh_session() as gmsh:
         model = _new_model(gmsh, name)
         first = 1
-        for dim, groups in ((2, cells), (1, facets)):
-            for group, members in groups.items():
-                table = np.asarray(members, dtype=np.int64)
-                if not table.size:
-                    continue
-                entity = model.addDiscreteEntity(dim)
-                if first == 1:  # all nodes are classified on the first entity
-                    model.mesh.addNodes(dim, entity, [], coordinates.ravel())
-                kind = table.shape[1] - 1  # gmsh's number of a line, triangle, quadrilateral
-                tags = np.arange(first, first + len(table))
-                first += len(table)
-                model.mesh.addElementsByType(entity, kind, tags, table.ravel() + 1)
-                model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
+        for dim, group, table in given:
+            entity = model.addDiscreteEntity(dim)
+            if first == 1:  # all nodes are classified on the first entity
+                model.mesh.addNodes(dim, entity, [], coordinates.ravel())
+            kind = table.shape[1] - 1  # gmsh's number of a line, triangle, quadrilateral
+            tags = np.arange(first, first + len(table))
+            first += len(table)
+            model.mesh.addElementsByType(entity, kind, tags, table.ravel() + 1)
+            model.setPhysicalName(dim, model.addPhysicalGroup(dim, [entity]), group)
         return model
-
-
-def _check_tables(
-    points: npt.ArrayLike, cells: Mapping[str, npt.ArrayLike], facets: Mapping[str, npt.ArrayLike]
-) -> None:
-    """Refuse arrays of points and nodes that make no mesh; see `model_from_arrays`."""
-    shape = np.shape(points)
-    if len(shape) != 2 or shape[1] != 2:
-        raise InputError(f"points has the shape {shape}; give (points, 2)")
-    for key, groups, widths in (("cells", cells, (3, 4)), ("facets", facets, (2,))):
-        for name, members in groups.items():
-            table = np.asarray(members)
-            if not table.size:
-                continue
-            if table.ndim != 2 or table.shape[1] not in widths:
-                wanted = " or ".join(f"({key}, {width})" for width in widths)
-                raise InputError(f"{key}.{name} has the shape {table.shape}; give {wanted}")
-            if table.min() < 0 or table.max() >= shape[0]:
-                raise InputError(f"{key}.{name} has nodes that are not among {shape[0]} points")
 
 
 def _new_model(gmsh: Any, name: str) -> Any:
@@ -121,28 +114,6 @@ def wall(
     ends = [np.cumsum([0.0, *np.abs(row)]) for row in courses]
     if not ends or any(np.any(np.diff(row) <= 0.0) for row in ends):
         raise InputError("wall: every course needs lengths other than zero")
-    rectangles = _rectangles(courses, ends, block)
-    step = 0.5 * length / elements
-    on_grid = np.concatenate(ends) * 2.0 * elements
-    if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
-        steps = (step, height / max(1, round(height / step)))
-        divide = _quadrilaterals if quadrilaterals else _triangles
-        points, cells = _grid_wall(rectangles, steps, divide)
-    else:
-        outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
-        free = polygons(outlines, step, quadrilaterals=quadrilaterals)
-        mesh = extract(free, "the wall")
-        free.remove()
-        points = mesh.points
-        cells = mesh.cells
-    return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
-
-
-def _rectangles(
-    courses: Sequence[Sequence[float]], ends: Sequence[Array], block: tuple[float, float]
-) -> list[tuple[float, float, float, float]]:
-    """Corners (x0, y0, x1, y1) of the blocks of a wall, m."""
-    length, height = block
     rectangles = [
         (left * length, level * height, right * length, (level + 1) * height)
         for level, (row, course) in enumerate(zip(ends, courses, strict=True))
@@ -151,7 +122,19 @@ def _rectangles(
     ]
     if not rectangles:
         raise InputError("wall: there is no block, all lengths are negative")
-    return rectangles
+    step = 0.5 * length / elements
+    on_grid = np.concatenate(ends) * 2.0 * elements
+    if np.allclose(on_grid, np.round(on_grid), rtol=0.0, atol=1e-9):
+        steps = (step, height / max(1, round(height / step)))
+        points, cells = _grid_wall(rectangles, steps, quadrilaterals)
+    else:
+        outlines = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in rectangles]
+        free = polygons(outlines, step, quadrilaterals=quadrilaterals)
+        mesh = extract(free, "the wall")
+        free.remove()
+        points = mesh.points
+        cells = mesh.cells
+    return model_from_arrays(points, {"blocks": cells}, _groups_of_facets(points, cells), "wall")
 
 
 @checked
@@ -175,9 +158,12 @@ def running_bond(
 def _grid_wall(
     rectangles: Sequence[tuple[float, float, float, float]],
     steps: tuple[float, float],
-    divide: Callable[[Indices], Indices],
+    quadrilaterals: bool,
 ) -> tuple[Array, Indices]:
-    """Points and cells of rectangles (x0, y0, x1, y1) on one grid."""
+    """Points and cells of rectangles (x0, y0, x1, y1) on one grid.
+
+    Diagonals of triangles alternate so that no side is preferred.
+    """
     points: list[Array] = []
     cells = []
     count = 0
@@ -186,23 +172,16 @@ def _grid_wall(
         ny = round((y1 - y0) / steps[1])
         x, y = np.meshgrid(np.linspace(x0, x1, nx + 1), np.linspace(y0, y1, ny + 1))
         points.append(np.column_stack([x.ravel(), y.ravel()]))
-        cells.append(divide(count + np.arange(x.size).reshape(x.shape)))
+        grid = count + np.arange(x.size).reshape(x.shape)
         count += x.size
+        around = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
+        around = around.reshape(-1, 4)
+        if not quadrilaterals:
+            rising = np.indices((ny, nx)).sum(axis=0).reshape(-1, 1) % 2 == 0
+            halves = np.where(rising, [0, 1, 2, 0, 2, 3], [0, 1, 3, 1, 2, 3])
+            around = np.take_along_axis(around, halves, axis=1).reshape(-1, 3)
+        cells.append(around)
     return np.concatenate(points), np.concatenate(cells)
-
-
-def _quadrilaterals(grid: Indices) -> Indices:
-    """Cells of a grid of nodes, anticlockwise from the lower left, shape (cells, 4)."""
-    corners = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
-    return np.stack(corners, axis=2).reshape(-1, 4)
-
-
-def _triangles(grid: Indices) -> Indices:
-    """Triangles of a grid of nodes; diagonals alternate so that no side is preferred."""
-    row, column = np.indices((grid.shape[0] - 1, grid.shape[1] - 1))
-    rising = ((row + column) % 2 == 0).reshape(-1, 1)
-    pairs = np.where(rising, [0, 1, 2, 0, 2, 3], [0, 1, 3, 1, 2, 3])
-    return np.take_along_axis(_quadrilaterals(grid), pairs, axis=1).reshape(-1, 3)
 
 
 def _groups_of_facets(points: Array, cells: Indices) -> dict[str, Indices]:
@@ -256,13 +235,23 @@ def polygons(
         InputError: If a block has fewer than three corners or no area, crosses itself, or a group
             has no side.
     """
-    blocks = _checked(outlines, size, names)
+    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
+    given = np.atleast_1d(1.0 if size is None else size)
+    if not blocks or not np.all((given > 0.0) & np.isfinite(given)):
+        raise InputError("polygons: give at least one block, and a positive size")
+    for number, problem in enumerate(map(outline_problem, blocks)):
+        if problem:
+            raise InputError(f"polygons: block {number} {problem}")
+    by_block = isinstance(size, Sequence)
+    for some, what in ((names, "names"), (size if by_block else None, "sizes")):
+        if isinstance(some, Sequence) and len(some) != len(blocks):
+            raise InputError(f"polygons: {len(some)} {what} for {len(blocks)} blocks")
     names = ["blocks"] * len(blocks) if names is None else names
     groups = lowest_level(blocks) if groups is None else groups
     sizes = np.broadcast_to(np.array(size or default_size(blocks)), len(blocks))
     divided, near = divided_outlines(blocks, groups)
-    if isinstance(size, Sequence):
-        divided = _divided_alone(blocks)
+    if by_block:  # without the corners of others
+        divided = [divided_outlines([block], {})[0][0] for block in blocks]
     # Lengths are set on the sides; splitting triangles into quadrilaterals halves them.
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
     with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
@@ -270,30 +259,6 @@ def polygons(
         _draw(model, divided, names, groups, sizes, near)
         model.mesh.generate(2)
     return model
-
-
-def _divided_alone(blocks: Polygons) -> Polygons:
-    """Corners of every block as `divided_outlines` has them, without the corners of others."""
-    return [divided_outlines([block], {})[0][0] for block in blocks]
-
-
-def _checked(
-    outlines: Sequence[npt.ArrayLike],
-    size: float | Sequence[float] | None,
-    names: Sequence[str] | None,
-) -> list[Array]:
-    """Corners of every block, or `InputError`; arguments as those of `polygons`."""
-    blocks = [np.asarray(outline, dtype=float) for outline in outlines]
-    sizes = np.atleast_1d(1.0 if size is None else size)
-    if not blocks or not np.all((sizes > 0.0) & np.isfinite(sizes)):
-        raise InputError("polygons: give at least one block, and a positive size")
-    for number, problem in enumerate(map(outline_problem, blocks)):
-        if problem:
-            raise InputError(f"polygons: block {number} {problem}")
-    for given, what in ((names, "names"), (size if isinstance(size, Sequence) else None, "sizes")):
-        if given is not None and len(given) != len(blocks):
-            raise InputError(f"polygons: {len(given)} {what} for {len(blocks)} blocks")
-    return blocks
 
 
 def _draw(
@@ -340,127 +305,6 @@ def lowest_level(blocks: Polygons) -> Segments:
     low = corners.min(axis=0)
     high = corners.max(axis=0)
     return {"base": [(low, (high[0], low[1]))]}
-
-
-def outline_problem(corners: Array) -> str:
-    """What keeps corners from being the outline of a block; empty if nothing does."""
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-        return "needs at least three corners (x, y)"
-    if not np.all(np.isfinite(corners)):
-        return "has a corner that is not finite"
-    if abs(outline_area(corners)) <= 1e-12 * np.ptp(corners, axis=0).max() ** 2:
-        return "has no area; check its corners"
-    if _clearly_convex(corners):
-        return ""
-    crossing = _crossing(corners)
-    return "" if crossing is None else "crosses itself at ({:g}, {:g})".format(*crossing)
-
-
-def _clearly_convex(corners: Array) -> bool:
-    """Whether an outline turns one way or goes straight on at all corners, once around in all."""
-    following = np.arange(1, len(corners) + 1) % len(corners)
-    along = corners[following] - corners
-    if not np.all(np.any(along != 0.0, axis=1)):
-        return False
-    after = along[following]
-    turn = np.arctan2(_cross(along, after), np.sum(along * after, axis=1))
-    turn *= np.sign(turn.sum())
-    once = 6.0 < turn.sum() < 7.0  # once around are 6.28
-    return bool(once and turn.min() > -1e-9 and turn.max() < 3.0)
-
-
-def _crossing(corners: Array) -> Array | None:
-    """Where two sides of an outline meet that are not neighbours, or a side turns back."""
-    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
-    start = corners
-    along = np.roll(corners, -1, axis=0) - corners
-    length = np.linalg.norm(along, axis=1)
-    start = start[length > near]
-    along = along[length > near]
-    count = len(start)
-    one, two = np.triu_indices(count, 1)
-    following = (two == one + 1) | ((one == 0) & (two == count - 1))
-    first, second = np.where((one == 0) & (two == count - 1), (two, one), (one, two))
-    turn = _cross(along[first], along[second])
-    cosine = np.sum(along[first] * along[second], axis=1)
-    back = following & (np.abs(turn) <= COINCIDENT * np.abs(cosine)) & (cosine < 0.0)
-    if np.any(back):
-        return start[second[back][0]]
-    one = one[~following]
-    two = two[~following]
-    between = start[two] - start[one]
-    with np.errstate(divide="ignore", invalid="ignore"):  # parallel sides have no crossing
-        turn = _cross(along[one], along[two])
-        at = np.stack([_cross(between, along[k]) / turn for k in (two, one)])
-    slack = near / np.stack([np.linalg.norm(along[k], axis=1) for k in (one, two)])
-    meet = np.flatnonzero(np.all((at >= -slack) & (at <= 1.0 + slack), axis=0))[:1]
-    points = start[one[meet]] + at[0, meet, None] * along[one[meet]]
-    return points[0] if len(meet) else None
-
-
-def _cross(first: Array, second: Array) -> Array:
-    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-
-
-def outline_area(corners: Array) -> float:
-    """Area of a polygon, negative if its corners run clockwise, in the square of their unit."""
-    x, y = (corners - corners[0]).T
-    return 0.5 * float(x[:-1] @ y[1:] - y[:-1] @ x[1:])
-
-
-def sides_of_outlines(blocks: Polygons) -> Array:
-    """Starts and ends of the sides of blocks, one after the other, shape (sides, 2, 2)."""
-    corners = np.concatenate(blocks)
-    return np.stack([corners, corners[_following(blocks)]], axis=1)
-
-
-def _following(blocks: Polygons) -> Indices:
-    """The next side of the same block, of every side, shape (sides,)."""
-    counts = np.array([len(block) for block in blocks])
-    last = np.cumsum(counts) - 1
-    following = np.arange(1, counts.sum() + 1)
-    following[last] = last - counts + 1
-    return following
-
-
-def sides_on(blocks: Polygons, groups: Segments, near: float) -> dict[str, Flags]:
-    """Which sides of the blocks, one block after the other, lie on the segments of each group."""
-    starts = np.concatenate(blocks)
-    following = _following(blocks)
-    found = {}
-    for name, segments in groups.items():
-        lines = np.array([np.reshape(segment, (2, 2)) for segment in segments]).reshape(-1, 2, 2)
-        lines = lines[np.any(lines[:, 0] != lines[:, 1], axis=1)]
-        pairs = points_near_segments(starts, lines, near)
-        of_segment = pairs.segment * len(starts)
-        both = np.isin(of_segment + following[pairs.point], of_segment + pairs.point)
-        on = np.zeros(len(starts), dtype=bool)
-        on[pairs.point[both]] = True
-        found[name] = on
-    return found
-
-
-def divided_outlines(outlines: Polygons, groups: Segments) -> tuple[Polygons, float]:
-    """Outlines anticlockwise, with a corner wherever another block or a segment ends on a side.
-
-    Corners within the distance `near`, m, which is returned too, are moved onto each other.
-    """
-    ends = [np.reshape(segment, (2, 2)) for some in groups.values() for segment in some]
-    corners = np.concatenate(outlines)
-    near = COINCIDENT * float(np.ptp(corners, axis=0).max())
-    corners = snapped(np.concatenate([corners, *ends]), near)
-    blocks = []
-    for part in np.split(corners, np.cumsum([len(outline) for outline in outlines]))[:-1]:
-        block = part[np.hypot(*(part - part[np.arange(len(part)) - 1]).T) > near]
-        if len(block) < 3:
-            raise InputError(
-                f"a block at ({part[0, 0]:g}, {part[0, 1]:g}) m is too small beside the whole,"
-                f" {near / COINCIDENT:g} m"
-            )
-        blocks.append(block if outline_area(block) > 0.0 else block[::-1])
-    starts, side = divided_segments(sides_of_outlines(blocks), np.unique(corners, axis=0), near)
-    first_side = np.cumsum([len(block) for block in blocks])[:-1]
-    return np.split(starts, np.searchsorted(side, first_side)), near
 
 
 @checked

@@ -63,37 +63,26 @@ def anticlockwise(points: Array, cells: Indices, source: str) -> Indices:
     # Twice the area at every corner; both signs occur where a quadrilateral is folded.
     turn = np.linalg.det(np.stack([sides, np.roll(sides, -1, axis=1)], axis=2))
     least = FLAT * (sides**2).sum(axis=2).max(axis=1)
-    _refuse(np.abs(area) <= least, corners, source, "cells have no area")
     folded = np.any(turn * np.sign(area)[:, None] <= least[:, None], axis=1)
-    _refuse(folded, corners, source, "cells are no convex quadrilaterals")
     turned = np.where((area < 0.0)[:, None], cells[:, ::-1], cells)
-    _refuse(
-        _repeated(np.sort(cells, axis=1)),
-        corners,
-        source,
-        "cells are given twice",
-        "; delete the copies",
-    )
     same_side = _repeated(sides_of(turned)).reshape(cells.shape).any(axis=1)
-    _refuse(same_side, corners, source, "cells overlap others on the same nodes")
+    for wrong, what, cure in (
+        (np.abs(area) <= least, "cells have no area", ""),
+        (folded, "cells are no convex quadrilaterals", ""),
+        (_repeated(np.sort(cells, axis=1)), "cells are given twice", "; delete the copies"),
+        (same_side, "cells overlap others on the same nodes", ""),
+    ):
+        if np.any(wrong):
+            x, y = corners[np.argmax(wrong)].mean(axis=0)
+            raise InputError(f"{source}: {np.sum(wrong)} {what}, the first at ({x:g}, {y:g}){cure}")
     return turned
 
 
-def _refuse(
-    wrong: npt.NDArray[np.bool_], corners: Array, source: str, what: str, do: str = ""
-) -> None:
-    where = np.flatnonzero(wrong)
-    if len(where):
-        x, y = corners[where[0]].mean(axis=0)
-        raise InputError(f"{source}: {len(where)} {what}, the first at ({x:g}, {y:g}){do}")
-
-
-def _repeated(rows: Indices) -> npt.NDArray[np.bool_]:
+def _repeated(rows: Indices) -> Flags:
     """Which rows of whole numbers came before, shape (rows,)."""
     order = np.lexsort(rows.T)
-    same = np.all(rows[order[1:]] == rows[order[:-1]], axis=1)
     found = np.zeros(len(rows), dtype=bool)
-    found[order[1:][same]] = True
+    found[order[1:]] = np.all(rows[order[1:]] == rows[order[:-1]], axis=1)
     return found
 
 
@@ -136,7 +125,7 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
                 raise InputError(f"{source}: {place}; draw them side by side")
 
 
-def _outline(points: Array, cells: Indices) -> tuple[npt.NDArray[np.bool_], Array]:
+def _outline(points: Array, cells: Indices) -> tuple[Flags, Array]:
     """Which cells have a node at their body's outline, and twice the heights of their arcs, m."""
     ends = sides_of(cells)
     key = np.sort(ends, axis=1) @ [len(points), 1]

@@ -18,8 +18,7 @@ from dolfinx.mesh import exterior_facet_indices
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
-from fenics_contact.geometry.stored_mesh import StoredMesh
+from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, StoredMesh
 
 #: Facets coincide when their middles and lengths agree to this fraction of their length.
 COINCIDING = 1e-4

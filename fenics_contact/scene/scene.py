@@ -6,7 +6,7 @@ import copy
 import math
 import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -83,14 +83,11 @@ def _require_pickled(name: str, function: Callable[..., Any] | None) -> None:
         ) from None
 
 
-def _require_choice(name: str, value: str, kind: str = "") -> None:
-    known = CHOICES[kind or name]
-    require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
-
-
-def _require_not_negative(name: str, value: float) -> None:
-    require(0.0 <= value < math.inf, f"{name} = {value} must be finite and >= 0")
-    _require_size(name, value)
+def _require_size(name: str, value: float) -> None:
+    """Refuse numbers whose squares and products floating point numbers do not hold."""
+    low, high = SIZES
+    problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
+    require(value == 0.0 or low <= abs(value) <= high, problem)
 
 
 def _require_pair(name: str, value: Sequence[float]) -> None:
@@ -100,35 +97,74 @@ def _require_pair(name: str, value: Sequence[float]) -> None:
         _require_size(name, component)
 
 
-def _require_profile(value: tuple[tuple[float, float], ...] | str) -> None:
+def _require_choice(name: str, value: str, kind: str = "") -> None:
+    known = CHOICES[kind or name]
+    require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
+
+
+def _require_profile(name: str, value: tuple[tuple[float, float], ...] | str) -> None:
     """Refuse a profile over the height that is neither a known word nor a table."""
     if isinstance(value, str):
-        _require_choice("profile", value)
+        _require_choice(name, value)
         return
     count = len(value)
     few = f"profile has {count} pairs [height, factor]; give 2 to {MOST_HEIGHTS}"
     require(2 <= count <= MOST_HEIGHTS, few)
     for pair in value:
-        _require_pair("profile", pair)
-    for (low, _), (high, _) in pairwise(value):
+        _require_pair(name, pair)
+    for (low, *_), (high, *_) in pairwise(value):
         require(low < high, f"profile: height {high:g} must be above the one before, {low:g} (m)")
 
 
-def _require_strength(value: float | None) -> None:
-    name = "compressive_strength"
-    require(value is None or value > 0.0, f"{name} = {value} must be a positive number (Pa)")
-    _require_not_negative(name, value or 0.0)
+def _require_place(name: str, value: Sequence[float] | str) -> None:
+    if not isinstance(value, str):
+        _require_pair(name, value)
 
 
-def _require_size(name: str, value: float) -> None:
-    """Refuse numbers whose squares and products floating point numbers do not hold."""
-    low, high = SIZES
-    problem = f"{name} = {value} must be 0, or between {low:g} and {high:g} in size (SI units)"
-    require(value == 0.0 or low <= abs(value) <= high, problem)
+#: What refuses a value of a field, by the field's name and the value.
+Rule = Callable[[str, Any], None]
+
+
+def _rule(good: Callable[[Any], bool], text: str, *more: Rule) -> Rule:
+    """A rule for values: what is good, what a message says they must be, and rules after it."""
+
+    def refuse(name: str, value: Any) -> None:
+        require(good(value), f"{name} = {value} {text}")
+        for rule in more:
+            rule(name, value)
+
+    return refuse
+
+
+def _within(low: float, high: float, text: str) -> Rule:
+    return _rule(lambda value: low <= value <= high, text)
+
+
+_NOT_NEGATIVE = _rule(lambda v: 0.0 <= v < math.inf, "must be finite and >= 0", _require_size)
+_STRENGTH = _rule(lambda v: v > 0.0, "must be a positive number (Pa)", _NOT_NEGATIVE)
+_POSITIVE = _rule(lambda v: v > 0.0, "must be a positive number", _NOT_NEGATIVE)
+_FINITE = _rule(math.isfinite, "must be a finite number (m)")
+
+
+def _ruled(rule: Rule, default: Any = MISSING) -> Any:
+    """A field whose values, if not None, keep to a rule."""
+    return field(default=default, metadata={"rule": rule})
 
 
 @dataclass(frozen=True)
-class Material:
+class _Checked:
+    """Base of what a scene is made of: types and rules of the fields hold, numbers are floats."""
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is not None and "rule" in item.metadata:
+                item.metadata["rule"](key_of(item.name), value)
+
+
+@dataclass(frozen=True)
+class Material(_Checked):
     """Linear elasticity and weight.
 
     Attributes:
@@ -138,23 +174,16 @@ class Material:
         compressive_strength: f_c, Pa, of joints between these blocks; None: they do not crush.
     """
 
-    young: float
-    poisson: float
-    density: float = 0.0
-    compressive_strength: float | None = None
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        young = self.young
-        require(0.0 < young < math.inf, f"young = {young} must be a positive number (Pa)")
-        _require_size("young", young)
-        require(-1.0 < self.poisson < 0.5, f"poisson = {self.poisson} must lie in (-1, 0.5)")
-        _require_not_negative("density", self.density)
-        _require_strength(self.compressive_strength)
+    young: float = _ruled(
+        _rule(lambda v: 0.0 < v < math.inf, "must be a positive number (Pa)", _require_size)
+    )
+    poisson: float = _ruled(_rule(lambda v: -1.0 < v < 0.5, "must lie in (-1, 0.5)"))
+    density: float = _ruled(_NOT_NEGATIVE, 0.0)
+    compressive_strength: float | None = _ruled(_STRENGTH, None)
 
 
 @dataclass(frozen=True)
-class JointLaw:
+class JointLaw(_Checked):
     """What a joint carries besides pressure.
 
     Attributes:
@@ -173,51 +202,33 @@ class JointLaw:
             a collapse.
     """
 
-    law: str = "coulomb"
-    friction: float | None = None
-    bound: float | None = None
-    cohesion: float = 0.0
-    compressive_strength: float | None = None
-    gap: float = 0.0
-    dilatancy: float = 0.0
-    tensile_strength: float = 0.0
-    opened: str = "kept"
+    law: str = _ruled(_require_choice, "coulomb")
+    friction: float | None = _ruled(_NOT_NEGATIVE, None)
+    bound: float | None = _ruled(_NOT_NEGATIVE, None)
+    cohesion: float = _ruled(_NOT_NEGATIVE, 0.0)
+    compressive_strength: float | None = _ruled(_STRENGTH, None)
+    gap: float = _ruled(_NOT_NEGATIVE, 0.0)
+    dilatancy: float = _ruled(_rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
+    tensile_strength: float = _ruled(_NOT_NEGATIVE, 0.0)
+    opened: str = _ruled(_require_choice, "kept")
 
     def __post_init__(self) -> None:
-        check_types(self)
-        _require_choice("law", self.law)
-        _require_choice("opened", self.opened)
-        _require_strength(self.compressive_strength)
+        super().__post_init__()
         for name, owner in (("friction", "coulomb"), ("bound", "tresca")):
-            value = getattr(self, name)
             given = getattr(self, name) is not None
             require(not given or self.law == owner, f"law '{self.law}' takes no {name}")
             require(given or self.law != owner, f"law '{owner}' needs {name}")
-            _require_not_negative(name, value or 0.0)
-        rough = f"friction = {self.friction} must be at most {MOST_FRICTION:g}"
-        require((self.friction or 0.0) <= MOST_FRICTION, rough)
-        _require_not_negative("cohesion", self.cohesion)
-        _require_not_negative("gap", self.gap)
-        cohesive = self.law == "coulomb" or self.cohesion == 0.0
-        require(cohesive, f"law '{self.law}' takes no cohesion")
-        angle = self.dilatancy
-        require(0.0 <= angle < 90.0, f"dilatancy = {angle} must lie in 0 ... 90 degrees")
-        dilates = self.law == "coulomb" or angle == 0.0
-        require(dilates, f"law '{self.law}' takes no dilatancy")
+        for name in ("cohesion", "dilatancy"):
+            coulomb = self.law == "coulomb" or getattr(self, name) == 0.0
+            require(coulomb, f"law '{self.law}' takes no {name}")
         friction = self.friction or 0.0
-        most = f"{math.degrees(math.atan(friction)):.6g} degrees for friction = {friction:g}"
-        text = f"dilatancy = {angle} must not exceed the angle of friction, {most}"
-        require(math.tan(math.radians(angle)) <= friction * (1.0 + SAME_ANGLE), text)
-        self._check_tension()
-
-    @property
-    def loses(self) -> bool:
-        """Whether there are strengths that are lost where the joint opens."""
-        return self.opened == "lost" and self.cohesion + self.tensile_strength > 0.0
-
-    def _check_tension(self) -> None:
-        _require_not_negative("tensile_strength", self.tensile_strength)
-        least = (self.friction or 0.0) * self.tensile_strength
+        rough = f"friction = {friction} must be at most {MOST_FRICTION:g}"
+        require(friction <= MOST_FRICTION, rough)
+        angle = f"{math.degrees(math.atan(friction)):.6g} degrees for friction = {friction:g}"
+        text = f"dilatancy = {self.dilatancy} must not exceed the angle of friction, {angle}"
+        slope = math.tan(math.radians(self.dilatancy))
+        require(slope <= friction * (1.0 + SAME_ANGLE), text)
+        least = friction * self.tensile_strength
         text = (
             f"tensile_strength = {self.tensile_strength:g} needs a cohesion of at least friction"
             f" times it, {least:g} Pa: shear is carried up to cohesion + friction x pressure"
@@ -225,6 +236,11 @@ class JointLaw:
         require(self.cohesion >= least * (1.0 - SAME_ANGLE), text)
         open_at_first = self.gap > 0.0 and self.tensile_strength > 0.0
         require(not open_at_first, "a joint with a gap takes no tensile_strength")
+
+    @property
+    def loses(self) -> bool:
+        """Whether there are strengths that are lost where the joint opens."""
+        return self.opened == "lost" and self.cohesion + self.tensile_strength > 0.0
 
     @property
     def dilation(self) -> float:
@@ -235,7 +251,7 @@ class JointLaw:
 
 
 @dataclass(frozen=True)
-class EdgeForce:
+class EdgeForce(_Checked):
     """A force at a place of the structure's outside, wherever nodes are.
 
     Attributes:
@@ -245,21 +261,14 @@ class EdgeForce:
         width: The force is spread evenly over so much of the edge, m; 0 for a point.
     """
 
-    force: tuple[float, float]
-    x: float
-    y: float | None = None
-    width: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        _require_pair("force", self.force)
-        for name, value in (("x", self.x), ("y", self.y or 0.0)):
-            require(math.isfinite(value), f"{name} = {value} must be a finite number (m)")
-        _require_not_negative("width", self.width)
+    force: tuple[float, float] = _ruled(_require_pair)
+    x: float = _ruled(_FINITE)
+    y: float | None = _ruled(_FINITE, None)
+    width: float = _ruled(_NOT_NEGATIVE, 0.0)
 
 
 @dataclass(frozen=True)
-class EarthPressure:
+class EarthPressure(_Checked):
     """Pressure of soil or water that grows with depth, with the shear of a rough wall.
 
     The pressure at height y is coefficient x (surcharge + unit_weight (level - y)), against the
@@ -275,24 +284,17 @@ class EarthPressure:
             the edge down.
     """
 
-    level: float
-    unit_weight: float
-    coefficient: float = 1.0
-    surcharge: float = 0.0
-    wall_friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        level = f"level = {self.level} must lie in -{HIGHEST:g} ... {HIGHEST:g} m"
-        require(abs(self.level) <= HIGHEST, level)
-        for name in ("unit_weight", "coefficient", "surcharge"):
-            _require_not_negative(name, getattr(self, name))
-        angle = self.wall_friction
-        require(abs(angle) < 90.0, f"wall_friction = {angle} must lie between -90 and 90 degrees")
+    level: float = _ruled(_within(-HIGHEST, HIGHEST, f"must lie in -{HIGHEST:g} ... {HIGHEST:g} m"))
+    unit_weight: float = _ruled(_NOT_NEGATIVE)
+    coefficient: float = _ruled(_NOT_NEGATIVE, 1.0)
+    surcharge: float = _ruled(_NOT_NEGATIVE, 0.0)
+    wall_friction: float = _ruled(
+        _rule(lambda v: abs(v) < 90.0, "must lie between -90 and 90 degrees"), 0.0
+    )
 
 
 @dataclass(frozen=True)
-class Movement:
+class Movement(_Checked):
     """A small movement of a support or foundation: settlement, spreading, tilt.
 
     Attributes:
@@ -300,21 +302,14 @@ class Movement:
         rotation: About this point, degrees, anticlockwise.
     """
 
-    displacement: tuple[float, float] = (0.0, 0.0)
-    rotation: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        _require_pair("displacement", self.displacement)
-        small = abs(self.rotation) <= MOST_TILT
-        require(
-            small,
-            f"rotation = {self.rotation} must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees",
-        )
+    displacement: tuple[float, float] = _ruled(_require_pair, (0.0, 0.0))
+    rotation: float = _ruled(
+        _within(-MOST_TILT, MOST_TILT, f"must lie in -{MOST_TILT:g} ... {MOST_TILT:g} degrees"), 0.0
+    )
 
 
 @dataclass(frozen=True)
-class Tie:
+class Tie(_Checked):
     """A bar that carries tension only, up to its yield: a tie, an anchor, a cable.
 
     Its tension is prestress + stiffness x elongation, but not below 0 and not above `yield_`.
@@ -330,29 +325,17 @@ class Tie:
             and the stiffness that of one, N/m.
     """
 
-    from_: tuple[float, float] | str
-    yield_: float
-    to: tuple[float, float] | str | None = None
-    ground: tuple[float, float] | None = None
-    stiffness: float | None = None
-    prestress: float = 0.0
-    spacing: float | None = None
+    from_: tuple[float, float] | str = _ruled(_require_place)
+    yield_: float = _ruled(_POSITIVE)
+    to: tuple[float, float] | str | None = _ruled(_require_place, None)
+    ground: tuple[float, float] | None = _ruled(_require_pair, None)
+    stiffness: float | None = _ruled(_POSITIVE, None)
+    prestress: float = _ruled(_NOT_NEGATIVE, 0.0)
+    spacing: float | None = _ruled(_POSITIVE, None)
 
     def __post_init__(self) -> None:
-        check_types(self)
+        super().__post_init__()
         require((self.to is None) != (self.ground is None), "to: give either to or ground")
-        for name, place in (("from", self.from_), ("to", self.to), ("ground", self.ground)):
-            if place is not None and not isinstance(place, str):
-                _require_pair(name, place)
-        for name, value in (
-            ("yield", self.yield_),
-            ("stiffness", self.stiffness),
-            ("spacing", self.spacing),
-        ):
-            if value is not None:
-                require(value > 0.0, f"{name} = {value} must be a positive number")
-                _require_not_negative(name, value)
-        _require_not_negative("prestress", self.prestress)
         within = self.prestress <= self.yield_
         require(within, f"prestress = {self.prestress:g} must not exceed yield, {self.yield_:g}")
         known = self.stiffness is not None or self.prestress == 0.0
@@ -365,7 +348,7 @@ class Tie:
 
 
 @dataclass(frozen=True)
-class Floor:
+class Floor(_Checked):
     """A floor or roof that lies on top sides of blocks; its weight is part of the dead load.
 
     Attributes:
@@ -377,26 +360,23 @@ class Floor:
         mass: Whether the live body force acts on its mass, force / 9.81 m/s2, too.
     """
 
-    force: float
+    force: float = _ruled(_NOT_NEGATIVE)
     at: str | None = None
-    y: float | None = None
-    x: tuple[float, float] | None = None
+    y: float | None = _ruled(_FINITE, None)
+    x: tuple[float, float] | None = _ruled(_require_pair, None)
     mass: bool = False
 
     def __post_init__(self) -> None:
-        check_types(self)
-        _require_not_negative("force", self.force)
+        super().__post_init__()
         given = [self.at is not None, self.y is not None, self.x is not None]
         one = given in ([True, False, False], [False, True, True])
         require(one, "give either at, a group of top sides, or y, a height, with x = [from, to]")
-        ends = self.x or (0.0, 1.0)
-        _require_pair("x", ends)
-        require(ends[0] < ends[1], f"x = {list(ends)} must rise, [from, to]")
-        require(math.isfinite(self.y or 0.0), f"y = {self.y} must be a finite number (m)")
+        rises = self.x is None or self.x[0] < self.x[1]
+        require(rises, f"x = {list(self.x or ())} must rise, [from, to]")
 
 
 @dataclass(frozen=True)
-class Load:
+class Load(_Checked):
     """A body force, tractions, forces at places, earth pressure and movements of supports.
 
     Attributes:
@@ -414,22 +394,19 @@ class Load:
             is called on all ranks, once for every mesh and degree, and adds to the other loads.
     """
 
-    body: tuple[float, float] = (0.0, 0.0)
+    body: tuple[float, float] = _ruled(_require_pair, (0.0, 0.0))
     traction: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tilt: float = 0.0
+    tilt: float = _ruled(_within(-360.0, 360.0, "must lie in -360 ... 360 degrees"), 0.0)
     force: Mapping[str, EdgeForce] = field(default_factory=dict)
     earth: Mapping[str, EarthPressure] = field(default_factory=dict)
     movement: Mapping[str, Movement] = field(default_factory=dict)
-    profile: tuple[tuple[float, float], ...] | str = "uniform"
+    profile: tuple[tuple[float, float], ...] | str = _ruled(_require_profile, "uniform")
     form: LoadForm | None = None
 
     def __post_init__(self) -> None:
-        check_types(self)
-        tractions = {f"traction.{name}": value for name, value in self.traction.items()}
-        for name, value in {"body": self.body, **tractions}.items():
-            _require_pair(name, value)
-        require(abs(self.tilt) <= 360.0, f"tilt = {self.tilt} must lie in -360 ... 360 degrees")
-        _require_profile(self.profile)
+        super().__post_init__()
+        for name, value in self.traction.items():
+            _require_pair(f"traction.{name}", value)
 
     def __getstate__(self) -> dict[str, Any]:
         _require_pickled("form", self.form)
@@ -454,7 +431,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class SolveOptions:
+class SolveOptions(_Checked):
     """How to look for the limit load.
 
     Attributes:
@@ -484,49 +461,44 @@ class SolveOptions:
             says more about them.
     """
 
-    method: str = "auto"
-    direction: str = "positive"
-    tolerance: float = 1e-6
-    control: str = "work"
-    slip: str = "stress-free"
-    states: str = "first"
+    method: str = _ruled(_require_choice, "auto")
+    direction: str = _ruled(_require_choice, "positive")
+    tolerance: float = _ruled(_within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6)
+    control: str = _ruled(_require_choice, "work")
+    slip: str = _ruled(_require_choice, "stress-free")
+    states: str = _ruled(_require_choice, "first")
     lowest: bool | None = None
     error: bool | None = None
-    accuracy: float | None = None
+    accuracy: float | None = _ruled(_within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
     peak: bool | None = None
-    time: float | None = None
-    engine: str = "auto"
-    gap: float | None = None
+    time: float | None = _ruled(_rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
+    engine: str = _ruled(_require_choice, "auto")
+    gap: float | None = _ruled(_rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
 
     def __post_init__(self) -> None:
-        check_types(self)
-        limit = self.time
-        require(limit is None or 0.0 < limit < math.inf, f"time = {limit} must be positive (s)")
-        gap = self.gap
-        require(gap is None or 0.0 < gap <= 0.1, f"gap = {gap} must lie in 0 ... 0.1")
-        for name in ("method", "direction", "control", "slip", "states", "engine"):
-            _require_choice(name, getattr(self, name))
-        given = self.tolerance
+        super().__post_init__()
+        refined = self.accuracy is not None
         by_load = self.control == "load"
-        for name in ("peak", "lowest", "error"):
-            both = self.fast and getattr(self, name)
-            require(not both, f"{name} = true needs fast = false: fast leaves it out")
-        require(self.states != "lowest" or not self.fast, "states = 'lowest' needs fast = false")
-        require(1e-12 <= given <= 0.1, f"tolerance = {given} must lie between 1e-12 and 0.1")
-        wished = self.accuracy
-        if wished is not None:
-            require(1e-6 <= wished <= 0.5, f"accuracy = {wished} must lie between 1e-6 and 0.5")
-            require(self.error is not False, "accuracy needs the error estimate: no error = false")
-            require(not self.fast, "accuracy needs fast = false: fast estimates no error")
-            require(not by_load, "accuracy needs control = 'work'")
-        require(by_load or self.slip != "load-steps", "slip = 'load-steps' needs control = 'load'")
-        require(not by_load or self.states != "lowest", "states = 'lowest' needs control = 'work'")
-        require(not by_load or self.engine != "faces", "engine = 'faces' needs control = 'work'")
+        for given, text in (
+            *((self.fast and getattr(self, name),
+               f"{name} = true needs fast = false: fast leaves it out")
+              for name in ("peak", "lowest", "error")),
+            (self.fast and self.states == "lowest", "states = 'lowest' needs fast = false"),
+            (refined and self.error is False,
+             "accuracy needs the error estimate: no error = false"),
+            (refined and self.fast, "accuracy needs fast = false: fast estimates no error"),
+            (refined and by_load, "accuracy needs control = 'work'"),
+            (self.slip == "load-steps" and not by_load,
+             "slip = 'load-steps' needs control = 'load'"),
+            (self.states == "lowest" and by_load, "states = 'lowest' needs control = 'work'"),
+            (self.engine == "faces" and by_load, "engine = 'faces' needs control = 'work'"),
+        ):  # fmt: skip
+            require(not given, text)
 
 
 @dataclass(frozen=True)
-class OutputOptions:
+class OutputOptions(_Checked):
     """What to write besides result.json.
 
     Attributes:
@@ -542,22 +514,21 @@ class OutputOptions:
     paraview: bool = True
     pictures: bool = True
     formats: tuple[str, ...] = ("png",)
-    capacity: int = 0
+    capacity: int = _ruled(_within(0, 1000, "must lie in 0 ... 1000"), 0)
     report: bool = False
     units: str = "SI"
 
     def __post_init__(self) -> None:
-        check_types(self)
+        super().__post_init__()
         known = ", ".join(f"{name} ({units})" for name, units in UNITS.items())
         require(self.units in UNITS, f"units = '{self.units}' must be one of {known}")
         for name in self.formats:
             _require_choice("formats", name)
         require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
-        require(0 <= self.capacity <= 1000, f"capacity = {self.capacity} must lie in 0 ... 1000")
 
 
 @dataclass(frozen=True)
-class Seismic:
+class Seismic(_Checked):
     """The spectral acceleration at which the collapse mechanism starts, of existing masonry.
 
     Circolare 21.01.2019 n. 7 C.S.LL.PP., C8.7.1.2.1; see docs/seismic.md.
@@ -567,12 +538,7 @@ class Seismic:
             knowledge LC1, LC2 and LC3. Where crushing is left out it is that of LC1.
     """
 
-    confidence_factor: float = 1.35
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        value = self.confidence_factor
-        require(1.0 <= value <= 10.0, f"confidence_factor = {value} must lie in 1 ... 10")
+    confidence_factor: float = _ruled(_within(1.0, 10.0, "must lie in 1 ... 10"), 1.35)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -646,13 +612,11 @@ class Scene(_Shared):
         unmultiplied = "supports move with the dead load; give it in loads.dead.movement"
         require(not self.live.movement, f"loads.live.movement: {unmultiplied}")
         self._check_names()
-        self._check_materials()
-        self._check_dilatancy()
-        self._check_bonds()
-        self._check_engine()
-        self._check_lost()
-        self._check_ties()
-        self._check_profile()
+        self._check_options()
+        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
+        require(self.dead.profile == "uniform", text)
+        bare = self.live.profile != "uniform" and not any(self.live.body)
+        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
         if self.seismic is not None:
             self._check_seismic()
 
@@ -771,7 +735,6 @@ class Scene(_Shared):
                 f"group '{name}' has two roles; it can be a joint, a foundation or a support"
             )
 
-    def _check_materials(self) -> None:
         for groups in self.mesh.cell_sets:
             materials = sorted(groups & set(self.materials))
             if not materials and "default" not in self.materials:
@@ -787,48 +750,41 @@ class Scene(_Shared):
         laws = {f"joints.{name}": law for name, law in self.joints.items()}
         return laws | {f"foundations.{name}": law for name, law in self.foundations.items()}
 
-    def _check_bonds(self) -> None:
-        laws = self._laws()
-        bonded = [f"{name}.tensile_strength" for name, law in laws.items() if law.tensile_strength]
-        text = f"{', '.join(bonded)}: joints that crush carry no tension; leave out one of"
-        require(not (bonded and self.crushes), f"{text} tensile_strength and compressive_strength")
-
     @property
     def crushes(self) -> bool:
         """Whether a compressive strength is given."""
         strengths = [law.compressive_strength for law in self._laws().values()]
         return any([*strengths, *(one.compressive_strength for one in self.materials.values())])
 
-    def _check_engine(self) -> None:
-        by_path = self.solve.engine == "path" and self.crushes
-        text = "solve.engine = 'path' knows no joints that crush; leave it out, or"
-        require(not by_path, f"{text} compressive_strength")
-
-    def _check_lost(self) -> None:
+    def _check_options(self) -> None:
+        """Refuse laws, ties and options of which one does not know the other."""
         solve = self.solve
-        losing = [f"{name}.opened" for name, law in self._laws().items() if law.loses]
-        for refused, option in (
-            (solve.control == "load", "solve.control = 'load'"),
-            (solve.states == "lowest", "solve.states = 'lowest'"),
-            (solve.accuracy is not None, "solve.accuracy"),
-            (solve.peak is True, "solve.peak = true"),
-            (self.output.capacity > 0, "output.capacity"),
-            (self.crushes, "compressive_strength"),
-        ):
-            text = f"{', '.join(losing)}: what is lost depends on the way of the load;"
-            require(not (losing and refused), f"{text} it cannot be used with {option}")
-
-    def _check_ties(self) -> None:
-        method = self.solve.method
-        given = [f"ties.{name}" for name in self.ties]
-        text = f"solve.method = '{method}' knows no {', '.join(given)}; use solve.method = 'auto'"
-        require(not (given and method in BY_JOINT_FORCES), text)
-
-    def _check_profile(self) -> None:
-        text = "loads.dead.profile: a profile is of the live load; leave it out of the dead load"
-        require(self.dead.profile == "uniform", text)
-        bare = self.live.profile != "uniform" and not any(self.live.body)
-        require(not bare, "loads.live.profile acts on loads.live.body, which is zero; give it")
+        laws = self._laws().items()
+        dilating = ", ".join(f"{name}.dilatancy" for name, law in laws if law.dilatancy)
+        bonded = ", ".join(f"{name}.tensile_strength" for name, law in laws if law.tensile_strength)
+        losing = ", ".join(f"{name}.opened" for name, law in laws if law.loses)
+        ties = ", ".join(f"ties.{name}" for name in self.ties)
+        method = f"solve.method = '{solve.method}' knows no"
+        by_forces = solve.method in BY_JOINT_FORCES
+        crush = "joints that crush"
+        lost = f"{losing}: what is lost depends on the way of the load; it cannot be used with"
+        for given, refused, text in (
+            (dilating, by_forces, f"{method} {dilating}; use solve.method = 'auto'"),
+            (dilating, solve.slip == "load-steps",
+             f"solve.slip = 'load-steps' knows no {dilating}; use solve.slip = 'stress-free'"),
+            (bonded, self.crushes, f"{bonded}: {crush} carry no tension; leave out one of"
+             " tensile_strength and compressive_strength"),
+            (solve.engine == "path", self.crushes, f"solve.engine = 'path' knows no {crush};"
+             " leave it out, or compressive_strength"),
+            (losing, solve.control == "load", f"{lost} solve.control = 'load'"),
+            (losing, solve.states == "lowest", f"{lost} solve.states = 'lowest'"),
+            (losing, solve.accuracy is not None, f"{lost} solve.accuracy"),
+            (losing, solve.peak is True, f"{lost} solve.peak = true"),
+            (losing, self.output.capacity > 0, f"{lost} output.capacity"),
+            (losing, self.crushes, f"{lost} compressive_strength"),
+            (ties, by_forces, f"{method} {ties}; use solve.method = 'auto'"),
+        ):  # fmt: skip
+            require(not (given and refused), text)
 
     def _check_seismic(self) -> None:
         """Refuse live loads that are no inertia forces in proportion to the weights."""
@@ -853,16 +809,6 @@ class Scene(_Shared):
             require(level, text)
             against = force[0] * push[0] + force[1] * push[1] < 0.0
             require(not against, f"seismic: loads.live.{name} acts against loads.live.body")
-
-    def _check_dilatancy(self) -> None:
-        dilating = [f"{name}.dilatancy" for name, law in self._laws().items() if law.dilatancy]
-        method = self.solve.method
-        for refused, option, instead in (
-            (method in BY_JOINT_FORCES, f"method = '{method}'", "method = 'auto'"),
-            (self.solve.slip == "load-steps", "slip = 'load-steps'", "slip = 'stress-free'"),
-        ):
-            text = f"solve.{option} knows no {', '.join(dilating)}; use solve.{instead}"
-            require(not (dilating and refused), text)
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -905,7 +851,7 @@ class _PlaneTable:
 @dataclass(frozen=True)
 class _LoadTables:
     live: Load = field(
-        metadata={"hint": "or ask `fenics-contact stands` whether the dead load alone stands"}
+        metadata={"hint": ", or ask `fenics-contact stands` whether the dead load alone stands"}
     )
     dead: Load = field(default_factory=Load)
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 from mpi4py import MPI
 
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.errors.checks import as_mapping, check_type, key_of, kind_of, shown
+from fenics_contact.errors.checks import as_mapping, check_type, key_of, kind_of, shown, with_floats
 
 T = TypeVar("T")
 
@@ -109,10 +109,8 @@ def from_table(kind: type[T], table: Any, key: str = "") -> T:
         if name in table:
             values[item.name] = _value(inner, table[name], kinds[item.name])
         elif item.default is MISSING and item.default_factory is MISSING:
-            cures = [f"; give [{inner}]"] * nested + [
-                f", {text}" for text in item.metadata.values()
-            ]
-            raise InputError(f"{inner} is missing{''.join(cures)}")
+            cure = f"; give [{inner}]{item.metadata.get('hint', '')}" if nested else ""
+            raise InputError(f"{inner} is missing{cure}")
         elif nested:
             values[item.name] = from_table(kinds[item.name], {}, inner)
     try:
@@ -132,11 +130,7 @@ def _value(key: str, value: Any, kind: Any) -> Any:
         _check_names(key, table, inner)
         return {name: _value(f"{key}.{name}", item, inner) for name, item in table.items()}
     check_type(key, value, kind)
-    if kind is float:
-        return float(value)
-    if get_origin(kind) is tuple:
-        return tuple(_value(key, item, get_args(kind)[0]) for item in value)
-    return value
+    return with_floats(value, kind)
 
 
 def _check_names(key: str, table: Mapping[str, Any], inner: Any) -> None:

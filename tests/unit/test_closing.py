@@ -10,8 +10,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.drawing import Drawing, read_dxf
 from fenics_contact.geometry.closing import Mortar
 from fenics_contact.geometry.dxf.command import MeshOrder, mesh_drawing
-from fenics_contact.geometry.meshing import outline_problem
-from fenics_contact.geometry.outlines import overlaps
+from fenics_contact.geometry.outlines import outline_problem, overlaps
 from fenics_contact.meshing import closed_joints, polygons
 from tests.drawing import rectangle, turned
 from tests.mortar import Facade, rubble

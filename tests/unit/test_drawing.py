@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fenics_contact.drawing import Drawing, read_dxf
+from fenics_contact.drawing import Drawing, LayerRoles, read_dxf
 from tests.drawing import rectangle
 
 ezdxf = pytest.importorskip("ezdxf")
@@ -86,6 +86,21 @@ def test_arcs_become_straight_sides_on_the_arc(mirror, tmp_path):
     assert np.allclose(np.minimum(abs(radius - 1.0), abs(radius - 2.0)), 0.0, atol=1e-12)
     assert len(block) == 2 * (90 / 5 + 1)
     assert area(block) == pytest.approx(np.pi * 3 / 4, rel=2e-3)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bulge", [1e-9, 1e-30, 1e-320])
+def test_arcs_that_are_straight_are_lines(bulge, tmp_path):
+    def draw(space, _):
+        rows = [(x, y, bulge) for x, y in SQUARE]
+        space.add_lwpolyline(rows, format="xyb", close=True, dxfattribs={"layer": "lines"})
+        space.add_lwpolyline([(0, 0.5, bulge), (0.999, 0.5)], format="xyb")
+
+    document = ezdxf.new()
+    draw(document.modelspace(), document)
+    document.saveas(tmp_path / "drawing.dxf")
+    drawing = read_dxf(tmp_path / "drawing.dxf", roles=LayerRoles(lines=["*"]), snap=0.01).drawing
+    assert [area(block) for block in drawing.blocks] == pytest.approx([0.5, 0.5])
 
 
 def test_lines_and_open_polylines_are_groups_and_layers_have_no_case(tmp_path):

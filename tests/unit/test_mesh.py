@@ -14,7 +14,7 @@ from fenics_contact.geometry.gmsh_mesh import (
     bodies_of_cells,
     extract,
     gmsh_session,
-    with_split_surfaces,
+    with_blocks,
 )
 from fenics_contact.geometry.gmsh_reader import ReadLimits, read
 from fenics_contact.geometry.mesh import BODY_IMBALANCE, ranks_of_bodies
@@ -107,7 +107,7 @@ T_CELLS = {"sill": [[0, 1, 4, 3], [1, 2, 5, 4]], "left": [[3, 4, 7, 6]], "right"
 def test_surfaces_as_blocks_have_nodes_of_their_own_and_both_sides_of_tagged_lines():
     facets = {"bed": [[3, 4], [4, 5]], "base": [[0, 1]], "inside": [[1, 4]], "nowhere": [[0, 4]]}
     model = model_from_arrays(T_POINTS, T_CELLS, facets)
-    shared, drawn = extract(model, "blocks"), with_split_surfaces(extract(model, "blocks"))
+    shared, drawn = extract(model, "blocks"), with_blocks(extract(model, "blocks"), "surfaces")
     assert (len(shared.points), len(drawn.points)) == (9, 6 + 4 + 4)
     assert np.allclose(drawn.points[drawn.cells], shared.points[shared.cells])
     assert bodies_of_cells(drawn).tolist() == [0, 0, 1, 2]

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
-from fenics_contact.geometry.gmsh_reader import GmshContents, read
-from fenics_contact.geometry.msh_text import text_contents
+from fenics_contact.geometry.gmsh_reader import GmshContents, read, text_contents
 from fenics_contact.meshing import arch, buttress, running_bond, wall
 
 DRAWN = {

@@ -19,9 +19,11 @@ from fenics_contact import (
     OutputOptions,
     Scene,
     SolveOptions,
+    limit_load,
 )
 from fenics_contact.meshing import polygons, wall
 from fenics_contact.scene.toml_tables import from_table, read_toml
+from tests.bank import wall_recipe
 from tests.helpers import PUSH, STONE, coulomb, mesh_of, rectangle
 
 NAN, INF = math.nan, math.inf
@@ -78,6 +80,22 @@ def mesh() -> BlockMesh:
 def test_value_is_refused(build, message):
     with pytest.raises(InputError, match=message):
         build()
+
+
+def test_whole_numbers_are_taken_as_floats():
+    """An array of joints with friction 1 was one of whole numbers, of which no solver knew."""
+    law = JointLaw("coulomb", 1, gap=0)
+    load = Load((0, -10), traction={"top": [1, 2]}, profile=[(0, 1), (2, 3)])
+    found = (law.friction, law.gap, *load.body, *load.traction["top"], load.profile[1][1])
+    assert [type(number) for number in found] == 7 * [float]
+    assert load == Load(
+        (0.0, -10.0), traction={"top": (1.0, 2.0)}, profile=((0.0, 1.0), (2.0, 3.0))
+    )
+    by_law = [
+        limit_load(wall_recipe("W1", JointLaw(friction=one)).scene(1, fast=True)).load_factor
+        for one in (1, 1.0)
+    ]
+    assert by_law[0] == by_law[1]
 
 
 ROUGH = coulomb(0.5)

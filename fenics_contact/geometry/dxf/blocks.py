@@ -19,20 +19,24 @@ from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.closing import ClosedJoints, Mortar
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf import doubts
-from fenics_contact.geometry.dxf.chords import as_ring, chains_of_chords
-from fenics_contact.geometry.dxf.faces import (
-    Faces,
-    faces_between,
-    on_lines,
-    openings,
+from fenics_contact.geometry.dxf.curves import (
+    as_ring,
+    chains_of_chords,
+    end_where_they_return,
+    snapped_curves,
 )
-from fenics_contact.geometry.dxf.reader import UNITS, Curve, Curves, read_curves
-from fenics_contact.geometry.dxf.returns import end_where_they_return
+from fenics_contact.geometry.dxf.faces import Faces, faces_between, on_lines, openings
+from fenics_contact.geometry.dxf.reader import UNITS, Curves, read_curves
 from fenics_contact.geometry.dxf.roles import MANY, CurveRoles, LayerRoles, curve_roles
-from fenics_contact.geometry.dxf.slips import Slips, slips_between, values_to_try
-from fenics_contact.geometry.dxf.snap import snapped_curves
-from fenics_contact.geometry.meshing import COINCIDENT, Segments, lowest_level, outline_problem
-from fenics_contact.geometry.outlines import equal_outlines, inside_outlines
+from fenics_contact.geometry.meshing import lowest_level
+from fenics_contact.geometry.outlines import (
+    COINCIDENT,
+    Segments,
+    equal_outlines,
+    inner_points,
+    inside_outlines,
+    outline_problem,
+)
 from fenics_contact.geometry.planar_cells import PENETRATION, Array
 
 #: Distance from the origin from which a drawing is moved there, and distance of a block from the
@@ -115,7 +119,7 @@ def read_dxf(
     """
     found = read_curves(Path(path), unit)
     if not found.curves:
-        raise InputError(f"{found.source} has no lines; {_listed_notes(found.notes)}")
+        raise InputError(f"{found.source} has no lines; {'; '.join(found.notes) or 'it is empty'}")
     if not 0.0 <= snap < np.inf:
         raise InputError(f"snap = {snap:g} must be a length in the drawing's unit")
     end_where_they_return(found)
@@ -125,24 +129,17 @@ def read_dxf(
     by_role = curve_roles(found, chains, roles or LayerRoles(), near)
 
     def attempt(reach: float) -> _Reading:
+        """The drawing with a `snap`, before its blocks are found."""
         curves = snapped_curves(found.curves, by_role.bounding, reach) if reach else found.curves
         return _Reading(replace(found, curves=curves), by_role, near, origin, reach)
 
-    return _with_slips_told(attempt, snap, close)
-
-
-def _with_slips_told(attempt: Callable[[float], _Reading], snap: float, close: bool) -> DxfContents:
-    """Contents of a drawing read with a `snap`, and what a larger one mends; see `read_dxf`."""
     read = attempt(snap)
-    failure = None
+    slips = doubts.Slips()
     try:
-        read.take_blocks()
-    except InputError as error:
-        failure = error
-    slips = _slips(read, attempt)
-    try:
-        if failure is not None:
-            raise failure
+        try:
+            read.take_blocks()
+        finally:
+            slips = _slips(read, attempt)
         if close:
             read.close_joints()
         return read.contents(slips)
@@ -154,10 +151,13 @@ def _with_slips_told(attempt: Callable[[float], _Reading], snap: float, close: b
         ) from None
 
 
-def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> Slips:
+def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> doubts.Slips:
     """What a drawing loses by ends that miss each other, by the smallest `snap` that mends most."""
+    missed = doubts.missed_ends(read.faces, read.near)[1] if read.faces else np.zeros(0)
     mended = read
-    for value in read.values_to_try():
+    for value in doubts.values_to_try(missed):
+        if value <= read.snap:
+            continue
         other = attempt(value)
         try:
             other.take_blocks()
@@ -166,12 +166,8 @@ def _slips(read: _Reading, attempt: Callable[[float], _Reading]) -> Slips:
         if len(other.blocks) + len(other.voids) > len(mended.blocks) + len(mended.voids):
             mended = other
     if mended is read:
-        return Slips()
-    return slips_between(read.blocks, (mended.blocks, mended.voids), mended.snap)
-
-
-def _listed_notes(notes: Sequence[str]) -> str:
-    return "; ".join(notes) or "it is empty"
+        return doubts.Slips()
+    return doubts.slips_between(read.blocks, (mended.blocks, mended.voids), mended.snap)
 
 
 def _own_origin(found: Curves) -> tuple[Array, float]:
@@ -202,12 +198,7 @@ class _Reading:
     """
 
     def __init__(
-        self,
-        found: Curves,
-        by_role: CurveRoles,
-        near: float,
-        origin: Array,
-        snap: float,
+        self, found: Curves, by_role: CurveRoles, near: float, origin: Array, snap: float
     ) -> None:
         self.found = found
         self.chains = chains_of_chords(found.curves, near)
@@ -222,12 +213,9 @@ class _Reading:
         self.notes = [*found.notes, *by_role.notes]
         self.marks: list[tuple[Array, str]] = []
 
-    def _curve(self, number: int) -> Curve:
-        return self.found.curves[number]
-
     def _rings(self, numbers: Sequence[int]) -> list[Array]:
         """Chains of curves that end as they begin, if closed."""
-        return [as_ring(self._curve(k), self.chains[k]) for k in numbers]
+        return [as_ring(self.found.curves[k], self.chains[k]) for k in numbers]
 
     def _place(self, point: Array) -> str:
         return _place(point + self.origin, self.found.unit)
@@ -237,107 +225,46 @@ class _Reading:
     def take_blocks(self) -> None:
         """Take the blocks: faces between lines, or closed curves."""
         if self.by_role.lines:
-            self.take_faces()
+            self._take_faces()
         else:
-            self.take_closed_curves()
+            self._take_closed_curves()
 
-    def take_closed_curves(self) -> None:
-        """Take every closed curve of blocks as a block, but for those within openings."""
-        self.voids = [self.chains[k] for k in self.by_role.voids if self._curve(k).closed]
-        for k in self.by_role.blocks:
-            curve = self._curve(k)
-            if problem := outline_problem(self.chains[k]):
-                place = self._place(self.chains[k][0])
+    def _take_closed_curves(self) -> None:
+        """Take closed curves of blocks, each once, but for those within openings."""
+        from shapely.geometry import Polygon
+
+        curves = self.found.curves
+        self.voids = [self.chains[k] for k in self.by_role.voids if curves[k].closed]
+        self.blocks = [self.chains[k] for k in self.by_role.blocks]
+        self.names = [curves[k].layer for k in self.by_role.blocks]
+        for block, name in zip(self.blocks, self.names, strict=True):
+            if problem := outline_problem(block):
+                place = self._place(block[0])
                 raise InputError(
-                    f"{self.found.source}: the block on layer '{curve.layer}' at {place} {problem}"
+                    f"{self.found.source}: the block on layer '{name}' at {place} {problem}"
                 )
-            self.blocks.append(self.chains[k])
-            self.names.append(curve.layer)
         if not self.blocks:
             raise InputError(
                 f"{self.found.source} has no closed polyline, which would be a block; give layers"
                 " of closed curves with --blocks, or of lines between blocks with --lines"
-                f" ({_listed_notes(self.notes)})"
+                f" ({'; '.join(self.notes) or 'it is empty'})"
             )
-        self._leave_out(_in_openings(self.blocks, self.voids, self.near), "within openings")
-        self._leave_out(self._drawn_twice(), "drawn twice: each is one block")
-        depth = PENETRATION * self.near / COINCIDENT
-        self.marks += doubts.openings_over_blocks(self.blocks, self.voids, depth)
-
-    def take_faces(self) -> None:
-        """Take faces between lines as blocks, but for those within openings."""
-        roles = self.by_role
-        closed = [self.chains[k] for k in roles.blocks]
-        faces = self.faces = self._faces()
-        drawn = on_lines(faces.edges, self._rings(roles.voids), self.near)
-        self.voids = openings(faces, drawn)
-        by_lines = self._bounded_by_lines(faces)
-        owner = np.full(len(faces.outlines), -1)
-        void = np.zeros(len(faces.outlines), dtype=bool)
-        if closed or self.voids:
-            inner = np.array([doubts.inner_point(outline) for outline in faces.outlines])
-            owner = inside_outlines(inner.reshape(-1, 2), closed)
-            void = inside_outlines(inner.reshape(-1, 2), self.voids) >= 0
-        for k, outline in enumerate(faces.outlines):
-            if void[k] or (owner[k] < 0 and not by_lines[k]):
-                continue
-            if faces.holes[k]:
-                place = self._place(doubts.inner_point(outline))
-                raise InputError(
-                    f"{self.found.source}: the face at {place} has lines within"
-                    " that do not touch its outline: it would be a block with a hole; draw a joint"
-                    " from there to the outline, or name the layer with --voids or --ignore"
-                )
-            self.blocks.append(outline)
-            self.names.append(
-                self._curve(roles.blocks[owner[k]]).layer if owner[k] >= 0 else "blocks"
-            )
-        if not self.blocks:
-            raise InputError(
-                f"{self.found.source}: the lines on layers {self._layers(roles.lines)} enclose no"
-                f" face, which would be a block ({_listed_notes(self.notes)})"
-            )
-        self.notes.append(
-            f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
-        )
-
-    def _faces(self) -> Faces:
-        """Faces between lines and closed curves, but for those that only name blocks."""
-        roles = self.by_role
-        rings = self._rings([*roles.lines, *roles.voids])
-        closed = self._rings(roles.blocks)
-        faces = faces_between(rings, self.near)
-        if closed and len(faces.outlines) >= MANY * len(closed):
-            closed = [ring for ring in closed if doubts.bounds_faces(ring, faces, self.near)]
-        return faces_between([*rings, *closed], self.near) if closed else faces
-
-    def values_to_try(self) -> list[float]:
-        """Larger values of `snap` with which an end in the air might meet another line."""
-        missed = doubts.missed_ends(self.faces, self.near)[1] if self.faces else np.zeros(0)
-        return [value for value in values_to_try(missed) if value > self.snap]
-
-    def _bounded_by_lines(self, faces: Faces) -> list[bool]:
-        """Which faces have a side on a line between blocks."""
-        edges = faces.edges[on_lines(faces.edges, self._rings(self.by_role.lines), self.near)]
-        known = {tuple(sorted(map(tuple, edge))) for edge in edges.tolist()}
-        found = []
-        for outline in faces.outlines:
-            corners = [tuple(corner) for corner in outline.tolist()]
-            sides = pairwise([*corners, corners[0]])
-            found.append(any(tuple(sorted(side)) in known for side in sides))
-        return found
-
-    def _layers(self, numbers: Sequence[int]) -> str:
-        return ", ".join(sorted({self._curve(k).layer for k in numbers}))
-
-    def _drawn_twice(self) -> set[int]:
-        """Blocks with the outline of one before, which are marked."""
+        if self.voids:
+            owner = inside_outlines(inner_points(self.blocks), self.voids)
+            within = {
+                k
+                for k in np.flatnonzero(owner >= 0).tolist()
+                if Polygon(self.blocks[k]).within(Polygon(self.voids[owner[k]]).buffer(self.near))
+            }
+            self._leave_out(within, "within openings")
         twice = equal_outlines(self.blocks, self.near)
-        for first, second in twice:
+        for second, first in twice.items():
             layers = " and ".join(sorted({self.names[first], self.names[second]}))
             text = f"a block on layer {layers} is drawn twice"
-            self.marks.append((doubts.inner_point(self.blocks[first]), text))
-        return {second for _, second in twice}
+            self.marks.append((inner_points([self.blocks[first]])[0], text))
+        self._leave_out(set(twice), "drawn twice: each is one block")
+        depth = PENETRATION * self.near / COINCIDENT
+        self.marks += doubts.openings_over_blocks(self.blocks, self.voids, depth)
 
     def _leave_out(self, numbers: set[int], why: str) -> None:
         if numbers:
@@ -345,6 +272,48 @@ class _Reading:
             keep = [k for k in range(len(self.blocks)) if k not in numbers]
             self.blocks = [self.blocks[k] for k in keep]
             self.names = [self.names[k] for k in keep]
+
+    def _take_faces(self) -> None:
+        """Take faces between lines as blocks, but for those within openings."""
+        roles = self.by_role
+        curves = self.found.curves
+        lines = self._rings(roles.lines)
+        voids = self._rings(roles.voids)
+        closed = self._rings(roles.blocks)
+        faces = faces_between([*lines, *voids], self.near)
+        if closed:  # those that only name blocks bound none
+            if len(faces.outlines) >= MANY * len(closed):
+                closed = [ring for ring in closed if doubts.bounds_faces(ring, faces, self.near)]
+            faces = faces_between([*lines, *voids, *closed], self.near)
+        self.faces = faces
+        self.voids = openings(faces, on_lines(faces.edges, voids, self.near))
+        edges = faces.edges[on_lines(faces.edges, lines, self.near)]
+        drawn = set(map(frozenset, (edges @ [1.0, 1.0j]).tolist()))
+        inner = inner_points(faces.outlines)
+        owner = inside_outlines(inner, [self.chains[k] for k in roles.blocks])
+        void = inside_outlines(inner, self.voids) >= 0
+        for k, outline in enumerate(faces.outlines):
+            corners = (outline @ [1.0, 1.0j]).tolist()
+            by_lines = any(frozenset(side) in drawn for side in pairwise([*corners, corners[0]]))
+            if void[k] or (owner[k] < 0 and not by_lines):
+                continue
+            if faces.holes[k]:
+                raise InputError(
+                    f"{self.found.source}: the face at {self._place(inner[k])} has lines within"
+                    " that do not touch its outline: it would be a block with a hole; draw a joint"
+                    " from there to the outline, or name the layer with --voids or --ignore"
+                )
+            self.blocks.append(outline)
+            self.names.append(curves[roles.blocks[owner[k]]].layer if owner[k] >= 0 else "blocks")
+        if not self.blocks:
+            layers = ", ".join(sorted({curves[k].layer for k in roles.lines}))
+            raise InputError(
+                f"{self.found.source}: the lines on layers {layers} enclose no"
+                f" face, which would be a block ({'; '.join(self.notes) or 'it is empty'})"
+            )
+        self.notes.append(
+            f"faces between lines: {len(self.blocks)} blocks, {len(self.voids)} openings"
+        )
 
     # ---- mortar joints
 
@@ -363,13 +332,13 @@ class _Reading:
             if problem := outline_problem(grown):
                 raise InputError(
                     f"{self.found.source}: the joints around the block on layer '{name}' at"
-                    f" {self._place(doubts.inner_point(block))} cannot be closed, its outline then"
+                    f" {self._place(inner_points([block])[0])} cannot be closed, its outline then"
                     f" {problem}; draw it up to the middle of its joints, or leave out --close"
                 )
         self.blocks = list(closed.outlines)
         self.chains = [
-            chain if self._curve(k).closed else closed.moved(chain)
-            for k, chain in enumerate(self.chains)
+            chain if curve.closed else closed.moved(chain)
+            for curve, chain in zip(self.found.curves, self.chains, strict=True)
         ]
         self.notes.append(
             f"joints of {mortar.said(1.0, self.found.unit)} closed: blocks reach to their middle"
@@ -377,14 +346,22 @@ class _Reading:
 
     # ---- contents
 
-    def contents(self, slips: Slips) -> DxfContents:
+    def contents(self, slips: doubts.Slips) -> DxfContents:
         """The drawing in m, with its groups, and what it loses by slips."""
         scale = UNITS[self.found.unit]
         self._refuse_far_blocks()
         self._add_doubts(slips)
-        self._move_to_blocks()
-        lengths: dict[str, float] = {}
-        groups = self._groups(lengths)
+        if np.any(self.origin):  # to the lower left corner of the blocks
+            corner = np.concatenate(self.blocks).min(axis=0)
+            self.origin = self.origin + corner
+            self.blocks = [block - corner for block in self.blocks]
+            self.voids = [void - corner for void in self.voids]
+            self.chains = [chain - corner for chain in self.chains]
+            self.marks = [(point - corner, text) for point, text in self.marks]
+            place = self._place(np.zeros(2))
+            self.notes.append(f"moved: map coordinates, the new origin is {place} of the drawing")
+        drawing = Drawing([scale * block for block in self.blocks], self.names)
+        groups, lengths = self._groups(drawing, scale)
         by_text: dict[str, list[Array]] = {}
         for point, text in self.marks:
             by_text.setdefault(text, []).append(point)
@@ -394,7 +371,7 @@ class _Reading:
             for text, points in by_text.items()
         ]
         return DxfContents(
-            Drawing([scale * block for block in self.blocks], self.names, groups),
+            replace(drawing, groups=groups),
             self.found.unit,
             tuple(self.notes),
             scale * self.origin,
@@ -404,7 +381,7 @@ class _Reading:
             slips.text,
         )
 
-    def _add_doubts(self, slips: Slips) -> None:
+    def _add_doubts(self, slips: doubts.Slips) -> None:
         """Add what looks wrong."""
         found = self.found
         if self.faces is not None:
@@ -413,45 +390,34 @@ class _Reading:
         rings = [np.concatenate([block, block[:1]]) for block in self.blocks]
         for k in self.by_role.sides:
             chain = self.chains[k]
-            if self._curve(k).layer in self.names and len(chain) > 2 and not self._curve(k).closed:
+            layer = found.curves[k].layer
+            if layer in self.names and len(chain) > 2 and not found.curves[k].closed:
                 edges = np.stack([chain[:-1], chain[1:]], axis=1)
-                inner = doubts.inner_point(chain)[None]
-                on_sides = on_lines(edges, rings, self.near).all()
-                if not on_sides or inside_outlines(inner, self.blocks)[0] < 0:
-                    self.marks.append(doubts.open_polyline(chain, self._curve(k).layer))
+                inside = inside_outlines(inner_points([chain]), self.blocks)[0] >= 0
+                if not (inside and on_lines(edges, rings, self.near).all()):
+                    text = f"an open polyline on layer '{layer}' is no block: close it if it is one"
+                    self.marks.append((chain[0], text))
         self.marks += doubts.small_blocks(self.blocks, self.names)
         self.notes += doubts.large_blocks(self.blocks, self.names)
-        self.notes += doubts.unit(self.blocks, found.unit, found.unit_given)
+        self.notes += doubts.doubtful_unit(self.blocks, found.unit, found.unit_given)
 
-    def _move_to_blocks(self) -> None:
-        """Move the origin of a drawing that was moved to the lower left corner of its blocks."""
-        if not np.any(self.origin):
-            return
-        corner = np.concatenate(self.blocks).min(axis=0)
-        self.origin = self.origin + corner
-        self.blocks = [block - corner for block in self.blocks]
-        self.voids = [void - corner for void in self.voids]
-        self.chains = [chain - corner for chain in self.chains]
-        self.marks = [(point - corner, text) for point, text in self.marks]
-        place = self._place(np.zeros(2))
-        self.notes.append(f"moved: map coordinates, the new origin is {place} of the drawing")
+    def _groups(self, drawing: Drawing, scale: float) -> tuple[Segments, dict[str, float]]:
+        """Groups of the lines on which sides of blocks lie, or the lowest level; their lengths, m.
 
-    def _groups(self, lengths: dict[str, float]) -> Segments:
-        """Groups of the lines on which sides of blocks lie, or the lowest level.
-
-        `lengths` of the sides of each group, m, are added.
+        Raises:
+            InputError: If the drawing stands on nothing.
         """
-        scale = UNITS[self.found.unit]
         roles = self.by_role
+        curves = self.found.curves
         faces = bool(roles.lines)
-        drawn = not faces and any(not self._curve(k).closed for k in roles.sides)
+        drawn = not faces and any(not curves[k].closed for k in roles.sides)
         lines: dict[str, list[npt.ArrayLike]] = {}
-        for k in [*roles.sides, *(roles.lines + roles.voids if faces else ())]:
-            (ring,) = self._rings([k])
-            lines.setdefault(self._curve(k).layer, []).extend(pairwise(scale * ring))
-        blocks = [scale * block for block in self.blocks]
+        numbers = [*roles.sides, *(roles.lines + roles.voids if faces else ())]
+        for k, ring in zip(numbers, self._rings(numbers), strict=True):
+            lines.setdefault(curves[k].layer, []).extend(pairwise(scale * ring))
+        blocks = list(drawing.blocks)
         level: Segments = {} if "base" in map(str.lower, lines) else lowest_level(blocks)
-        every = Drawing(blocks, self.names, {**lines, **level}).lengths()
+        every = replace(drawing, groups={**lines, **level}).lengths()
         self.notes += [
             f"left out: layer '{name}', on whose lines no side of a block lies"
             for name in lines
@@ -463,27 +429,21 @@ class _Reading:
             self.notes.append(f'{why}the group "base" is the lowest level')
             if not level:  # a layer of that name has no side
                 level = lowest_level(blocks)
-                every |= Drawing(blocks, self.names, level).lengths()
+                every |= replace(drawing, groups=level).lengths()
             groups = {**groups, **level}
-            self._refuse_without_base(every["base"])
-        lengths.update({name: every[name] for name in groups})
-        return groups
-
-    def _refuse_without_base(self, length: float) -> None:
-        """Refuse a drawing that stands on nothing."""
-        if length == 0.0:
-            lowest = min(self.blocks, key=lambda block: block[:, 1].min())
-            place = self._place(lowest[np.argmin(lowest[:, 1])])
-            raise InputError(
-                f"{self.found.source}: no side of a block lies on the lowest level, at {place}, to"
-                " stand on; draw lines on a layer of their own where the structure stands"
-            )
+            if every["base"] == 0.0:
+                lowest = min(self.blocks, key=lambda block: block[:, 1].min())
+                place = self._place(lowest[np.argmin(lowest[:, 1])])
+                raise InputError(
+                    f"{self.found.source}: no side of a block lies on the lowest level, at {place},"
+                    " to stand on; draw lines on a layer of their own where the structure stands"
+                )
+        return groups, {name: every[name] for name in groups}
 
     def _refuse_far_blocks(self) -> None:
         """Refuse a block so far from the others that the digits of all would not do."""
         points = np.array([block.mean(axis=0) for block in self.blocks])
-        middle = np.median(points, axis=0)
-        away = np.linalg.norm(points - middle, axis=1)
+        away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
         worst = int(np.argmax(away))
         block = np.median([np.ptp(block, axis=0).max() for block in self.blocks])
         size = 2.0 * float(np.median(away)) + block
@@ -493,18 +453,3 @@ class _Reading:
                 f" {self._place(points[worst])} is {away[worst] / size:.3g} times the size of the"
                 " drawing away from the others; delete it or name its layer with --ignore"
             )
-
-
-def _in_openings(blocks: Sequence[Array], voids: Sequence[Array], near: float) -> set[int]:
-    """Blocks that lie within openings, but for a distance."""
-    from shapely.geometry import Polygon
-
-    if not voids:
-        return set()
-    inner = np.array([doubts.inner_point(block) for block in blocks])
-    owner = inside_outlines(inner, voids)
-    return {
-        k
-        for k in np.flatnonzero(owner >= 0).tolist()
-        if Polygon(blocks[k]).within(Polygon(voids[owner[k]]).buffer(near))
-    }

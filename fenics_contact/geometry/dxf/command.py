@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,16 +13,19 @@ import numpy as np
 
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.closing import Mortar
-from fenics_contact.geometry.drawing import LIMITS, Drawing
+from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf.blocks import PLACES, DxfContents, Mark, read_dxf
-from fenics_contact.geometry.dxf.ground import GroupRoles, with_ground
 from fenics_contact.geometry.dxf.reader import UNITS
 from fenics_contact.geometry.dxf.roles import LayerRoles
+from fenics_contact.geometry.dxf.starter import GroupRoles, starter_text, with_ground
 from fenics_contact.geometry.gmsh_mesh import gmsh_session
-from fenics_contact.geometry.meshing import default_size, sides_of_outlines
-from fenics_contact.geometry.msh_text import REMARK
-from fenics_contact.geometry.outlines import overlaps
+from fenics_contact.geometry.gmsh_reader import REMARK
+from fenics_contact.geometry.meshing import default_size
+from fenics_contact.geometry.outlines import overlaps, sides_of_outlines
 from fenics_contact.geometry.planar_cells import PENETRATION, Array, Indices
+
+#: Largest number of cells; a limit load of more takes days.
+CELLS = 2e6
 
 
 @dataclass(frozen=True)
@@ -79,22 +82,20 @@ class MeshedDrawing:
 
     Attributes:
         read: The drawing.
-        roles: Of its groups, if a scene was asked for.
-        lines: What was made, for people.
+        lines: What was made and guessed and what to do next, for people.
         closing_gap: `joints.default.gap` that closes gaps between blocks, m, as text; empty if
             there are none.
         mortar: Thickness of the joints that --close closes, as text; empty if there are none.
     """
 
     read: DxfContents
-    roles: GroupRoles | None
     lines: Sequence[str]
     closing_gap: str
     mortar: str
 
 
 def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
-    """Mesh a DXF drawing and write it for gmsh.
+    """Mesh a DXF drawing and write it for gmsh, with a scene to begin with if it is asked for.
 
     Raises:
         InputError: If the drawing is wrong or blocks overlap, or the mesh cannot be written; no
@@ -106,63 +107,77 @@ def mesh_drawing(order: MeshOrder) -> MeshedDrawing:
     if order.scene is not None:
         read, roles = with_ground(read)
     drawing = read.drawing
-    size = order.size or default_size(list(drawing.blocks))
-    pairs, places = overlaps(drawing.blocks, PENETRATION * min(size, _smallest(drawing)))
-    mortar = Mortar.of(list(drawing.blocks))
+    blocks = list(drawing.blocks)
+    size = order.size or default_size(blocks)
+    smallest = min(float(np.ptp(block, axis=0).min()) for block in blocks) or 1.0
+    pairs, places = overlaps(blocks, PENETRATION * min(size, smallest))
+    mortar = Mortar.of(blocks)
     most = float(mortar.range[1])
     gaps = drawing.gaps(most)
     if order.close:  # corners of the outline beside a joint that was closed face nothing
         gaps = gaps[gaps[:, 3] > 0.0]
     if order.picture is not None:
-        _draw(read, gaps, places, order.picture)
+        from fenics_contact.geometry.dxf.picture import write_picture
+
+        marks = [*read.marks, *(Mark(x, y, "gap") for x, y in gaps[:, :2].tolist())]
+        marks += [Mark(x, y, "overlap") for x, y in places.tolist()]
+        write_picture(read, marks, order.picture)
     if len(pairs):
         raise InputError(_overlap_message(read, pairs, places, f"'{order.drawing}'"))
-    _check_size(drawing, size)
-    triangles = _meshed(drawing, size, order.mesh, read.slips)
-    lines = _said(order, read, f"{triangles} triangles, elements of at most {size:.3g} m")
-    thickness = mortar.said(UNITS[read.unit], read.unit)
-    gap = _closing_gap(most, gaps)
-    lines += _gap_warning(read, gaps, gap, thickness)
-    if order.picture is not None:
-        lines.append(f"picture of what was read: {order.picture}")
-    lines.append(f"written to {order.mesh}")
-    return MeshedDrawing(read, roles, lines, gap, thickness)
-
-
-def _said(order: MeshOrder, read: DxfContents, mesh: str) -> list[str]:
-    """What was read and made, in lines."""
-    drawing = read.drawing
-    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
-    lengths = {name: f"{length:g} m" for name, length in read.lengths.items()}
-    return [
-        f"{order.drawing}: {len(drawing.blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
-        f"blocks by layer: {_listed(Counter(drawing.names))}",
-        f"sides by layer: {_listed(lengths)}",
-        f"mesh: {mesh} along the sides",
-        *read.notes,
-    ]
-
-
-def _smallest(drawing: Drawing) -> float:
-    """Smallest width or height of a block, m."""
-    return min(float(np.ptp(block, axis=0).min()) for block in drawing.blocks) or 1.0
-
-
-def _check_size(drawing: Drawing, size: float) -> None:
-    """Refuse elements larger than the drawing, and too many of them."""
-    width, height = np.ptp(np.concatenate(drawing.blocks), axis=0)
+    width, height = np.ptp(np.concatenate(blocks), axis=0)
     if size > max(width, height):
         raise InputError(
             f"elements of {size:g} m are larger than the drawing, {width:g} m x {height:g} m; give"
             " --size in m"
         )
     # Two triangles or more for each square, and the squares of four elements by default.
-    blocks = list(drawing.blocks)
     cells = 32.0 * len(blocks) * (default_size(blocks) / size) ** 2
     sides = np.diff(sides_of_outlines(blocks), axis=1)[:, 0]
     cells = max(cells, float(np.linalg.norm(sides, axis=1).sum()) / size)
-    if cells > LIMITS.cells:
+    if cells > CELLS:
         raise InputError(f"elements of {size:g} m would be {cells:.1g} cells; give a larger --size")
+    triangles = _meshed(drawing, size, order.mesh, read.slips)
+
+    def listed(values: Mapping[str, object]) -> str:
+        return ", ".join(f"{name} {value}" for name, value in values.items()) or "none"
+
+    thickness = mortar.said(UNITS[read.unit], read.unit)
+    gap, warnings = _gap_warning(read, gaps, most, thickness)
+    lines = [
+        f"{order.drawing}: {len(blocks)} blocks, {width:g} m x {height:g} m ({read.unit})",
+        f"blocks by layer: {listed(Counter(drawing.names))}",
+        f"sides by layer: {listed({name: f'{one:g} m' for name, one in read.lengths.items()})}",
+        f"mesh: {triangles} triangles, elements of at most {size:.3g} m along the sides",
+        *read.notes,
+        *warnings,
+        *([f"picture of what was read: {order.picture}"] if order.picture else ()),
+        f"written to {order.mesh}",
+        *_next(order, read, roles, gap, thickness),
+        *([read.slips] if read.slips else ()),
+    ]
+    return MeshedDrawing(read, lines, gap, thickness)
+
+
+def _next(
+    order: MeshOrder, read: DxfContents, roles: GroupRoles | None, gap: str, mortar: str
+) -> list[str]:
+    """Write the scene, if it is asked for; what was guessed in it and what to do next."""
+    if order.scene is None or roles is None:
+        write = f'write a scene with mesh.file = "{order.mesh.name}"'
+        return [f"next: {write}, or let --scene FILE.toml do it; then: fenics-contact check SCENE"]
+    mesh = Path(os.path.relpath(order.mesh, order.scene.parent)).as_posix()
+    try:
+        with order.scene.open("x", encoding="utf-8") as file:  # one that is there stays
+            file.write(starter_text(order.drawing.stem, mesh, read, roles, gap, mortar))
+    except OSError as error:
+        raise InputError(f"cannot write to '{order.scene}': {error.strerror}") from None
+    ground = ", ".join(f"'{name}'" for name in roles.ground)
+    return [
+        f"the ground is {ground}: guessed, {roles.why}",
+        f"scene written to {order.scene}: materials, frictions and the live load are usual values,"
+        " set them right",
+        f"next: fenics-contact check {order.scene}, then: fenics-contact solve {order.scene}",
+    ]
 
 
 def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: str) -> str:
@@ -171,10 +186,9 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
     layers = Counter(" and ".join(sorted({names[a], names[b]})) for a, b in pairs.tolist())
     listed = ", ".join(f"{count} on {layer}" for layer, count in layers.most_common(3))
     more = f" ({len(pairs)} overlaps: {listed})" if len(pairs) > 1 else ""
-    if len(set(names)) == 1:
-        on = f"both on layer '{first}'"
-        cure = "draw them side by side, each once"
-    else:
+    on = f"both on layer '{first}'"
+    cure = "draw them side by side, each once"
+    if len(set(names)) > 1:
         on = f"on layers '{first}' and '{second}'"
         cure = (
             "draw them side by side, or name layers of openings with --voids, of joints with"
@@ -184,57 +198,47 @@ def _overlap_message(read: DxfContents, pairs: Indices, places: Array, source: s
     return f"{source}: blocks overlap at {shown}, {on}{more}; {cure}"
 
 
-def _gap_warning(read: DxfContents, gaps: Array, gap: str, mortar: str) -> Iterator[str]:
-    """How many corners lie beside another block, how far, and how to close the gaps."""
+def _gap_warning(
+    read: DxfContents, gaps: Array, thickest: float, mortar: str
+) -> tuple[str, list[str]]:
+    """How many corners lie beside another block, how far, and how to close the gaps.
+
+    Args:
+        read: The drawing.
+        gaps: See `Drawing.gaps`.
+        thickest: Of the mortar joints, m, 0 for none.
+        mortar: Their thickness as text.
+
+    Returns:
+        A distance, m, that is a little larger than mortar joints, else than the largest gap, as
+        text, and the warning; empty where there are no gaps.
+    """
     if not len(gaps):
-        return
-    facing = _facing(gaps)
-    least, most = facing[:, 2].min(), facing[:, 2].max()
+        return "", []
+    facing = gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps  # corner and side
+    least = facing[:, 2].min()
+    most = facing[:, 2].max()
+    step = 10.0 ** (np.floor(np.log10(thickest or most)) - 1.0)
+    gap = f"{np.ceil(1.05 * (thickest or most) / step) * step:.2g}"
     in_unit = " to ".join(dict.fromkeys(f"{d / UNITS[read.unit]:.3g}" for d in (least, most)))
     many = len(gaps) > len(read.drawing.blocks)
-    yield (
+    lines = [
         f"warning: {len(gaps)} corners lie beside another block without touching it, {in_unit}"
         f" {read.unit} away ({facing[0, 2]:.2g} m at {read.place(*facing[0, :2])})"
         f"{': mortar joints?' if many else ''}"
-    )
+    ]
     if mortar:
-        yield (
+        lines.append(
             f"joints of {mortar} are open: if that is mortar, give --close, which lets the blocks"
             " reach to the middle of their joints; mortar has a height"
         )
     cure = "if they must close first" if mortar else "these joints are open; to close them"
-    yield (
+    lines.append(
         f"{cure} write joints.default.gap = {gap} in the scene, or"
         f" fenics-contact solve SCENE --set joints.default.gap={gap}; or draw the blocks side by"
         " side"
     )
-
-
-def _facing(gaps: Array) -> Array:
-    """Gaps between a corner and the side that it faces, if there are any."""
-    return gaps[gaps[:, 3] > 0.0] if np.any(gaps[:, 3]) else gaps
-
-
-def _closing_gap(mortar: float, gaps: Array) -> str:
-    """Distance, m, that is a little larger than mortar joints, else than the largest gap."""
-    if not len(gaps):
-        return ""
-    most = mortar or _facing(gaps)[:, 2].max()
-    step = 10.0 ** (np.floor(np.log10(most)) - 1.0)
-    return f"{np.ceil(1.05 * most / step) * step:.2g}"
-
-
-def _listed(values: Mapping[str, object]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in values.items()) or "none"
-
-
-def _draw(read: DxfContents, gaps: Array, places: Array, target: Path) -> None:
-    """Write the picture, with gaps and overlaps marked."""
-    from fenics_contact.geometry.dxf.picture import write_picture
-
-    marks = [*read.marks, *(Mark(x, y, "gap") for x, y in gaps[:, :2].tolist())]
-    marks += [Mark(x, y, "overlap") for x, y in places.tolist()]
-    write_picture(read, marks, target)
+    return gap, lines
 
 
 def _meshed(drawing: Drawing, size: float, output: Path, remark: str) -> int:

@@ -1,4 +1,7 @@
-"""What looks wrong in a drawing: places with what is there, in words for a user."""
+"""What looks wrong in a drawing: places with what is there, in words for a user.
+
+And what the slips of its lines cost: stones joined or lost and openings filled.
+"""
 
 from __future__ import annotations
 
@@ -10,47 +13,32 @@ import numpy as np
 
 from fenics_contact.geometry.dxf.faces import Faces
 from fenics_contact.geometry.dxf.reader import UNITS
-from fenics_contact.geometry.meshing import outline_area
-from fenics_contact.geometry.outlines import inside_outlines, overlaps
+from fenics_contact.geometry.outlines import (
+    inner_points,
+    inside_outlines,
+    outline_area,
+    overlaps,
+    points_near_segments,
+)
 from fenics_contact.geometry.planar_cells import Array
-from fenics_contact.geometry.point_pairs import points_near_segments
 
-
-@dataclass(frozen=True)
-class DrawingDoubts:
-    """From where on something is suspicious.
-
-    Attributes:
-        small: Area of a block over the median one below which it might be a mistake.
-        large: Mean area of the blocks of a layer over the median one above which they might be
-            openings.
-        short: Distance from an end to a line, over the root of the median face's area, below which
-            the end misses the line.
-        alone: Part of the area within a closed curve that no face between lines covers, from which
-            it is a block of its own.
-        least: Width of the median block, m, below which its unit is doubtful.
-        most: The same above which it is.
-        usual: Widths of the median block, m, from which on and up to which a unit is proposed.
-    """
-
-    small: float = 1e-3
-    large: float = 4.0
-    short: float = 0.06
-    alone: float = 0.9
-    least: float = 0.02
-    most: float = 3.0
-    usual: tuple[float, float] = (0.08, 2.0)
-
-
-DOUBTS = DrawingDoubts()
+# From where on something is suspicious.
+#: Area of a block over the median one below which it might be a mistake.
+SMALL = 1e-3
+#: Mean area of the blocks of a layer over the median one above which they might be openings.
+LARGE = 4.0
+#: Distance from an end to a line, over the root of the median face's area, below which the end
+#: misses the line.
+SHORT = 0.06
+#: Part of the area within a closed curve that no face between lines covers, from which it is a
+#: block of its own.
+ALONE = 0.9
+#: Widths of the median block, m, outside which its unit is doubtful, and for which one is proposed.
+SIZES = 0.02, 3.0
+USUAL = 0.08, 2.0
 
 #: A suspicious place, in the unit of the drawing, and what is there.
 Doubt = tuple[Array, str]
-
-
-def open_polyline(chain: Array, layer: str) -> Doubt:
-    """An open polyline on a layer of blocks."""
-    return chain[0], f"an open polyline on layer '{layer}' is no block: close it if it is one"
 
 
 def missed_ends(faces: Faces, near: float, stub: float = 0.0) -> tuple[Array, Array]:
@@ -77,7 +65,7 @@ def _reach(faces: Faces) -> float:
     """Distance from an end to a line below which it misses the line."""
     areas = [abs(outline_area(outline)) for outline in faces.outlines]
     lengths = np.linalg.norm(faces.free[:, 1] - faces.free[:, 0], axis=1)
-    return DOUBTS.short * float(np.sqrt(np.median(areas or np.max(lengths, initial=0.0) ** 2)))
+    return SHORT * float(np.sqrt(np.median(areas or np.max(lengths, initial=0.0) ** 2)))
 
 
 def bounds_faces(ring: Array, faces: Faces, near: float) -> bool:
@@ -94,7 +82,7 @@ def bounds_faces(ring: Array, faces: Faces, near: float) -> bool:
         return True
     whole = Polygon(ring).buffer(0.0)
     rest = whole.difference(unary_union([Polygon(outline) for outline in faces.outlines]))
-    return bool(rest.area > DOUBTS.alone * whole.area)
+    return bool(rest.area > ALONE * whole.area)
 
 
 def free_ends(faces: Faces, blocks: list[Array], near: float, stub: float) -> Iterator[Doubt]:
@@ -107,16 +95,16 @@ def free_ends(faces: Faces, blocks: list[Array], near: float, stub: float) -> It
         yield end, "a line ends within a block, which it does not divide: extend it"
 
 
-def unit(blocks: Sequence[Array], unit: str, given: bool) -> Iterator[str]:
+def doubtful_unit(blocks: Sequence[Array], unit: str, given: bool) -> Iterator[str]:
     """A warning where blocks are no stones in the unit, or the file says inch, as if not set."""
     width = float(np.sqrt(np.median([abs(outline_area(block)) for block in blocks])))
     size = width * UNITS[unit]
-    if DOUBTS.least <= size <= DOUBTS.most and (given or unit != "in"):
+    if SIZES[0] <= size <= SIZES[1] and (given or unit != "in"):
         return
     likely = [
         f"--unit {name} makes it {width * metres:.3g} m"
         for name, metres in UNITS.items()
-        if name != unit and DOUBTS.usual[0] <= width * metres <= DOUBTS.usual[1]
+        if name != unit and USUAL[0] <= width * metres <= USUAL[1]
     ]
     yield (
         f"warning: is the unit {unit}? The median block is {size:.3g} m wide (the root of its"
@@ -127,9 +115,9 @@ def unit(blocks: Sequence[Array], unit: str, given: bool) -> Iterator[str]:
 def small_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[Doubt]:
     """Blocks that are much smaller than most."""
     areas = np.array([abs(outline_area(block)) for block in blocks])
-    for k in np.flatnonzero(areas < DOUBTS.small * np.median(areas)).tolist():
+    for k in np.flatnonzero(areas < SMALL * np.median(areas)).tolist():
         yield (
-            inner_point(blocks[k]),
+            inner_points([blocks[k]])[0],
             f"a block on layer '{names[k]}' has less than a thousandth of the median area: a sliver"
             " between lines that do not meet?",
         )
@@ -141,7 +129,7 @@ def large_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[str]
     median = float(np.median(areas))
     for name, count in Counter(names).items():
         large = areas[np.array(names) == name].mean() / median
-        if large > DOUBTS.large and count < 0.5 * len(names):
+        if large > LARGE and count < 0.5 * len(names):
             yield (
                 f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large as"
                 f" the median; if they are openings, give --voids {name}"
@@ -164,9 +152,45 @@ def openings_over_blocks(
             )
 
 
-def inner_point(outline: Array) -> Array:
-    """A point within an outline."""
-    from shapely.geometry import Polygon
+# ---- what slips cost
 
-    point = Polygon(outline).representative_point()
-    return np.array([point.x, point.y])
+
+@dataclass(frozen=True)
+class Slips:
+    """What a drawing loses because ends of lines miss each other.
+
+    Attributes:
+        text: All of it in a line; empty if nothing is lost.
+        snap: What mends it, in the drawing's unit; 0 for nothing.
+    """
+
+    text: str = ""
+    snap: float = 0.0
+
+
+def slips_between(
+    blocks: Sequence[Array], mended: tuple[Sequence[Array], Sequence[Array]], snap: float
+) -> Slips:
+    """What blocks as drawn lack of the blocks and openings of the drawing mended by `snap`."""
+    stones, openings = (inside_outlines(inner_points(some), blocks) for some in mended)
+    count = np.bincount(np.concatenate([stones, openings]) + 1, minlength=len(blocks) + 1)
+    parts = [
+        f"{number} {what}"
+        for number, what in (
+            (
+                np.sum((stones >= 0) & (count[stones + 1] > 1)),
+                "stones are joined to their neighbours",
+            ),
+            (np.sum(stones < 0), "stones are lost"),
+            (np.sum(openings >= 0), "openings filled"),
+        )
+        if number
+    ]
+    return Slips(f"{', '.join(parts)}: --snap {snap:g} mends them", snap)
+
+
+def values_to_try(missed: Array) -> list[float]:
+    """Lengths of one digit that are as large as those missed, each once, from the smallest on."""
+    missed = missed[np.isfinite(missed)]
+    step = 10.0 ** np.floor(np.log10(missed))
+    return sorted({float(f"{value:.1g}") for value in np.ceil(missed / step - 1e-9) * step})

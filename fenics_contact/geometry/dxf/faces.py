@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
+from fenics_contact.geometry.outlines import (
+    divided_segments,
+    points_near_segments,
+    snapped,
+    undirected,
+)
 from fenics_contact.geometry.planar_cells import Array, Flags
-from fenics_contact.geometry.point_pairs import divided_segments, points_near_segments, snapped
 
 #: Faces thinner than so many times the distance of points that are the same are none: twice the
 #: area over the length of the outline is the thickness.
@@ -49,20 +53,7 @@ def faces_between(chains: Sequence[Array], near: float) -> Faces:
     from shapely.geometry import MultiLineString
     from shapely.ops import polygonize, unary_union
 
-    whole = unary_union(MultiLineString(_cut(chains, near).tolist()))
-    parts = list(getattr(whole, "geoms", [whole]))
-    lines = [np.asarray(part.coords) for part in parts]
-    edges = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
-    faces = [face for face in polygonize(parts) if face.area > SLIVER * near * face.length]
-    outlines = [np.asarray(face.exterior.coords) for face in faces]
-    holes = [[np.asarray(ring.coords) for ring in face.interiors] for face in faces]
-    outer = _outer(edges, [*outlines, *chain.from_iterable(holes)])
-    has_hole = np.array([len(rings) > 0 for rings in holes], dtype=bool)
-    return Faces([ring[:-1] for ring in outlines], has_hole, edges, outer, _free(edges))
-
-
-def _cut(chains: Sequence[Array], near: float) -> Array:
-    """Segments of chains with common ends where they are near each other, each once, (n, 2, 2)."""
+    # Cut where corners lie on lines, each once: shapely finds the crossings.
     corners = snapped(np.concatenate(chains), near)
     parts = np.split(corners, np.cumsum([len(chain) for chain in chains])[:-1])
     segments = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in parts])
@@ -71,37 +62,27 @@ def _cut(chains: Sequence[Array], near: float) -> Array:
     ends = np.concatenate([starts[1:], starts[:1]])
     last = np.append(owner[1:] != owner[:-1], True)
     ends[last] = segments[owner[last], 1]
-    return np.unique(_sorted_ends(np.stack([starts, ends], axis=1)), axis=0)
+    cut = np.unique(undirected(np.stack([starts, ends], axis=1)), axis=0)
+    whole = unary_union(MultiLineString(cut.reshape(-1, 2, 2).tolist()))
 
-
-def _sorted_ends(segments: Array) -> Array:
-    """Segments with the end first that comes first in x, then in y."""
-    first, second = segments[:, 0], segments[:, 1]
-    swap = (first[:, 0] > second[:, 0]) | (
-        (first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1])
-    )
-    return np.where(swap[:, None, None], segments[:, ::-1], segments)
-
-
-def _outer(edges: Array, rings: Sequence[Array]) -> Flags:
-    """Which edges have a face on one side only, by the rings of corners around all faces."""
-    if not rings:
-        return np.zeros(len(edges), dtype=bool)
-    sides = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
-    both = np.concatenate([_sorted_ends(edges), _sorted_ends(sides)]).reshape(-1, 4)
-    _, label = np.unique(both, axis=0, return_inverse=True)
+    lines = list(getattr(whole, "geoms", [whole]))
+    rows = [np.asarray(line.coords) for line in lines]
+    edges = np.concatenate([np.stack([row[:-1], row[1:]], axis=1) for row in rows])
+    faces = [face for face in polygonize(lines) if face.area > SLIVER * near * face.length]
+    rings = [np.asarray(ring.coords) for f in faces for ring in (f.exterior, *f.interiors)]
+    sides = [np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]
+    _, label = np.unique(undirected(np.concatenate([edges, *sides])), axis=0, return_inverse=True)
     label = label.reshape(-1)
     count = np.bincount(label[len(edges) :], minlength=label.max() + 1)
-    return count[label[: len(edges)]] == 1
-
-
-def _free(edges: Array) -> Array:
-    """Edges that end in the air, that end first, shape (ends, 2, 2)."""
+    outer = count[label[: len(edges)]] == 1
     _, label, count = np.unique(
         edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
     )
     alone = (count[label.reshape(-1)] == 1).reshape(-1, 2)
-    return np.concatenate([edges[alone[:, 0]], edges[alone[:, 1], ::-1]])
+    free = np.concatenate([edges[alone[:, 0]], edges[alone[:, 1], ::-1]])
+    outlines = [np.asarray(face.exterior.coords)[:-1] for face in faces]
+    holes = np.array([len(face.interiors) > 0 for face in faces], dtype=bool)
+    return Faces(outlines, holes, edges, outer, free)
 
 
 def on_lines(edges: Array, chains: Sequence[Array], near: float) -> Flags:
@@ -129,14 +110,14 @@ def openings(faces: Faces, drawn: Flags) -> list[Array]:
     from shapely.ops import polygonize
 
     some = faces.edges[drawn | faces.outer]
-    regions = list(polygonize([LineString(edge) for edge in some.tolist()]))
-    is_drawn = {tuple(edge.ravel()) for edge in _sorted_ends(faces.edges[drawn])}
+    regions = polygonize([LineString(edge) for edge in some.tolist()])
+    is_drawn = set(map(tuple, undirected(faces.edges[drawn]).tolist()))
     found = []
     touching = []
     for region in regions:
         ring = np.asarray(region.exterior.coords)
         sides = np.stack([ring[:-1], ring[1:]], axis=1)
-        of_void = np.array([tuple(side.ravel()) in is_drawn for side in _sorted_ends(sides)])
+        of_void = np.array([tuple(side) in is_drawn for side in undirected(sides).tolist()])
         length = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
         if of_void.all():
             found.append(ring[:-1])

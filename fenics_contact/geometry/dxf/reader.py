@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,28 +19,20 @@ UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "in": 0.0254, "ft": 0.304
 DXF_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
 
 
-@dataclass(frozen=True)
-class ReaderLimits:
-    """What a drawing of a building keeps to; more is a mistake or would take hours.
-
-    Attributes:
-        coordinate: Largest coordinate, in the drawing's unit; map coordinates have 1e10 mm.
-        parts: Largest number of entities with all inserted blocks.
-        depth: Largest number of inserts in each other.
-        name: Most bytes of the name of a layer; gmsh keeps 127.
-        bulge: Largest bulge: that of a full circle but for a quarter of a degree.
-        chords: Points along an ellipse or a span of a spline from which its chords are chosen.
-    """
-
-    coordinate: float = 1e12
-    parts: int = 200_000
-    depth: int = 16
-    name: int = 100
-    bulge: float = 1e3
-    chords: int = 72
-
-
-LIMITS = ReaderLimits()
+# What a drawing of a building keeps to; more is a mistake or would take hours.
+#: Largest coordinate, in the drawing's unit; map coordinates have 1e10 mm.
+LARGEST = 1e12
+#: Largest number of entities with all inserted blocks, and of inserts in each other.
+PARTS = 200_000
+DEPTH = 16
+#: Most bytes of the name of a layer; gmsh keeps 127.
+NAME = 100
+#: Largest bulge: that of a full circle but for a quarter of a degree.
+BULGE = 1e3
+#: Points along an ellipse or a span of a spline from which its chords are chosen.
+CHORDS = 72
+#: Entities that are curves, by their names in DXF.
+KINDS = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
 
 
 @dataclass(frozen=True)
@@ -100,69 +91,57 @@ def read_curves(path: Path, unit: str | None) -> Curves:
     Raises:
         InputError: If ezdxf is missing, the file is no DXF, has no unit, or has a damaged entity.
     """
-    with _warnings_of_ezdxf() as said:
-        found = _read_curves(path, unit)
-    found.notes += [f"warning: damaged file: {text}" for text in list(dict.fromkeys(said))[:5]]
-    return found
-
-
-@contextmanager
-def _warnings_of_ezdxf() -> Iterator[list[str]]:
-    """What ezdxf says about a damaged file, in a list instead of on stderr."""
     said: list[str] = []
 
-    class Collector(logging.Handler):
-        """Appends messages to the list, each as one printable line."""
+    def collected(record: logging.LogRecord) -> bool:
+        """Keep what ezdxf says about a damaged file, as one printable line, from stderr."""
+        said.append("".join(c for c in record.getMessage()[:200] if c.isprintable()))
+        return False
 
-        def emit(self, record: logging.LogRecord) -> None:
-            """Append a message."""
-            said.append("".join(c for c in record.getMessage()[:200] if c.isprintable()))
-
+    source = f"'{path}'"
     logger = logging.getLogger("ezdxf")
-    handler = Collector(logging.WARNING)
+    handler = logging.Handler(logging.WARNING)
+    handler.addFilter(collected)
     before = logger.propagate
     logger.addHandler(handler)
     logger.propagate = False
     try:
-        yield said
+        document = _open_dxf(path)
+        given = unit is not None
+        unit = unit or DXF_UNITS.get(document.units, "")
+        if unit not in UNITS:
+            known = ", ".join(UNITS)
+            raise InputError(
+                f"{source} does not say its unit; give one of {known}, as in --unit mm"
+            )
+        found = Curves(source, unit, given)
+        parts = _Parts(document, source)
+        for entity, layer in parts.visible():
+            kind = entity.dxftype()
+            curve = _curve(entity, layer, source) if kind in KINDS else None
+            size = 0.0 if curve is None else np.abs(curve.points).max()
+            where = f"{kind} on layer '{layer}'"
+            much = f"a coordinate of {size:g} {unit}"
+            if curve is None:
+                parts.left_out[
+                    f"{kind} of no length on layer '{layer}'" if kind in KINDS else kind
+                ] += 1
+            elif size <= LARGEST:
+                found.curves.append(curve)
+            elif curve.closed:
+                raise InputError(f"{source}: the {where} has {much}; delete it or draw it anew")
+            else:
+                parts.left_out[f"{where} with {much}"] += 1
     finally:
         logger.propagate = before
         logger.removeHandler(handler)
-
-
-def _read_curves(path: Path, unit: str | None) -> Curves:
-    """Curves of a file; see `read_curves`."""
-    document = _open_dxf(path)
-    source = f"'{path}'"
-    given = unit is not None
-    unit = unit or DXF_UNITS.get(document.units, "")
-    if unit not in UNITS:
-        known = ", ".join(UNITS)
-        raise InputError(f"{source} does not say its unit; give one of {known}, as in --unit mm")
-    found = Curves(source, unit, given)
-    left_out = Counter[str]()
-    parts = _Parts(document, source, left_out)
-    for entity, layer in parts.visible():
-        kind = entity.dxftype()
-        if kind not in _READERS:
-            left_out[kind] += 1
-            continue
-        curve = _curve(entity, layer, source)
-        if curve is None:
-            left_out[f"{kind} of no length on layer '{layer}'"] += 1
-        elif np.abs(curve.points).max() <= LIMITS.coordinate:
-            found.curves.append(curve)
-        elif curve.closed:
-            size = np.abs(curve.points).max()
-            raise InputError(
-                f"{source}: the {kind} on layer '{layer}' has a coordinate of {size:g} {unit};"
-                " delete it or draw it anew"
-            )
-        else:
-            size = np.abs(curve.points).max()
-            left_out[f"{kind} on layer '{layer}' with a coordinate of {size:g} {unit}"] += 1
-    found.notes += [f"left out: {count} {kind}" for kind, count in left_out.items()]
-    found.notes += parts.renamed()
+    found.notes += [f"left out: {count} {kind}" for kind, count in parts.left_out.items()]
+    found.notes += [
+        f"layer '{key}' is called '{name}': gmsh does not keep its name"
+        for key, name in parts.spelling.items()
+        if name.lower() != key and key.isprintable()
+    ]
+    found.notes += [f"warning: damaged file: {text}" for text in list(dict.fromkeys(said))[:5]]
     return found
 
 
@@ -188,100 +167,92 @@ class _Parts:
     """Entities of a document with those of inserted blocks, counted.
 
     Attributes:
-        document: The document.
-        source: The file, for messages.
-        left_out: Number of entities that are left out, by what they are; inserts are added.
+        left_out: Number of entities that are left out, by what they are.
+        spelling: Names of layers as groups of gmsh, by their names in small letters: they have no
+            case.
     """
 
-    def __init__(self, document: Any, source: str, left_out: Counter[str]) -> None:
-        self.document = document
-        self.source = source
-        self.left_out = left_out
+    def __init__(self, document: Any, source: str) -> None:
+        self.left_out = Counter[str]()
+        self.spelling: dict[str, str] = {}
+        self._document = document
+        self._source = source
         self._count = 0
-        self._hidden = set()
-        for layer in document.layers:
-            if layer.is_off() or layer.is_frozen():
-                self._hidden.add(str(layer.dxf.name).lower())
-        self._spelling: dict[str, str] = {}  # names of layers have no case
 
     def visible(self) -> Iterator[tuple[Any, str]]:
-        """Entities of the model space on visible layers, with their layers."""
-        for entity, layer in self._parts(self.document.modelspace(), "", ()):
-            if layer.lower() in self._hidden:
+        """Entities of the model space on visible layers, with their layers.
+
+        gmsh keeps no quotes in names, and cuts long ones.
+        """
+        layers = self._document.layers
+        hidden = {str(one.dxf.name).lower() for one in layers if one.is_off() or one.is_frozen()}
+        for entity, layer in self._parts(self._document.modelspace(), "", ()):
+            key = layer.lower()
+            if key in hidden:
                 self.left_out[f"on layer '{layer}', which is off or frozen"] += 1
-            else:
-                yield entity, self._name(layer)
-
-    def _name(self, layer: str) -> str:
-        """Name of a layer as a group of gmsh, which keeps no quotes and cuts long names."""
-        key = layer.lower()
-        if key not in self._spelling:
-            name = layer.encode("utf-8", "replace").decode().replace('"', "'")
-            name = "".join(c if c.isprintable() else "?" for c in name)
-            short = name.encode()[: LIMITS.name].decode("utf-8", "ignore")
-            number = 1
-            while short.lower() in {known.lower() for known in self._spelling.values()}:
-                number += 1
-                short = f"{name.encode()[: LIMITS.name - 5].decode('utf-8', 'ignore')}~{number}"
-            self._spelling[key] = short
-        return self._spelling[key]
-
-    def renamed(self) -> Iterator[str]:
-        """Layers that have another name as groups."""
-        for key, name in self._spelling.items():
-            if name.lower() != key and key.isprintable():
-                yield f"layer '{key}' is called '{name}': gmsh does not keep its name"
+                continue
+            if key not in self.spelling:
+                name = layer.encode("utf-8", "replace").decode().replace('"', "'")
+                name = "".join(c if c.isprintable() else "?" for c in name)
+                short = name.encode()[:NAME].decode("utf-8", "ignore")
+                number = 1
+                while short.lower() in {known.lower() for known in self.spelling.values()}:
+                    number += 1
+                    short = f"{name.encode()[: NAME - 5].decode('utf-8', 'ignore')}~{number}"
+                self.spelling[key] = short
+            yield entity, self.spelling[key]
 
     def _parts(
         self, entities: Iterable[Any], outer: str, inside: tuple[str, ...]
     ) -> Iterator[tuple[Any, str]]:
-        """Entities and their layers; those on layer 0 of a block have the layer of its insert."""
+        """Entities and their layers, with those of inserted blocks.
+
+        Those on layer 0 of a block have the layer of its insert, as in CAD programs.
+
+        Args:
+            entities: Entities of the document or of a block.
+            outer: Layer of the block's insert.
+            inside: Blocks that this one is in.
+        """
         for entity in entities:
             self._add(1)
-            layer = _layer_of(entity)
-            layer = outer if layer == "0" and outer else layer  # as CAD programs do
-            if entity.dxftype() == "INSERT":
-                yield from self._inserted(entity, layer, inside)
-            else:
+            # ezdxf does not know the layer of some entities
+            layer = str(entity.dxf.layer) if entity.dxf.is_supported("layer") else "0"
+            layer = outer if layer == "0" and outer else layer
+            if entity.dxftype() != "INSERT":
                 yield entity, layer
-
-    def _inserted(self, insert: Any, layer: str, inside: tuple[str, ...]) -> Iterator:
-        """Parts of all copies of an inserted block."""
-        name = str(insert.dxf.get("name", ""))
-        shown = name.encode("utf-8", "replace").decode()
-        if name not in self.document.blocks:
-            self.left_out[f"insert of '{shown}', a block that the drawing lacks"] += 1
-        elif name.lower() in inside:
-            self.left_out[f"insert of '{shown}' in itself"] += 1
-        elif len(inside) >= LIMITS.depth:
-            self.left_out[f"insert of '{shown}' in {LIMITS.depth} others"] += 1
-        else:
-            count = max(1, insert.mcount)
-            self._add(count * len(self.document.blocks[name]))
-            try:
-                for copy in insert.multi_insert() if count > 1 else [insert]:
-                    parts = list(copy.virtual_entities())
-                    yield from self._parts(parts, layer, (*inside, name.lower()))
-            except InputError:
-                raise
-            except Exception as error:
-                reason = str(error) or type(error).__name__
-                raise InputError(
-                    f"{self.source}: the insert of '{shown}' cannot be read: {reason}; explode it"
-                ) from None
+                continue
+            name = str(entity.dxf.get("name", ""))
+            shown = name.encode("utf-8", "replace").decode()
+            if name not in self._document.blocks:
+                self.left_out[f"insert of '{shown}', a block that the drawing lacks"] += 1
+            elif name.lower() in inside:
+                self.left_out[f"insert of '{shown}' in itself"] += 1
+            elif len(inside) >= DEPTH:
+                self.left_out[f"insert of '{shown}' in {DEPTH} others"] += 1
+            else:
+                count = max(1, entity.mcount)
+                self._add(count * len(self._document.blocks[name]))
+                try:
+                    for copy in entity.multi_insert() if count > 1 else [entity]:
+                        parts = list(copy.virtual_entities())
+                        yield from self._parts(parts, layer, (*inside, name.lower()))
+                except InputError:
+                    raise
+                except Exception as error:
+                    reason = str(error) or type(error).__name__
+                    raise InputError(
+                        f"{self._source}: the insert of '{shown}' cannot be read: {reason};"
+                        " explode it"
+                    ) from None
 
     def _add(self, count: int) -> None:
         self._count += count
-        if self._count > LIMITS.parts:
+        if self._count > PARTS:
             raise InputError(
-                f"{self.source} has more than {LIMITS.parts} entities with its inserted blocks;"
+                f"{self._source} has more than {PARTS} entities with its inserted blocks;"
                 " delete what is no block of the structure"
             )
-
-
-def _layer_of(entity: Any) -> str:
-    """Name of an entity's layer; "0" for entities that ezdxf does not know."""
-    return str(entity.dxf.layer) if entity.dxf.is_supported("layer") else "0"
 
 
 def _curve(entity: Any, layer: str, source: str) -> Curve | None:
@@ -289,11 +260,11 @@ def _curve(entity: Any, layer: str, source: str) -> Curve | None:
     kind = entity.dxftype()
     try:
         with np.errstate(all="ignore"):
-            points, bulges, closed = _READERS[kind](entity)
+            points, bulges, closed = _pieces(entity)
         reason = ""
         if not np.all(np.isfinite(points)) or not np.all(np.isfinite(bulges)):
             reason = "a coordinate is no number"
-        elif np.any(np.abs(bulges) > LIMITS.bulge):
+        elif np.any(np.abs(bulges) > BULGE):
             reason = f"an arc has a bulge of {np.abs(bulges).max():g}"
     except Exception as error:  # damaged entities fail anywhere in ezdxf
         reason = str(error) or type(error).__name__
@@ -302,9 +273,9 @@ def _curve(entity: Any, layer: str, source: str) -> Curve | None:
             f"{source}: the {kind} on layer '{layer}' cannot be read: {reason}; delete it or draw"
             " it anew"
         )
-    if len(points) > 1 and not closed:
+    if len(points) > 2 and not closed:
         size = np.linalg.norm(np.ptp(points, axis=0))
-        if len(points) > 2 and np.linalg.norm(points[0] - points[-1]) <= 1e-6 * size:
+        if np.linalg.norm(points[0] - points[-1]) <= 1e-6 * size:
             points = points[:-1]  # ends where it began
             bulges = bulges[:-1]
             closed = True
@@ -313,84 +284,49 @@ def _curve(entity: Any, layer: str, source: str) -> Curve | None:
     return Curve(points, bulges, closed, layer, kind, kind in ("ELLIPSE", "SPLINE"))
 
 
-_Pieces = tuple[Array, Array, bool]
+def _pieces(entity: Any) -> tuple[Array, Array, bool]:
+    """Points and bulges of an entity of `KINDS`, and whether it is closed; see `Curve`."""
+    dxf = entity.dxf
+    kind = entity.dxftype()
+    if kind == "LINE":
+        return np.array([tuple(dxf.start)[:2], tuple(dxf.end)[:2]]), np.zeros(2), False
+    if kind == "ELLIPSE":
+        sweep = (dxf.end_param - dxf.start_param) % (2.0 * np.pi)
+        closed = sweep < 1e-9 or sweep > 2.0 * np.pi - 1e-9
+        sweep = 2.0 * np.pi if closed else sweep
+        parameters = dxf.start_param + sweep * np.linspace(0.0, 1.0, 4 * CHORDS + 1)
+        points = np.array([tuple(p)[:2] for p in entity.vertices(parameters.tolist())])
+        return points[:-1] if closed else points, np.zeros(len(points) - closed), closed
+    if kind == "SPLINE":
+        try:
+            curve = entity.construction_tool()
+        except ZeroDivisionError:  # ezdxf's tangents at fit points whose distances are alike
+            from ezdxf.math import global_bspline_interpolation
 
-
-def _line(entity: Any) -> _Pieces:
-    points = np.array([tuple(entity.dxf.start)[:2], tuple(entity.dxf.end)[:2]])
-    return points, np.zeros(2), False
-
-
-def _polyline(entity: Any) -> _Pieces:
-    if entity.dxftype() == "LWPOLYLINE":
-        rows = entity.get_points("xyb")
-        closed = bool(entity.closed)
+            fit = entity.fit_points
+            curve = global_bspline_interpolation(fit, min(3, len(fit) - 1), method="chord")
+        spans = min(max(1, curve.count - curve.degree), 1000)
+        points = np.array([tuple(p)[:2] for p in curve.approximate(spans * CHORDS)])
+        return points, np.zeros(len(points)), False
+    if kind in ("ARC", "CIRCLE"):  # two arcs, each of half of a sweep
+        closed = kind == "CIRCLE"
+        degrees = 0.0 if closed else (dxf.end_angle - dxf.start_angle) % 360.0
+        sweep = np.radians(degrees) or 2.0 * np.pi
+        start = 0.0 if closed else np.radians(dxf.start_angle)
+        angles = start + 0.5 * sweep * np.arange(3 - closed)
+        around = np.column_stack([np.cos(angles), np.sin(angles)])
+        points = np.array(tuple(dxf.center)[:2]) + dxf.radius * around
+        bulges = np.full(len(points), np.tan(sweep / 8.0))
     else:
-        places = [(v.dxf.location, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
-        rows = [(place.x, place.y, bulge) for place, bulge in places]
-        closed = bool(entity.is_closed)
-    table = np.array(rows, dtype=float).reshape(-1, 3)
-    return _unmirrored(entity, table[:, :2], table[:, 2], closed)
-
-
-def _arc(entity: Any) -> _Pieces:
-    start = np.radians(entity.dxf.start_angle)
-    sweep = np.radians((entity.dxf.end_angle - entity.dxf.start_angle) % 360.0) or 2.0 * np.pi
-    angles = start + 0.5 * sweep * np.arange(3)
-    return _on_circle(entity, angles, sweep, False)
-
-
-def _circle(entity: Any) -> _Pieces:
-    return _on_circle(entity, np.array([0.0, np.pi]), 2.0 * np.pi, True)
-
-
-def _on_circle(entity: Any, angles: Array, sweep: float, closed: bool) -> _Pieces:
-    """Two arcs, each of half of a sweep."""
-    centre = np.array(tuple(entity.dxf.center)[:2])
-    points = centre + entity.dxf.radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return _unmirrored(entity, points, np.full(len(points), np.tan(sweep / 8.0)), closed)
-
-
-def _unmirrored(entity: Any, points: Array, bulges: Array, closed: bool) -> _Pieces:
-    """Pieces as seen from the front, where they are drawn on the back of the plane."""
-    if entity.dxf.get("extrusion", (0, 0, 1))[2] < 0.0:
+        if kind == "LWPOLYLINE":
+            rows = entity.get_points("xyb")
+            closed = bool(entity.closed)
+        else:
+            places = [(v.dxf.location, v.dxf.get("bulge", 0.0)) for v in entity.vertices]
+            rows = [(place.x, place.y, bulge) for place, bulge in places]
+            closed = bool(entity.is_closed)
+        points, bulges = np.split(np.array(rows, dtype=float).reshape(-1, 3), [2], axis=1)
+        bulges = bulges[:, 0]
+    if dxf.get("extrusion", (0, 0, 1))[2] < 0.0:  # drawn on the back of the plane
         return points * (-1.0, 1.0), -bulges, closed
     return points, bulges, closed
-
-
-def _ellipse(entity: Any) -> _Pieces:
-    start = entity.dxf.start_param
-    sweep = (entity.dxf.end_param - start) % (2.0 * np.pi)
-    closed = sweep < 1e-9 or sweep > 2.0 * np.pi - 1e-9
-    sweep = 2.0 * np.pi if closed else sweep
-    parameters = start + sweep * np.linspace(0.0, 1.0, 4 * LIMITS.chords + 1)
-    points = np.array([tuple(p)[:2] for p in entity.vertices(parameters.tolist())])
-    return points[:-1] if closed else points, np.zeros(len(points) - closed), closed
-
-
-def _spline(entity: Any) -> _Pieces:
-    try:
-        curve = entity.construction_tool()
-    except ZeroDivisionError:  # ezdxf's tangents at fit points whose distances are alike
-        curve = _spline_through(entity.fit_points)
-    spans = min(max(1, curve.count - curve.degree), 1000)
-    points = np.array([tuple(p)[:2] for p in curve.approximate(spans * LIMITS.chords)])
-    return points, np.zeros(len(points)), False
-
-
-def _spline_through(points: Any) -> Any:
-    """Spline by chord lengths through fit points."""
-    from ezdxf.math import global_bspline_interpolation
-
-    return global_bspline_interpolation(points, min(3, len(points) - 1), method="chord")
-
-
-_READERS = {
-    "LINE": _line,
-    "LWPOLYLINE": _polyline,
-    "POLYLINE": _polyline,
-    "ARC": _arc,
-    "CIRCLE": _circle,
-    "ELLIPSE": _ellipse,
-    "SPLINE": _spline,
-}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import pairwise
@@ -18,12 +18,15 @@ import numpy as np
 
 from fenics_contact.errors import InputError
 from fenics_contact.errors.checks import check_types
-from fenics_contact.geometry.dxf.chords import as_ring
+from fenics_contact.geometry.dxf.curves import as_ring
 from fenics_contact.geometry.dxf.faces import faces_between
 from fenics_contact.geometry.dxf.reader import Curve, Curves
-from fenics_contact.geometry.outlines import inside_outlines
+from fenics_contact.geometry.outlines import (
+    inside_outlines,
+    points_near_segments,
+    sides_of_outlines,
+)
 from fenics_contact.geometry.planar_cells import Array
-from fenics_contact.geometry.point_pairs import points_near_segments
 
 #: Words in names of layers that are no part of the structure, and of those of openings.
 IGNORED = frozenset(
@@ -134,19 +137,45 @@ def curve_roles(
     by_layer = given.of_layers([curve.layer for curve in curves], found.source)
     named = set(by_layer)
     roles = CurveRoles()
-    roles.notes += _guessed_by_name(curves, by_layer)
+    for layer in sorted({curve.layer for curve in curves} - named):
+        words = set(re.findall(r"[^\W\d_]+", layer.lower()))
+        for some, kind, text in ((IGNORED, "ignore", "left out"), (OPENINGS, "voids", "openings")):
+            if words & some and layer not in by_layer:
+                by_layer[layer] = kind
+                roles.notes.append(
+                    f"{text} by its name: layer '{layer}' (else give it with --blocks or --lines)"
+                )
     left = [k for k, curve in enumerate(curves) if by_layer.get(curve.layer) != "ignore"]
-    left = list(_without_symbols(curves, left, by_layer, roles.notes))
-    left = _without_frames(curves, chains, left, named, roles.notes, found.unit)
+    symbols = {
+        k: curves[k].kind
+        for k in left
+        if curves[k].closed and curves[k].kind in SYMBOLS and curves[k].layer not in by_layer
+    }
+    roles.notes += [
+        f"left out: {count} closed {kind} (else give the layer with --blocks)"
+        for kind, count in Counter(symbols.values()).items()
+    ]
+    left = [k for k in left if k not in symbols]
+    left = _without_frames(found, chains, left, named, roles.notes)
     may_be_blocks = ("blocks",) if given.blocks else _BLOCKS
     closed = [
         k for k in left if curves[k].closed and by_layer.get(curves[k].layer) in may_be_blocks
     ]
-    roles.notes += _said_of_blocks(curves, closed, left, given)
+    layers = dict.fromkeys(curves[k].layer for k in closed)
+    if not given.blocks and len(layers) > 1:
+        roles.notes.append(
+            f"closed curves are blocks on layers {', '.join(layers)}; name those that are no stones"
+            " with --voids or --ignore"
+        )
+    others = {curves[k].layer for k in left if curves[k].closed} - set(layers) - named
+    if given.blocks and others:
+        listed = ", ".join(sorted(others))
+        roles.notes.append(f"closed curves on layers {listed} are no blocks, as --blocks says")
     rest = sorted(set(left) - set(closed))
     between = {curves[k].layer for k in rest if curves[k].layer not in by_layer}
     rings = [as_ring(curves[k], chains[k]) for k in rest]
-    if closed and between and _many_faces(rings, len(closed), near) and not given.blocks:
+    asked = closed and between and not given.blocks and len(rings) > len(closed)
+    if asked and len(faces_between(rings, near).outlines) >= MANY * len(closed):
         roles.notes.append(
             f"lines between blocks: layers {', '.join(sorted(between))}, with many more faces than"
             " there are closed curves, which name the blocks in them (else give --blocks LAYERS)"
@@ -166,86 +195,31 @@ def curve_roles(
     return roles
 
 
-def _many_faces(rings: Sequence[Array], closed: int, near: float) -> bool:
-    """Whether lines alone have many more faces than there are closed curves."""
-    return len(rings) > closed and len(faces_between(rings, near).outlines) >= MANY * closed
-
-
 _BLOCKS = (None, "blocks")
 
 
-def _said_of_blocks(
-    curves: Sequence[Curve], closed: Sequence[int], left: Sequence[int], given: LayerRoles
-) -> Iterator[str]:
-    """Which layers have blocks where several might, and which closed curves are none."""
-    layers = Counter(curves[k].layer for k in closed)
-    if not given.blocks and len(layers) > 1:
-        yield (
-            f"closed curves are blocks on layers {', '.join(layers)}; name those that are no stones"
-            " with --voids or --ignore"
-        )
-    if given.blocks:
-        rest = {curves[k].layer for k in left if curves[k].closed} - set(layers)
-        named = given.of_layers((curve.layer for curve in curves), "")
-        if others := sorted(rest - set(named)):
-            yield f"closed curves on layers {', '.join(others)} are no blocks, as --blocks says"
-
-
-def _guessed_by_name(curves: Sequence[Curve], by_layer: dict[str, str]) -> Iterator[str]:
-    """Add roles of layers whose names say them, and say so."""
-    for layer in sorted({curve.layer for curve in curves} - set(by_layer)):
-        words = set(re.findall(r"[^\W\d_]+", layer.lower()))
-        if words & IGNORED:
-            by_layer[layer] = "ignore"
-            yield f"left out by its name: layer '{layer}' (else give it with --blocks or --lines)"
-        elif words & OPENINGS:
-            by_layer[layer] = "voids"
-            yield f"openings by its name: layer '{layer}' (else give it with --blocks or --lines)"
-
-
-def _without_symbols(
-    curves: Sequence[Curve], left: list[int], by_layer: Mapping[str, str], notes: list[str]
-) -> Iterator[int]:
-    """Curves but for closed circles, ellipses and splines on layers without a role."""
-    symbols = Counter[str]()
-    for k in left:
-        curve = curves[k]
-        if curve.closed and curve.kind in SYMBOLS and curve.layer not in by_layer:
-            symbols[curve.kind] += 1
-        else:
-            yield k
-    notes += [
-        f"left out: {count} closed {kind} (else give the layer with --blocks)"
-        for kind, count in symbols.items()
-    ]
-
-
 def _without_frames(
-    curves: Sequence[Curve],
-    chains: Sequence[Array],
-    left: list[int],
-    named: set[str],
-    notes: list[str],
-    unit: str,
+    found: Curves, chains: Sequence[Array], left: list[int], named: set[str], notes: list[str]
 ) -> list[int]:
     """Curves but for closed ones around all others, which they do not touch."""
     low = np.array([chains[k].min(axis=0) for k in left]).reshape(-1, 2)
     high = np.array([chains[k].max(axis=0) for k in left]).reshape(-1, 2)
     kept = np.ones(len(left), dtype=bool)
     for place in np.argsort(-np.prod(high - low, axis=1)).tolist():
-        curve = curves[left[place]]
+        curve = found.curves[left[place]]
         others = kept.copy()
         others[place] = False
-        around = others.any() and (
+        around = others.sum() >= FRAMED and (
             np.all(low[place] < low[others].min(axis=0))
             and np.all(high[place] > high[others].max(axis=0))
         )
-        if not curve.closed or curve.layer in named or not around or others.sum() < FRAMED:
+        if not curve.closed or curve.layer in named or not around:
             break
         width, height = high[place] - low[place]
         notes.append(
             f"left out as a frame around all else: the closed {curve.kind} on layer"
-            f" '{curve.layer}', {width:g} x {height:g} {unit} (else give --blocks {curve.layer})"
+            f" '{curve.layer}', {width:g} x {height:g} {found.unit}"
+            f" (else give --blocks {curve.layer})"
         )
         kept[place] = False
     return [k for k, keep in zip(left, kept, strict=True) if keep]
@@ -270,8 +244,18 @@ def _lines_between_blocks(
         return set(layers)
     between = {layer for layer in layers if by_layer.get(layer) == "blocks"}
     outlines = [chains[k] for k in closed]
+    sides = sides_of_outlines(outlines)
+    near = 1e-5 * float(np.ptp(np.concatenate(outlines), axis=0).max())
+    at = (np.arange(8)[:, None] + 0.5) / 8.0
     for layer, members in layers.items():
-        if layer in between or _part_inside([chains[k] for k in members], outlines) < THROUGH:
+        if layer in between:
+            continue
+        # The part of the points along the lines that lie within blocks, not on them.
+        points = np.concatenate([s + at * (e - s) for k in members for s, e in pairwise(chains[k])])
+        points = points[np.linspace(0, len(points) - 1, min(len(points), 400)).astype(int)]
+        inside = inside_outlines(points, outlines) >= 0
+        inside[points_near_segments(points, sides, near).point] = False
+        if inside.mean() < THROUGH:
             continue
         if len(members) > len(closed):
             between.add(layer)
@@ -285,16 +269,3 @@ def _lines_between_blocks(
                 f" they are joints, --ignore {layer} if not"
             )
     return between
-
-
-def _part_inside(chains: Sequence[Array], outlines: Sequence[Array]) -> float:
-    """Part of the points along chains that lie within outlines, not on them."""
-    at = (np.arange(8)[:, None] + 0.5) / 8.0
-    points = np.concatenate([s + at * (e - s) for c in chains for s, e in pairwise(c)])
-    points = points[np.linspace(0, len(points) - 1, min(len(points), 400)).astype(int)]
-    ends = np.concatenate([np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in outlines])
-    near = 1e-5 * float(np.ptp(np.concatenate(outlines), axis=0).max())
-    on = points_near_segments(points, ends, near).point
-    off = np.setdiff1d(np.arange(len(points)), on)
-    owner = inside_outlines(points[off], outlines)
-    return float(np.mean(owner >= 0)) * len(off) / len(points) if len(off) else 0.0

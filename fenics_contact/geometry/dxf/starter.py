@@ -1,18 +1,37 @@
 """A scene file to begin with, for the mesh of a drawing: the keys that most scenes need, explained.
 
-It is complete: what a drawing does not say has a usual value, and a comment that says so.
+It is complete: what a drawing does not say has a usual value, and a comment that says so. Its
+groups are guessed to be joints, free edges, or the ground on which it stands.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fenics_contact.errors import InputError
-from fenics_contact.geometry.dxf.ground import GroupRoles
+from fenics_contact.geometry.dxf.blocks import DxfContents
+from fenics_contact.geometry.meshing import lowest_level
+from fenics_contact.geometry.outlines import (
+    divided_outlines,
+    sides_of_outlines,
+    sides_on,
+    undirected,
+)
+
+#: Words in names of layers on which a structure stands.
+GROUND = frozenset(
+    "base ground foundation foundations support supports springing springings abutment abutments"
+    " terreno fondazione fondazioni appoggio appoggi imposta imposte boden fundament auflager"
+    " kämpfer widerlager sol fondation fondations appui appuis suelo cimiento cimientos apoyo"
+    " apoyos".split()
+)
+
 
 #: Usual values: Pa, 1, kg/m3 of stone masonry; friction of dry joints, tan 31 degrees.
 YOUNG = "5.0e9"
@@ -22,116 +41,140 @@ FRICTION = "0.6"
 
 
 @dataclass(frozen=True)
-class Starter:
-    """What a drawing says of a scene.
+class GroupRoles:
+    """Groups of a drawing by what their sides are.
 
     Attributes:
-        title: For pictures.
-        mesh: Path of the mesh, relative to the scene file.
-        materials: Number of blocks by two-dimensional group.
-        lengths: Of the sides in every one-dimensional group, m.
-        roles: Of these groups.
-        gap: Of mortar joints, m, as text; empty where blocks touch.
-        mortar: Their thickness, for people; empty where `mesh --close` finds none.
-        slips: What the drawing loses by ends of lines that miss each other; empty if nothing.
+        ground: Groups on which the structure stands.
+        why: How they were guessed.
+        joints: Groups whose sides all lie between two blocks.
+        edges: Groups whose sides all have one block alone, but for the ground.
     """
 
-    title: str
-    mesh: str
-    materials: Mapping[str, int]
-    lengths: Mapping[str, float]
-    roles: GroupRoles
-    gap: str = ""
-    mortar: str = ""
-    slips: str = ""
-
-    def write(self, target: Path) -> None:
-        """Write the scene file; one that is there stays.
-
-        Raises:
-            InputError: If it is there, or cannot be written.
-        """
-        try:
-            with target.open("x", encoding="utf-8") as file:
-                file.write(self.text())
-        except OSError as error:
-            raise InputError(f"cannot write to '{target}': {error.strerror}") from None
-
-    def text(self) -> str:
-        """The scene file, TOML."""
-        lines = [*self._head(), *self._materials(), *self._contacts(), *self._loads(), *_END]
-        return "\n".join(lines) + "\n"
-
-    def _head(self) -> Iterator[str]:
-        yield "# A scene to begin with. What is called a guess is not in the drawing: set it right."
-        yield "# Units are SI: m, N, Pa, kg/m3. All keys: the scene reference, docs/scene.md."
-        if self.slips:
-            yield f"# warning: in the drawing {self.slips}"
-        yield f"title = {_quoted(self.title)}"
-        yield f"mesh.file = {_quoted(self.mesh)}"
-        yield _line("# plane.thickness = 0.5", "m; forces are printed for the whole thickness then")
-
-    def _materials(self) -> Iterator[str]:
-        yield from ("", "# ---- Materials, by layer of the blocks. All values are guesses.")
-        for name, count in self.materials.items():
-            yield from ("", _line(f"[materials.{_key(name)}]", f"{count} blocks"))
-            yield _line(f"young = {YOUNG}", "Pa; matters little for the load factor")
-            yield f"poisson = {POISSON}"
-            yield _line(f"density = {DENSITY}", "kg/m3")
-            yield _line("# compressive_strength = 5.0e6", "Pa; joints crush then")
-
-    def _contacts(self) -> Iterator[str]:
-        yield from ("", "# ---- Joints. All frictions are guesses.")
-        yield from ("", _line("[joints.default]", "wherever two blocks touch"))
-        yield f"friction = {FRICTION}"
-        if self.gap:
-            yield _line(f"gap = {self.gap}", "m; gaps between blocks, which must close first")
-        if self.mortar:
-            yield f"# If they are mortar, {self.mortar}, mesh with --close, and delete this line:"
-            yield "# mortar has a height, and blocks with a gap fall until they touch."
-        for name in self.roles.joints:
-            if name != "default":
-                yield from ("", _line(f"[joints.{_key(name)}]", self._length(name)))
-                yield f"friction = {FRICTION}"
-        yield from ("", f"# ---- Where the structure stands. A guess: {self.roles.why}.")
-        for name in self.roles.ground:
-            what = f"rigid ground, {self._length(name)}"
-            yield from ("", _line(f"[foundations.{_key(name)}]", what))
-            yield f"friction = {FRICTION}"
-
-    def _loads(self) -> Iterator[str]:
-        yield from ("", "# ---- Loads", "", _line("[loads.dead]", "acts first, and stays"))
-        yield _line("body = [0.0, -9.81]", "m/s2, times density: the weight")
-        yield from ("", _line("[loads.live]", "times the load factor. A guess:"))
-        yield _line("body = [9.81, 0.0]", "the weight acting sideways: the load factor is in g")
-        for name in self.roles.edges:
-            load = f"# traction.{_key(name)} = [0.0, -1.0e4]"
-            yield _line(load, f"Pa, in place of it: on {self._length(name)}")
-
-    def _length(self, name: str) -> str:
-        return f"{self.lengths[name]:g} m of sides"
+    ground: Sequence[str]
+    why: str
+    joints: Sequence[str]
+    edges: Sequence[str]
 
 
-def _line(text: str, comment: str) -> str:
-    """A line with a comment."""
-    return f"{text.ljust(29)} # {comment}"
+def with_ground(read: DxfContents) -> tuple[DxfContents, GroupRoles]:
+    """A drawing with a group for the ground, which is "base" if none was drawn; its groups' roles.
+
+    The ground is the layers with such a name along which no two blocks touch; else those that lie
+    on the lowest level as a whole; else "base" is the lowest level. Of layers that share sides the
+    first is taken.
+
+    Raises:
+        InputError: If no layer has the name of a ground, and no side lies on the lowest level.
+    """
+    drawing = read.drawing
+    blocks, near = divided_outlines(list(drawing.blocks), drawing.groups)
+    sides = sides_of_outlines(blocks)
+    low = np.all(sides[:, :, 1] <= sides[:, :, 1].min() + near, axis=1)
+    _, label, count = np.unique(undirected(sides), axis=0, return_inverse=True, return_counts=True)
+    shared = count[label.reshape(-1)] > 1
+    on = sides_on(blocks, drawing.groups, near)
+    free = [name for name in on if not shared[on[name]].any()]
+    named = [name for name in free if GROUND & set(re.findall(r"[^\W\d_]+", name.lower()))]
+    level = [name for name in free if low[on[name]].all()]
+    taken = np.zeros(len(sides), dtype=bool)
+    ground = []
+    for name in sorted(named or level):
+        if not taken[on[name]].any():
+            ground.append(name)
+            taken |= on[name]
+    why = "the lowest level" if set(ground) <= set(level) else "by its name"
+    joints = [name for name in on if shared[on[name]].all()]
+    edges = [name for name in free if not taken[on[name]].any()]
+    if not ground:
+        ground = ["base"]
+        drawing = drawing.with_group("base", *lowest_level(list(drawing.blocks))["base"])
+        length = drawing.lengths()["base"]
+        if "base" in on or length == 0.0:
+            raise InputError(
+                "no layer is the ground on which the structure stands: draw lines there on a layer"
+                " 'ground'"
+            )
+        read = replace(read, drawing=drawing, lengths={**read.lengths, "base": length})
+    return read, GroupRoles(ground, why, joints, edges)
 
 
-_END = (
-    "",
-    "[solve]",
-    _line('# direction = "both"', "the live load as given, and reversed"),
-    "",
-    "[output]",
-    _line('units = "m"', "kN, MPa and m on the console and in the report"),
-)
+def starter_text(
+    title: str, mesh: str, read: DxfContents, roles: GroupRoles, gap: str, mortar: str
+) -> str:
+    """A scene file, TOML.
 
+    Args:
+        title: For pictures.
+        mesh: Path of the mesh, relative to the scene file.
+        read: The drawing.
+        roles: Of its groups.
+        gap: Of mortar joints, m, as text; empty where blocks touch.
+        mortar: Their thickness, for people; empty where `mesh --close` finds none.
+    """
 
-def _quoted(text: str) -> str:
-    """A string of TOML, which has JSON's escapes and one more."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+    def quoted(text: str) -> str:
+        """A string of TOML, which has JSON's escapes and one more."""
+        return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
 
+    def key(name: str) -> str:
+        """A key of TOML: bare if it can be."""
+        return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
 
-def _key(name: str) -> str:
-    """A key of TOML: bare if it can be."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
+    sides = {name: f"{length:g} m of sides" for name, length in read.lengths.items()}
+    friction = f"friction = {FRICTION}"
+    rows: list[str | tuple[str, str]] = [  # lines, and lines with a comment
+        "# A scene to begin with. What is called a guess is not in the drawing: set it right.",
+        "# Units are SI: m, N, Pa, kg/m3. All keys: the scene reference, docs/scene.md.",
+        *([f"# warning: in the drawing {read.slips}"] if read.slips else ()),
+        f"title = {quoted(title)}",
+        f"mesh.file = {quoted(mesh)}",
+        ("# plane.thickness = 0.5", "m; forces are printed for the whole thickness then"),
+        "",
+        "# ---- Materials, by layer of the blocks. All values are guesses.",
+    ]
+    for name, count in Counter(read.drawing.names).items():
+        rows += [
+            "",
+            (f"[materials.{key(name)}]", f"{count} blocks"),
+            (f"young = {YOUNG}", "Pa; matters little for the load factor"),
+            f"poisson = {POISSON}",
+            (f"density = {DENSITY}", "kg/m3"),
+            ("# compressive_strength = 5.0e6", "Pa; joints crush then"),
+        ]
+    rows += ["", "# ---- Joints. All frictions are guesses.", ""]
+    rows += [("[joints.default]", "wherever two blocks touch"), friction]
+    if gap:
+        rows.append((f"gap = {gap}", "m; gaps between blocks, which must close first"))
+    if mortar:
+        rows.append(f"# If they are mortar, {mortar}, mesh with --close, and delete this line:")
+        rows.append("# mortar has a height, and blocks with a gap fall until they touch.")
+    for name in roles.joints:
+        if name != "default":
+            rows += ["", (f"[joints.{key(name)}]", sides[name]), friction]
+    rows += ["", f"# ---- Where the structure stands. A guess: {roles.why}."]
+    for name in roles.ground:
+        rows += ["", (f"[foundations.{key(name)}]", f"rigid ground, {sides[name]}"), friction]
+    rows += [
+        "",
+        "# ---- Loads",
+        "",
+        ("[loads.dead]", "acts first, and stays"),
+        ("body = [0.0, -9.81]", "m/s2, times density: the weight"),
+        "",
+        ("[loads.live]", "times the load factor. A guess:"),
+        ("body = [9.81, 0.0]", "the weight acting sideways: the load factor is in g"),
+    ]
+    for name in roles.edges:
+        load = f"# traction.{key(name)} = [0.0, -1.0e4]"
+        rows.append((load, f"Pa, in place of it: on {sides[name]}"))
+    rows += [
+        "",
+        "[solve]",
+        ('# direction = "both"', "the live load as given, and reversed"),
+        "",
+        "[output]",
+        ('units = "m"', "kN, MPa and m on the console and in the report"),
+    ]
+    lines = [row if isinstance(row, str) else f"{row[0].ljust(29)} # {row[1]}" for row in rows]
+    return "\n".join(lines) + "\n"
