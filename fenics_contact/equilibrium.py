@@ -30,10 +30,9 @@ from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
-from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.service_state_files import write_service_state
-from fenics_contact.output.view import Caption, View, view_of
+from fenics_contact.output.view import NO_LOAD, Caption, View, view_of
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.moving_blocks import falling_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
@@ -45,7 +44,7 @@ BY_FACES = "by the forces of joint faces; the blocks are strained by these force
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Equilibrium(ServiceState, ForForms, Pictured):
+class Equilibrium(ServiceState, Pictured):
     """Result of `equilibrium`, with its fields, pictures and files.
 
     Attributes:
@@ -133,7 +132,7 @@ class Equilibrium(ServiceState, ForForms, Pictured):
         sign = math.copysign(1.0, self.load_factor)
         view = view_of(self.layout, self.state.displacement, self.joint_values, sign)
         if self.load_factor == 0.0:
-            view = view.without_live_load()
+            view = replace(view, live=NO_LOAD)
         at = f"at load factor {self.load_factor:.6g}"
         doubt = "" if self.status == "equilibrium" else ", not verified"
         return replace(view, caption=Caption(f"displacements x {{}}{doubt}", at + doubt))

@@ -44,7 +44,6 @@ from fenics_contact.mesh_error.accuracy import (
 )
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
-from fenics_contact.output.for_forms import ForForms
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import View, caption_of, view_of
@@ -68,7 +67,7 @@ NO_CURVE = "capacity curve: no loading path leads to a limit load by the forces 
 CURVE_SOLVE = 10.0
 
 
-class LimitLoad(Result, ForForms, Pictured):
+class LimitLoad(Result, Pictured):
     """Result of `limit_load`, with its fields and files."""
 
     kinds: ClassVar[tuple[type[Answer], ...]] = ANSWERS

@@ -13,11 +13,11 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fenics_contact.errors import InputError, OutputError, SolverError
-from fenics_contact.exit_codes import BAD_INPUT, EXIT_CODES, FAILED, INTERRUPTED
+from fenics_contact.errors import BAD_INPUT, FAILED, INTERRUPTED, ContactError, SolverError
 from fenics_contact.requirements import missing_requirements
 from fenics_contact.version import __version__
 
@@ -51,9 +51,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     atexit.register(gc.freeze)  # the last search for garbage: all is freed with the process
     comm = MPI.COMM_WORLD
     with _output_may_close():
-        with _only_on_root(comm):
+        with open(os.devnull, "w") as nothing, contextlib.ExitStack() as stack:
+            if comm.rank != 0:  # rank 0 alone prints what argparse has to say
+                stack.enter_context(contextlib.redirect_stdout(nothing))
+                stack.enter_context(contextlib.redirect_stderr(nothing))
             options = _parser().parse_args(arguments)
-        _set_up_logging(options, comm)
+        logging.getLogger().setLevel(logging.WARNING)  # form compilers are talkative
+        log = logging.getLogger("fenics_contact")
+        log.propagate = False
+        log.handlers[:] = [logging.StreamHandler(sys.stdout)]
+        level = logging.INFO if options.verbose else logging.WARNING
+        log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
         return _run(options, comm)
 
 
@@ -61,48 +69,41 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Exit code of a command; an error that is no bug of the program is one line."""
     try:
         return _command(options.command)(options, comm)
-    except InputError as error:
-        _complain(str(error), comm)
-        return BAD_INPUT
-    except OutputError as error:
-        _complain(str(error), comm)
-        return EXIT_CODES["not_converged"]
-    except SolverError as error:
-        _complain(f"not solved: {error}", comm)
-        return EXIT_CODES["not_converged"]
+    except ContactError as error:
+        if comm.rank == 0:
+            text = f"not solved: {error}" if isinstance(error, SolverError) else str(error)
+            # One line, whatever names and texts of the user are in it.
+            line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+            if len(line) > LONGEST_LINE:
+                line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
+            print(f"fenics-contact: {line}", file=sys.stderr)
+        return error.exit_code
     except KeyboardInterrupt:
-        return _stopped_alone(comm, INTERRUPTED)
+        code = INTERRUPTED
     except OSError as error:
         print("fenics-contact:", " ".join(str(error).split()), file=sys.stderr)
-        return _stopped_alone(comm, FAILED)
+        code = FAILED
     except Exception:
         if comm.size == 1:
             raise
         traceback.print_exc()
-        return _stopped_alone(comm, FAILED)
+        code = FAILED
+    # This rank leaves its work; the others would wait for it.
+    sys.stderr.flush()
+    if comm.size > 1:
+        comm.Abort(code)
+    return code
 
 
 def _command(name: str) -> Command:
     """What a command does, imported only now: to parse a command line takes a tenth of the time."""
     gc.disable()
-    if name == "mesh":
-        from fenics_contact.cli.drawings import mesh as found
-    else:
-        from fenics_contact.cli.commands import COMMANDS
-
-        found = COMMANDS[name]
+    module = "drawings" if name == "mesh" else "commands"
+    found: Command = getattr(import_module(f"fenics_contact.cli.{module}"), name)
     gc.freeze()  # modules stay: no search for garbage need look at them
     gc.enable()
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc, just imported, ends the program at it
     return found
-
-
-def _stopped_alone(comm: MPI.Comm, code: int) -> int:
-    """Exit code of a rank that leaves its work; the others, which would wait for it, are ended."""
-    sys.stderr.flush()
-    if comm.size > 1:
-        comm.Abort(code)
-    return code
 
 
 class _Output:
@@ -156,25 +157,6 @@ def _output_may_close() -> Iterator[None]:
             err.flush()
 
 
-def _complain(message: str, comm: MPI.Comm) -> None:
-    """Print one line, whatever names and texts of the user are in the message."""
-    if comm.rank == 0:
-        line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
-        if len(line) > LONGEST_LINE:
-            line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
-        print(f"fenics-contact: {line}", file=sys.stderr)
-
-
-@contextlib.contextmanager
-def _only_on_root(comm: MPI.Comm) -> Iterator[None]:
-    """Let rank 0 alone print what argparse has to say."""
-    with open(os.devnull, "w") as nothing, contextlib.ExitStack() as stack:
-        if comm.rank != 0:
-            stack.enter_context(contextlib.redirect_stdout(nothing))
-            stack.enter_context(contextlib.redirect_stderr(nothing))
-        yield
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fenics-contact",
@@ -185,105 +167,68 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
-    solve = commands.add_parser("solve", help="compute the limit load of a scene")
-    check = commands.add_parser("check", help="read a scene, say what is in it, solve nothing")
-    stands = commands.add_parser("stands", help="does it stand: the state under the dead load")
-    report = commands.add_parser("report", help="put the result in a folder on one page (HTML)")
-    _add_report(report)
-    mesh = commands.add_parser("mesh", help="mesh a DXF drawing of blocks for gmsh")
-    _add_mesh(mesh)
-    sweep = commands.add_parser(
-        "sweep", help="compute the limit load over values of a scene's keys"
-    )
-    for command in (solve, check, stands, sweep):
-        command.add_argument("scene", type=Path, help="scene file (TOML)")
-        command.add_argument(
-            "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-            help="change a value of the scene file, e.g. joints.default.friction=0.5",
-        )  # fmt: skip
-    for command in (solve, check, stands, sweep, report, mesh):
-        loud = command.add_mutually_exclusive_group()
+
+    def command(name: str, what: str) -> Callable[..., Any]:
+        made = commands.add_parser(name, help=what)
+        loud = made.add_mutually_exclusive_group()
         loud.add_argument("-v", "--verbose", action="store_true", help="say more")
         loud.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    for command, default in (
-        (solve, "SCENE without ending"),
-        (stands, "SCENE_state"),
-        (sweep, "SCENE_sweep; a sweep that was stopped goes on there"),
-    ):
-        text = f"where to write ({default})"
-        command.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
-    solve.add_argument(
-        "--fast", action="store_true", help="the load factor and its bracket alone, verified"
-    )
-    stands.add_argument(
-        "--load-factor", type=float, default=0.0, metavar="X",
-        help="multiple of the live load that acts too (0: none, and the scene needs none)",
-    )  # fmt: skip
-    _add_sweep(sweep)
-    return parser
+        return made.add_argument
 
+    def of_scene(name: str, what: str, folder: str = "") -> Callable[..., Any]:
+        add = command(name, what)
+        add("scene", type=Path, help="scene file (TOML)")
+        text = "change a value of the scene file, e.g. joints.default.friction=0.5"
+        style = {"metavar": "KEY=VALUE", "dest": "overrides", "default": []}
+        add("--set", action="append", help=text, **style)
+        if folder:
+            text = f"where to write ({folder})"
+            add("-o", "--output", type=Path, metavar="DIR", help=text)
+        return add
 
-def _add_sweep(sweep: argparse.ArgumentParser) -> None:
-    """Arguments for what varies, and how the points are shared."""
-    sweep.add_argument(
-        "--vary", action="append", required=True, metavar="KEY=A:B:N",
-        help="N values from A to B, or KEY=A,B,C; KEY,KEY=... gives keys the same values; several"
-        " --vary: all combinations",
-    )  # fmt: skip
-    sweep.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (1)")
+    add = of_scene("solve", "compute the limit load of a scene", "SCENE without ending")
+    add("--fast", action="store_true", help="the load factor and its bracket alone, verified")
 
+    of_scene("check", "read a scene, say what is in it, solve nothing")
 
-def _add_report(report: argparse.ArgumentParser) -> None:
-    """Arguments for the folder, the files to write, and what page 1 names."""
-    report.add_argument("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
-    report.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
-    report.add_argument("--pdf", type=Path, metavar="FILE", help="PDF too (needs WeasyPrint)")
-    report.add_argument("--project", default="", metavar="TEXT", help="project, on page 1")
-    report.add_argument("--author", default="", metavar="TEXT", help="author, on page 1")
+    add = of_scene("stands", "does it stand: the state under the dead load", "SCENE_state")
+    text = "multiple of the live load that acts too (0: none, and the scene needs none)"
+    add("--load-factor", type=float, default=0.0, metavar="X", help=text)
 
+    add = command("report", "put the result in a folder on one page (HTML)")
+    add("folder", type=Path, metavar="DIR", help="where `solve` wrote to")
+    add("-o", "--output", type=Path, metavar="FILE.html", help="(DIR/report.html)")
+    add("--pdf", type=Path, metavar="FILE", help="PDF too (needs WeasyPrint)")
+    add("--project", default="", metavar="TEXT", help="project, on page 1")
+    add("--author", default="", metavar="TEXT", help="author, on page 1")
 
-def _add_mesh(mesh: argparse.ArgumentParser) -> None:
-    """Options of the command that meshes a drawing."""
-    _add_layers(mesh)
-    mesh.add_argument("--size", type=float, metavar="M", help="length of elements, m")
-    mesh.add_argument("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
-    mesh.add_argument(
-        "--close", action="store_true", help="let stones grow to the middle of their mortar joints"
-    )
-    mesh.add_argument(
-        "--snap",
-        type=float,
-        default=0.0,
-        metavar="LENGTH",
-        help="ends of lines go to where they meet another within it, in the drawing's unit",
-    )
-    mesh.add_argument("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
-    mesh.add_argument("--picture", type=Path, metavar="FILE", help="picture of what was read")
-    mesh.add_argument(
-        "--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml"
-    )
-
-
-def _add_layers(mesh: argparse.ArgumentParser) -> None:
-    """Arguments for the drawing and the roles of its layers."""
-    mesh.add_argument(
-        "drawing", type=Path, help="drawing: closed polylines or faces between lines are blocks"
-    )
+    add = command("mesh", "mesh a DXF drawing of blocks for gmsh")
+    text = "drawing: closed polylines or faces between lines are blocks"
+    add("drawing", type=Path, help=text)
     for role, text in (
         ("blocks", "whose closed polylines are blocks"),
         ("lines", "of joints and outlines: the faces between their lines are blocks"),
         ("voids", "of openings"),
         ("ignore", "that are no part of the structure"),
     ):
-        mesh.add_argument(
-            f"--{role}", action="append", default=[], metavar="LAYERS", help=f"layers {text}"
-        )
+        style = {"action": "append", "default": [], "metavar": "LAYERS"}
+        add(f"--{role}", help=f"layers {text}", **style)
+    add("--size", type=float, metavar="M", help="length of elements, m")
+    add("--unit", help="of the drawing, if it says none: mm, cm, dm, m, in or ft")
+    text = "let stones grow to the middle of their mortar joints"
+    add("--close", action="store_true", help=text)
+    text = "ends of lines go to where they meet another within it, in the drawing's unit"
+    add("--snap", type=float, default=0.0, metavar="LENGTH", help=text)
+    add("-o", "--output", type=Path, metavar="FILE", help="the mesh, .msh")
+    add("--picture", type=Path, metavar="FILE", help="picture of what was read")
+    add("--scene", type=Path, metavar="FILE", help="write a scene to begin with, .toml")
 
-
-def _set_up_logging(options: argparse.Namespace, comm: MPI.Comm) -> None:
-    logging.getLogger().setLevel(logging.WARNING)  # form compilers are talkative
-    log = logging.getLogger("fenics_contact")
-    log.propagate = False
-    log.handlers[:] = [logging.StreamHandler(sys.stdout)]
-    level = logging.INFO if options.verbose else logging.WARNING
-    log.setLevel(level if comm.rank == 0 and not options.quiet else logging.CRITICAL)
+    goes_on = "SCENE_sweep; a sweep that was stopped goes on there"
+    add = of_scene("sweep", "compute the limit load over values of a scene's keys", goes_on)
+    text = (
+        "N values from A to B, or KEY=A,B,C; KEY,KEY=... gives keys the same values; several"
+        " --vary: all combinations"
+    )
+    add("--vary", action="append", required=True, metavar="KEY=A:B:N", help=text)
+    add("--jobs", type=int, default=1, metavar="N", help="processes (1)")
+    return parser

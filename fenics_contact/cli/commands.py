@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,10 +23,23 @@ from fenics_contact.console import (
     summary,
 )
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError, raised_together
-from fenics_contact.exit_codes import BAD_INPUT, BY_SIGNAL, EXIT_CODES, STOPPING
+from fenics_contact.errors import BAD_INPUT, EXIT_CODES, InputError, raised_together
 from fenics_contact.limit_load import limit_load
 from fenics_contact.scene.scene import Scene
+
+#: Signals that end a run early, with what is known by then; the exit code is this and the number.
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+BY_SIGNAL = 128
+#: Endings of files that runs write.
+WRITTEN = (".json", ".csv", ".png", ".svg", ".pdf", ".html")
+#: What `stands` answers, by status; the last one is without a proof of "no_equilibrium".
+ANSWERS: Mapping[str, str] = {
+    "equilibrium": "it stands",
+    "unstable": "it does not stand",
+    "no_equilibrium": "it does not stand",
+    "not_converged": "not known",
+}
+NOT_PROVED = "no equilibrium was found"
 
 
 class _Signals:
@@ -58,6 +72,10 @@ class _Signals:
             raise KeyboardInterrupt
         self.number = self.number or number
 
+    def first(self, comm: MPI.Comm) -> int:
+        """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
+        return int(comm.allreduce(self.number, MPI.MAX))
+
 
 def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Read a scene, find its limit load, print it and write its files."""
@@ -85,30 +103,23 @@ def solve(options: argparse.Namespace, comm: MPI.Comm) -> int:
         seconds = {"read": read, "total": result.seconds["total"] + read}
         result = replace(result, seconds={**result.seconds, **seconds}).hold_against_brackets()
         say(summary(result) if loud else "")
-        result.write(folder, lambda: _first_signal(signals, comm) > 0)
+        result.write(folder, lambda: signals.first(comm) > 0)
         say(f"written to {folder}")
-        number = _first_signal(signals, comm)
+        number = signals.first(comm)
     return BY_SIGNAL + number if number else EXIT_CODES[result.status]
-
-
-def _first_signal(signals: _Signals, comm: MPI.Comm) -> int:
-    """Number of a signal that asked some rank to end the run; 0 for none. Collective."""
-    return int(comm.allreduce(signals.number, MPI.MAX))
 
 
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the limit loads of a scene over values of its keys."""
     from fenics_contact.sweeps.parameters import Family, Parameter
     from fenics_contact.sweeps.points import WRONG_INPUT
-    from fenics_contact.sweeps.sweep import Told, run_sweep, silent
+    from fenics_contact.sweeps.sweep import run_sweep
 
     loud = comm.rank == 0 and not options.quiet
     parameters = [Parameter.parse(text) for text in options.vary]
     folder = _output_folder(options, comm, "_sweep")
-    family = Family.of_file(options.scene, comm, options.overrides)
-    tell: Told = silent
-    if loud:
-        tell = SweepProgress()
+    family = Family((options.scene, tuple(options.overrides)), comm)
+    tell = SweepProgress() if loud else None
     try:
         found = run_sweep(family, parameters, folder, options.jobs, tell)
     except KeyboardInterrupt:
@@ -117,43 +128,35 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
         raise
     if loud:
         print(f"{repr(found)[1:-1]}\nwritten to {folder}", flush=True)
-    codes = {BAD_INPUT if p.status == WRONG_INPUT else EXIT_CODES[p.status] for p in found}
-    return max(codes)
+    return max((EXIT_CODES | {WRONG_INPUT: BAD_INPUT})[point.status] for point in found)
 
 
 def _output_folder(options: argparse.Namespace, comm: MPI.Comm, ending: str = "") -> Path:
-    """Where to write; checked on all ranks before the work is done."""
+    """Where to write; refused, before the work is done, if it is a file or cannot be written to."""
     scene: Path = options.scene
     with raised_together(comm):
         if not scene.name:
             raise InputError(f"'{scene}' is a folder; give a scene file")
         folder: Path = options.output or scene.with_name(scene.with_suffix("").name + ending)
-        if comm.rank == 0:
-            try:
-                _check_folder(folder)
-            except (OSError, ValueError) as error:  # a ValueError: a name with a NUL
-                reason = getattr(error, "strerror", error)
-                raise InputError(f"cannot write to '{folder}': {reason}") from None
+        if comm.rank != 0:
+            return folder
+        refused = f"cannot write to '{folder}'"
+        try:
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                folder.stat()  # refuses names that cannot be
+            there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+            if not there.is_dir():
+                raise InputError(f"{refused}: '{there}' is a file; choose with -o")
+            if not os.access(there, os.W_OK):
+                raise InputError(f"{refused}: no right to; choose another with -o")
+            for path in folder.iterdir() if there == folder else ():
+                if path.suffix in WRITTEN and path.is_dir():
+                    raise InputError(
+                        f"{refused}: '{path.name}' is a folder; choose another with -o"
+                    )
+        except (OSError, ValueError) as error:  # a ValueError: a name with a NUL
+            raise InputError(f"{refused}: {getattr(error, 'strerror', error)}") from None
     return folder
-
-
-#: Endings of files that runs write.
-_WRITTEN = (".json", ".csv", ".png", ".svg", ".pdf", ".html")
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse a folder that is a file, or that cannot be written to."""
-    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-        folder.stat()  # refuses names that cannot be
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not there.is_dir():
-        raise InputError(f"cannot write to '{folder}': '{there}' is a file; choose with -o")
-    if not os.access(there, os.W_OK):
-        raise InputError(f"cannot write to '{folder}': no right to; choose another with -o")
-    for path in folder.iterdir() if there == folder else ():
-        if path.suffix in _WRITTEN and path.is_dir():
-            text = f"cannot write to '{folder}': '{path.name}' is a folder; choose another with -o"
-            raise InputError(text)
 
 
 def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -169,16 +172,41 @@ def check(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def stands(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Find the state under the dead load, or at a load factor, print it and write its files."""
-    from fenics_contact.cli.standing import exit_code, find_state, told
+    from fenics_contact.equilibrium import standing
+    from fenics_contact.geometry.mesh import BlockMesh
+    from fenics_contact.scene.toml_tables import read_toml
 
-    loud = comm.rank == 0 and not options.quiet
     folder = _output_folder(options, comm, "_state")
-    found = find_state(options, comm)
-    text = told(found)
+    factor = options.load_factor
+    tables = read_toml(options.scene, comm, options.overrides)
+    loads = tables.get("loads")
+    if factor == 0.0 and isinstance(loads, dict) and "live" not in loads:
+        # A live load that acts on the blocks, to be multiplied by 0: as the dead load.
+        dead = loads.get("dead")
+        if not dead:
+            raise InputError(
+                "loads.dead is missing; give [loads.dead], which the structure is to stand"
+            )
+        is_table = isinstance(dead, dict)
+        loads["live"] = {k: v for k, v in dead.items() if k != "movement"} if is_table else dead
+    scene = Scene.from_tables(
+        tables,
+        lambda file, blocks: BlockMesh.from_file(options.scene.parent / file, comm, blocks),
+    )
+    found = standing(scene, factor)
+    acting = "loads." if factor else "loads.dead."
+    lines = [
+        f"warning: {text}"
+        for text in found.layout.warnings
+        if text.startswith(acting) or not text.startswith("loads.")
+    ]
+    doubted = found.status == "no_equilibrium" and not found.proved
+    at = f"at load factor {found.load_factor:g}" if found.load_factor else "under its dead load"
+    lines += [f"{NOT_PROVED if doubted else ANSWERS[found.status]} {at}", found.summary()]
     found.write(folder)
-    if loud:
-        print(f"{text}\nwritten to {folder}", flush=True)
-    return exit_code(found)
+    if comm.rank == 0 and not options.quiet:
+        print("\n".join([*lines, f"written to {folder}"]), flush=True)
+    return EXIT_CODES.get(found.status, 0)
 
 
 def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -193,6 +221,3 @@ def report(options: argparse.Namespace, comm: MPI.Comm) -> int:
             if not options.quiet:
                 print("\n".join(f"written to {target}" for target in written))
     return 0
-
-
-COMMANDS = {"solve": solve, "check": check, "stands": stands, "sweep": sweep, "report": report}

@@ -13,14 +13,21 @@ from fenics_contact.geometry.dxf.roles import LayerRoles
 
 def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Mesh a drawing on rank 0 and say what was made."""
-    given = {role: getattr(options, role) for role in ("blocks", "lines", "voids", "ignore")}
-    roles = LayerRoles(**{role: _layers(texts) for role, texts in given.items()})
+    layers = {
+        role: tuple(
+            name.strip()
+            for text in getattr(options, role)  # names with commas between them, or one by one
+            for name in text.split(",")
+            if name.strip()
+        )
+        for role in ("blocks", "lines", "voids", "ignore")
+    }
     order = MeshOrder(
         options.drawing,
         options.output,
         options.size,
         options.unit,
-        roles,
+        LayerRoles(**layers),
         options.picture,
         options.scene,
         options.close,
@@ -32,8 +39,3 @@ def mesh(options: argparse.Namespace, comm: MPI.Comm) -> int:
             if not options.quiet:
                 print("\n".join(lines))
     return 0
-
-
-def _layers(texts: list[str]) -> tuple[str, ...]:
-    """Names of layers, given with commas between them or one by one."""
-    return tuple(name.strip() for text in texts for name in text.split(",") if name.strip())

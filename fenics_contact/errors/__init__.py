@@ -1,6 +1,10 @@
 """Exceptions of the package; `checks` raises them for arguments of a wrong type."""
 
 from fenics_contact.errors.exceptions import (
+    BAD_INPUT,
+    EXIT_CODES,
+    FAILED,
+    INTERRUPTED,
     ContactError,
     EffortError,
     InputError,
@@ -13,6 +17,10 @@ from fenics_contact.errors.exceptions import (
 )
 
 __all__ = [
+    "BAD_INPUT",
+    "EXIT_CODES",
+    "FAILED",
+    "INTERRUPTED",
     "ContactError",
     "EffortError",
     "InputError",

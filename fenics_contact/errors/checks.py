@@ -7,7 +7,10 @@ stand for numbers and sequences of numbers. A truth value is no number.
 from __future__ import annotations
 
 import math
+import sys
+import textwrap
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache, wraps
 from types import UnionType
 from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -51,16 +54,15 @@ def checked(function: F) -> F:
         for name, value in [*zip(positional, arguments, strict=False), *named.items()]:
             if name in kinds:
                 check_type(key_of(name), value, kinds[name])
-                _check_finite(key_of(name), value)
+                if isinstance(value, float) and not math.isfinite(value):
+                    raise InputError(f"{key_of(name)} = {value} must be finite")
         return function(*arguments, **named)
 
     return cast(F, inner)
 
 
-@cache
-def _kinds(owner: Any) -> dict[str, Any]:
-    """Annotations of a function or dataclass."""
-    return get_type_hints(owner)
+#: Annotations of a function or dataclass.
+_kinds = cache(get_type_hints)
 
 
 def check_types(item: Any) -> None:
@@ -106,10 +108,14 @@ def check_like(key: str, value: Any, attribute: str, what: str) -> None:
 
 def kind_of(value: Any, kind: Any) -> Any:
     """Type that a value should have of several: the first that it is of, else the first of all."""
-    if not _is_union(kind):
+    if not (isinstance(kind, UnionType) or get_origin(kind) is Union):
         return kind
     kinds = get_args(kind)
-    return next((one for one in kinds if _is_of(value, one)), kinds[0])
+    for one in kinds:
+        with suppress(InputError):
+            check_type("", value, one)
+            return one
+    return kinds[0]
 
 
 def check_type(key: str, value: Any, kind: Any) -> None:
@@ -118,40 +124,63 @@ def check_type(key: str, value: Any, kind: Any) -> None:
     Raises:
         InputError: The message has the key and what it must be.
     """
-    if kind == npt.ArrayLike or get_origin(kind) is np.ndarray:
-        _check_array(key, value)
-        return
+    is_array = kind == npt.ArrayLike or get_origin(kind) is np.ndarray
     if isinstance(value, np.generic):
         value = value.item()
-    if _is_union(kind):
-        kinds = get_args(kind)
-        if any(_is_of(value, one) for one in kinds):
-            return
-        kind = kinds[0]
+    kind = kind if is_array else kind_of(value, kind)
     origin = get_origin(kind)
-    if kind is Any or isinstance(kind, TypeVar) or kind is type(value) is type(None):
+    inner = get_args(kind)
+    is_list = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, (str, bytes))
+    must = ""  # what it must be and is not
+    if is_array:
+        try:
+            numeric = np.asarray(value).dtype.kind in "iuf"
+        except ValueError:  # rows of different lengths
+            numeric = False
+        must = "" if numeric else "an array of numbers"
+    elif kind is Any or isinstance(kind, TypeVar) or kind is type(value) is type(None):
         return
-    if kind is float:
-        _check_number(key, value)
+    elif kind is float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            must = "a number"
+        elif isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise InputError(f"{key} is too large a number")
     elif kind in EXACT:
-        if type(value) is not kind:  # a truth value is no whole number
-            raise InputError(f"{key} = {shown(value)} must be {EXACT[kind]}")
-        if kind is int and abs(value) > LARGEST_COUNT:
+        must = "" if type(value) is kind else EXACT[kind]  # a truth value is no whole number
+        if kind is int and not must and abs(value) > LARGEST_COUNT:
             raise InputError(f"{key} must be at most {LARGEST_COUNT} in size")
     elif origin is Mapping:
-        _check_mapping(key, value, get_args(kind))
-    elif origin is tuple and ... not in get_args(kind):
-        _check_pair(key, value)
+        for name, item in as_mapping(key, value).items():
+            if inner[0] is str and not isinstance(name, str):
+                raise InputError(f"{key} has the name {shown(name)}, which must be a string")
+            place = f"{key}.{name}" if isinstance(name, str) else f"{key}[{name}]"
+            check_type(place, item, inner[1])
+    elif origin is tuple and ... not in inner:
+        if is_list and len(value) == 2:
+            for item in value:
+                check_type(key, item, float)
+        else:
+            must = "two numbers, [x, y]"
     elif origin in (Sequence, list, tuple):
-        _check_sequence(key, value, get_args(kind)[0])
-    elif origin is Iterable or kind is Iterable:
-        if not isinstance(value, Iterable):
-            raise InputError(f"{key} = {shown(value)} must be a list")
-    elif origin is Callable or kind is Callable:
-        if not callable(value):
-            raise InputError(f"{key} = {shown(value)} must be a function, given in Python")
-    elif not _is_instance(value, kind):
-        raise InputError(f"{key} = {shown(value)} must be a {kind.__name__}")
+        if not is_list:
+            must = f"a list of {_SEVERAL[inner[0]]}" if inner[0] in _SEVERAL else "a list"
+        elif inner[0] is str and not all(isinstance(item, str) for item in value):
+            must = "a list of strings"
+        else:
+            for number, item in enumerate(value):
+                check_type(f"{key}[{number}]", item, inner[0])
+    elif Iterable in (kind, origin):
+        must = "" if isinstance(value, Iterable) else "a list"
+    elif Callable in (kind, origin):
+        must = "" if callable(value) else "a function, given in Python"
+    elif getattr(kind, "_is_protocol", False):
+        methods = [name for name in vars(kind) if not name.startswith("_")]
+        has_all = all(callable(getattr(value, name, None)) for name in methods)
+        must = "" if has_all else f"a {kind.__name__}"
+    elif not isinstance(value, kind):
+        must = f"a {kind.__name__}"
+    if must:  # the message takes a hundred times as long as the check
+        raise InputError(f"{key} = {shown(value)} must be {must}")
 
 
 def shown(value: Any) -> str:
@@ -172,70 +201,13 @@ def as_mapping(key: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _is_union(kind: Any) -> bool:
-    return isinstance(kind, UnionType) or get_origin(kind) is Union
+def plain(text: str, most: int = 0) -> str:
+    r"""A text in one line, of `most` characters if given, in which dollars are no mathematics.
 
-
-def _is_of(value: Any, kind: Any) -> bool:
-    """Whether a value is of one type of a union."""
-    try:
-        check_type("", value, kind)
-    except InputError:
-        return False
-    return True
-
-
-def _is_instance(value: Any, kind: Any) -> bool:
-    """Whether a value is of a class, or has all methods of a protocol."""
-    if not getattr(kind, "_is_protocol", False):
-        return isinstance(value, kind)
-    methods = [name for name in vars(kind) if not name.startswith("_")]
-    return all(callable(getattr(value, name, None)) for name in methods)
-
-
-def _check_number(key: str, value: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{key} = {shown(value)} must be a number")
-    try:
-        float(value)
-    except OverflowError:
-        raise InputError(f"{key} is too large a number") from None
-
-
-def _check_finite(key: str, value: Any) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{key} = {value} must be finite")
-
-
-def _check_array(key: str, value: Any) -> None:
-    try:
-        numeric = np.asarray(value).dtype.kind in "iuf"
-    except ValueError:  # rows of different lengths
-        numeric = False
-    if not numeric:  # the message takes a hundred times as long as the check
-        raise InputError(f"{key} = {shown(value)} must be an array of numbers")
-
-
-def _check_pair(key: str, value: Any) -> None:
-    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, str) or len(value) != 2:
-        raise InputError(f"{key} = {shown(value)} must be two numbers, [x, y]")
-    for item in value:
-        check_type(key, item, float)
-
-
-def _check_sequence(key: str, value: Any, kind: Any) -> None:
-    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, (str, bytes)):
-        of = f" of {_SEVERAL[kind]}" if kind in _SEVERAL else ""
-        raise InputError(f"{key} = {shown(value)} must be a list{of}")
-    if kind is str and not all(isinstance(item, str) for item in value):
-        raise InputError(f"{key} = {shown(value)} must be a list of strings")
-    for number, item in enumerate(value):
-        check_type(f"{key}[{number}]", item, kind)
-
-
-def _check_mapping(key: str, value: Any, kinds: tuple[Any, ...]) -> None:
-    for name, inner in as_mapping(key, value).items():
-        if kinds[0] is str and not isinstance(name, str):
-            raise InputError(f"{key} has the name {shown(name)}, which must be a string")
-        place = f"{key}.{name}" if isinstance(name, str) else f"{key}[{name}]"
-        check_type(place, inner, kinds[1])
+    Matplotlib takes what is between two dollars as a formula, draws `\$` as a dollar, and leaves
+    labels that begin with an underscore out of legends.
+    """
+    line = "".join(c if c.isprintable() else " " for c in text)
+    if most:
+        line = textwrap.shorten(line, most, placeholder=" ...")
+    return f"{' ' * line.startswith('_')}{line}".replace("$", r"\$")

@@ -10,12 +10,21 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
+#: Codes with which the program ends, by status of the result, and for other ends.
+EXIT_CODES = {"limit": 0, "unbounded": 0, "unstable": 3, "no_equilibrium": 3, "not_converged": 4}
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+
 class ContactError(Exception):
-    """Base of every exception this package raises on purpose."""
+    """Base of every exception this package raises on purpose; the program ends with its code."""
+
+    exit_code = EXIT_CODES["not_converged"]
 
 
 class InputError(ContactError):
     """The scene or its mesh is wrong; the message names the thing and what to do."""
+
+    exit_code = BAD_INPUT
 
 
 class OutputError(ContactError):

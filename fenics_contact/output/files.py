@@ -16,13 +16,11 @@ import numpy as np
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
-from fenics_contact.output.motion import motion_record
-from fenics_contact.output.plotting import save_capacity
+from fenics_contact.output.plotting import draw_scene, save_capacity
 from fenics_contact.output.records import Record, origin_record, strict, tie_records
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.words import MOTION
-from fenics_contact.output.scene_picture import draw_scene
 from fenics_contact.output.state_files import (
     draw_blocks,
     draw_pictures,
@@ -30,7 +28,7 @@ from fenics_contact.output.state_files import (
     picture_paths,
     short_title,
 )
-from fenics_contact.output.view import View, caption_of, view_of
+from fenics_contact.output.view import View, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.mechanism import mechanism
 from fenics_contact.results.named_arrays import tie_arrays

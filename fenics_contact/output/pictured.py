@@ -1,19 +1,28 @@
-"""A result that can be looked at: plotted, moved by a slider in a notebook, animated."""
+"""Results that can be looked at: plots, a slider for notebooks, films; their stresses in UFL.
+
+Films are GIF, or MP4 by ffmpeg. A slider needs ipywidgets.
+"""
 
 from __future__ import annotations
 
 import io
+import os
+import tempfile
 from abc import ABC, abstractmethod
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from fenics_contact.discretization.forms import GroupMeasure, measures, stress_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import InputError, OutputError, SolverError
-from fenics_contact.errors.checks import checked
-from fenics_contact.errors.texts import plain
+from fenics_contact.errors.checks import checked, plain
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.animation import animate, check_animation
+from fenics_contact.output.drawing import frame
+from fenics_contact.output.fields import displacement_function, stress_raster
 from fenics_contact.output.folder import writing
 from fenics_contact.output.plotting import (
     Draw,
@@ -24,14 +33,23 @@ from fenics_contact.output.plotting import (
     draw_thrust,
     new_axes,
     save,
+    structure_figure,
 )
-from fenics_contact.output.slider import check_slider, slider
-from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View
+
+#: Of a film: pictures per second, so that motion looks smooth and files stay small; part of the
+#: time at the end in which nothing moves; pixels per inch, for some 900 pixels of width; its
+#: longest time, s, as 1 500 pictures take minutes.
+RATE, STILL, RESOLUTION, LONGEST = 15, 0.25, 110, 100.0
+#: Matplotlib's writers by ending of the file.
+WRITERS = {".gif": "pillow", ".mp4": "ffmpeg"}
+#: Of a slider: pixels per inch, and steps. A picture of 100 blocks takes .2 s.
+SLIDER_RESOLUTION, STEPS = 80, 20
+IPYWIDGETS = "pip install ipywidgets 'matplotlib-inline<0.2', or apt install python3-ipywidgets"
 
 
 class Pictured(ABC):
-    """Pictures of a result, from what `_view` says of it.
+    """Pictures and stresses of a result, from what `_view` and `_elastic` say of it.
 
     On several ranks all must call these methods; rank 0 draws and writes.
     """
@@ -48,7 +66,10 @@ class Pictured(ABC):
 
     @abstractmethod
     def _elastic(self) -> Array | None:
-        """Displacements that strain the blocks, this rank's part; None if there is no state."""
+        """Displacements that strain the blocks, this rank's part; None if there is no state.
+
+        They are in the supports' coordinates.
+        """
 
     @checked
     def plot(self, axes: Any = None, scale: float = 1.0) -> Any:
@@ -62,29 +83,40 @@ class Pictured(ABC):
         Raises:
             SolverError: If there is nothing to draw.
         """
-        check_axes(axes)
-        view = self._view().scaled(_scale(scale))
-        return self._drawn(draw_mode, axes, view)
+        return self._drawn(draw_mode, axes, scale)
 
     def plot_forces(self, axes: Any = None) -> Any:
         """Draw the joint forces; as `plot`."""
-        check_axes(axes)
-        return self._drawn(draw_forces, axes, self._view_with_forces())
+        return self._drawn(draw_forces, axes)
 
     def plot_thrust(self, axes: Any = None) -> Any:
         """Draw the lines of thrust that reach the ground; as `plot`."""
-        check_axes(axes)
-        return self._drawn(draw_thrust, axes, self._view_with_forces())
+        return self._drawn(draw_thrust, axes)
 
     def plot_stress(self, axes: Any = None) -> Any:
         """Draw the principal stresses; as `plot`."""
+        return self._drawn(draw_stress, axes)
+
+    def _drawn(self, draw: Any, axes: Any, scale: float = 1.0) -> Any:
+        """Axes with a picture, on rank 0. Collective."""
         check_axes(axes)
-        view = self._view()
-        elastic = self._elastic()
-        if elastic is None:
-            raise SolverError("no stresses to draw: the blocks fall")
-        raster = stress_raster(self.layout, elastic)
-        return self._drawn(partial(draw_stress, raster=raster), axes, view)
+        view = self._scaled(scale)
+        if draw in (draw_forces, draw_thrust) and view.values is None:
+            raise SolverError("there are no joint forces to draw: no state was found")
+        if draw is draw_stress:
+            elastic = self._elastic()
+            if elastic is None:
+                raise SolverError("no stresses to draw: the blocks fall")
+            draw = partial(draw_stress, raster=stress_raster(self.layout, elastic))
+        if self.layout.scene.comm.rank != 0:
+            return None
+        return draw(new_axes() if axes is None else axes, view)
+
+    def _scaled(self, scale: float) -> View:
+        """What pictures show, with displacements times a factor, which is checked. Collective."""
+        if not 0.0 <= scale < 1e3:
+            raise InputError(f"scale = {scale} must lie in 0 ... 1000")
+        return self._view().scaled(scale)
 
     @checked
     def animate(self, path: str | Path, scale: float = 1.0, seconds: float = 3.0) -> None:
@@ -100,14 +132,22 @@ class Pictured(ABC):
             SolverError: If there is nothing to draw.
             OutputError: If the file cannot be written.
         """
+        from matplotlib import animation
+
         path = Path(path)
-        check_animation(path, seconds)
-        view = self._view().scaled(_scale(scale))
+        writer = WRITERS.get(path.suffix.lower())
+        if writer is None:
+            raise InputError(f"path = '{path}' must end with {' or '.join(WRITERS)}")
+        if not animation.writers.is_available(writer):
+            raise InputError(f"'{path}' needs {writer}, which is not installed; write a .gif")
+        if not 0.0 < seconds <= LONGEST:
+            raise InputError(f"seconds = {seconds} must lie in 0 ... {LONGEST:g}, without 0")
+        view = self._scaled(scale)
         comm = self.layout.scene.comm
         try:
             with writing(comm):
                 if comm.rank == 0:
-                    animate(view, path, seconds)
+                    _write_film(view, path, animation.writers[writer](fps=RATE), seconds)
         except OutputError as error:
             raise OutputError(f"cannot write '{path}': {error}") from None
 
@@ -125,9 +165,29 @@ class Pictured(ABC):
             InputError: If ipywidgets is missing.
             SolverError: If there is nothing to draw.
         """
-        check_slider()
-        view = self._view().scaled(_scale(scale))
-        return slider(view) if self.layout.scene.comm.rank == 0 else None
+        if find_spec("ipywidgets") is None:
+            raise InputError(f"a slider needs ipywidgets, which is not installed: {IPYWIDGETS}")
+        view = self._scaled(scale)
+        if self.layout.scene.comm.rank != 0:
+            return None
+        import ipywidgets
+
+        axes = _moving_axes(view)
+
+        def picture(share: float) -> bytes:
+            file = io.BytesIO()
+            _draw_moment(axes, view, share)
+            axes.figure.savefig(file, format="png", dpi=SLIDER_RESOLUTION)
+            return file.getvalue()
+
+        def show(change: Any) -> None:
+            image.value = picture(change["new"])
+
+        image = ipywidgets.Image(value=picture(1.0), format="png")
+        style = {"min": 0.0, "max": 1.0, "step": 1.0 / STEPS, "description": "motion"}
+        moves = ipywidgets.FloatSlider(value=1.0, **style)
+        moves.observe(show, names="value")
+        return ipywidgets.VBox([moves, image])
 
     def _repr_png_(self) -> bytes | None:
         """Motion and joint forces, for a notebook. Collective."""
@@ -136,27 +196,66 @@ class Pictured(ABC):
         except SolverError:
             return None
         file = io.BytesIO()
-        draws = [draw_mode] if view.values is None else [draw_mode, draw_forces]
+        draws: list[Draw] = [draw_mode] if view.values is None else [draw_mode, draw_forces]
         if self.layout.scene.comm.rank == 0:
             save(view, plain(repr(self)[1:-1]), [file], *draws)
         return file.getvalue()
 
-    def _view_with_forces(self) -> View:
-        """What `_view` says, if it has joint forces. Collective."""
-        view = self._view()
-        if view.values is None:
-            raise SolverError("there are no joint forces to draw: no state was found")
-        return view
+    @property
+    def stress(self) -> Any | None:
+        """Stress in the plane, Pa, a UFL tensor on `scene.mesh.domain`; None if there is no state.
 
-    def _drawn(self, draw: Draw, axes: Any, view: View) -> Any:
-        """Axes with a picture, on rank 0."""
-        if self.layout.scene.comm.rank != 0:
+        It is that of the scene's plane state or stress law, of the part of the displacements that
+        strains the blocks: beside a large motion the sum has fewer digits. Collective.
+        """
+        values = self._elastic()
+        if values is None:
             return None
-        return draw(new_axes() if axes is None else axes, view)
+        layout = self.layout
+        return stress_of(displacement_function(layout, values, "elastic"), layout.law)
+
+    def measures(self) -> tuple[GroupMeasure, GroupMeasure]:
+        """UFL's dx over the blocks and ds over their edges, both faces of joints among these.
+
+        They take names of groups: `dx("stone")`, `ds(("back", "top"))`.
+        """
+        return measures(self.layout.scene.mesh, self.layout.boundary)
 
 
-def _scale(scale: float) -> float:
-    """A factor on displacements, checked."""
-    if not 0.0 <= scale < 1e3:
-        raise InputError(f"scale = {scale} must lie in 0 ... 1000")
-    return scale
+def _draw_moment(axes: Any, view: View, share: float) -> None:
+    """A part of the motion of a view, with room for all of it."""
+    axes.clear()
+    frame(axes, view, view.moved)
+    draw_mode(axes, view.scaled(share))
+
+
+def _moving_axes(view: View) -> Any:
+    """Axes of a figure of their own, which show the whole motion and keep their place."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = structure_figure(view, 1)
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    _draw_moment(axes, view, 1.0)
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine(None)  # it would move the axes from picture to picture
+    return axes
+
+
+def _write_film(view: View, path: Path, writer: Any, seconds: float) -> None:
+    """Write the motion of a view, slow, fast, slow, on this rank; the file appears complete.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    axes = _moving_axes(view)
+    count = max(2, round(seconds * RATE))
+    moving = max(2, round(count * (1.0 - STILL)))
+    rising = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, moving))
+    with tempfile.TemporaryDirectory(prefix=".writing-", dir=path.parent) as folder:
+        unfinished = Path(folder, path.name)
+        with writer.saving(axes.figure, unfinished, RESOLUTION):
+            for share in (*rising.tolist(), *[1.0] * (count - moving)):
+                _draw_moment(axes, view, share)
+                writer.grab_frame()
+        os.replace(unfinished, path)

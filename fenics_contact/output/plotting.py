@@ -7,44 +7,44 @@ from __future__ import annotations
 
 import io
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.discretization.profiles import floor_strips
 from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import check_like
-from fenics_contact.geometry.mesh import Array
+from fenics_contact.errors.checks import check_like, plain
 from fenics_contact.output.drawing import (
     BLACK,
     BLUE,
+    GREEN,
+    ORANGE,
     VERMILLION,
     add_lines,
+    arrow_ends,
+    draw_bar,
     draw_joints,
-    draw_length,
-    draw_live_load,
-    draw_moved,
+    draw_load,
     draw_outlines,
-    draw_rest,
-    draw_scale,
     draw_ties,
     extent,
     fineness,
-    force_scale,
+    force_text,
     frame,
     legend,
     material_entries,
-    name_tie_forces,
-    outlines,
+    nice,
+    tints,
 )
-from fenics_contact.output.fields import principal_stresses
-from fenics_contact.output.stress_raster import StressRaster
+from fenics_contact.output.fields import StressRaster, principal_stresses
 from fenics_contact.output.thrust import ThrustLines, face_resultants, thrust_lines
 from fenics_contact.output.view import View
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.units import rounded_alike
 
 #: Width of the axes of a structure, and limits of their width and height, inches.
@@ -59,50 +59,91 @@ LEGIBLE = 60
 #: all, and crosses are drawn from this part of it.
 PER_CROSS, LARGEST, LEAST = 8, 0.98, 0.1
 FORCE = "#7b2d8b"
+#: Length of the strokes below what does not move, over the structure's size, and their number.
+STROKE, STROKES = 0.018, 40
+#: Colours of joint groups, repeated if there are more, of the dead load and of foundations.
+GROUPS = (BLUE, ORANGE, "#56B4E9", "#CC79A7", "#009E73")
+DEAD, HELD = "0.45", "#5b4636"
 
 #: Draws on axes what a view shows.
 Draw = Callable[[Any, View], Any]
 
 
 def draw_mode(axes: Any, view: View) -> Any:
-    """Blocks displaced, joints by what they do, and the live load; or some blocks, marked."""
+    """Blocks displaced, joints by what they do, and the live load; or some blocks, marked.
+
+    The blocks are the paler the less they move.
+    """
     if view.marked is not None:
         return draw_marked(axes, view)
     frame(axes, view, view.moved)
-    draw_moved(axes, view)
-    entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.moved_ties)]
-    entries += draw_live_load(axes, view)
-    draw_length(axes, view)
+    size = np.zeros(len(view.centre))
+    np.maximum.at(size, view.boundary.body, np.linalg.norm(view.motion, axis=2).max(axis=1))
+    share = (size / (size.max() or 1.0))[:, None]
+    shade = 1.0 - np.where(share > 1e-3, 0.45 + 0.55 * share, 0.25) * (1.0 - tints(view))
+    draw_outlines(axes, view, view.rest, facecolor="none", edgecolor="0.7")
+    draw_outlines(axes, view, view.moved, facecolor=shade)
+    entries = [*draw_joints(axes, view), *draw_ties(axes, view, view.tie_motion)]
+    entries += draw_load(axes, view, view.live, BLACK, "live load")
+    draw_bar(axes, view)
     legend(axes, [*entries, *material_entries(axes, view)])
     motion = view.caption.motion.format(f"{float(f'{view.scale:.3g}'):g}")
     axes.set_title(f"{motion} (grey outline: at rest)", fontsize=10)
     return axes
 
 
+def draw_marked(axes: Any, view: View) -> Any:
+    """The marked blocks, shaded and with their numbers, among all, displaced as the view says."""
+    blocks = np.empty(0, dtype=np.int64) if view.marked is None else view.marked
+    frame(axes, view, view.moved)
+    shade = np.full((len(view.centre), 3), 0.92)
+    shade[blocks] = (0.93, 0.75, 0.45)
+    draw_outlines(axes, view, view.rest, facecolor="none", edgecolor="0.7")
+    draw_outlines(axes, view, view.moved, facecolor=shade)
+    style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
+    for block in blocks[:LEGIBLE]:
+        place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
+        axes.text(*place, str(block), **style)
+    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
+    return axes
+
+
 def draw_forces(axes: Any, view: View) -> Any:
     """Resultant of the joint forces on every face, through its centre of pressure, to scale.
+
+    The scale is a nice number of N/m per m of drawing. Nine in ten forces are shorter than 1.2
+    times a block, and all than 0.35 times the structure. Forces of ties stand beside their bars.
 
     Raises:
         ValueError: If the view has no joint values.
     """
-    faces = face_resultants(view.joints, _values(view))
+    faces = face_resultants(view.joints, view.values)
     total = faces.force[faces.acting]
     centre = faces.centre[faces.acting]
     frame(axes, view)
-    draw_rest(axes, view)
+    draw_outlines(axes, view, view.rest)
     if len(total):
         size = np.linalg.norm(total, axis=1)
-        per_metre = force_scale(size, view)
+        largest = float(size.max())
+        typical = float(np.quantile(size, 0.9)) / (1.2 * view.block_size)
+        per_metre = nice(1.5 * max(typical, largest / (0.35 * view.size)))
         lines = centre[:, None] + np.array([[-0.5], [0.5]]) * (total / per_metre)[:, None]
         frame(axes, view, lines)
         fine = fineness(axes, view)
-        widths = 2.4 * fine * (0.4 + 0.6 * size / size.max())
-        add_lines(axes, lines, colors=FORCE, linewidths=widths)
+        add_lines(axes, lines, colors=FORCE, linewidths=2.4 * fine * (0.4 + 0.6 * size / largest))
         axes.plot(*centre.T, ".", color=FORCE, markersize=5.0 * fine**1.5)
-        draw_scale(axes, view, per_metre, float(size.max()), FORCE)
+        force = nice(min(largest, 0.3 * view.size * per_metre))
+        text = f"{force_text(force)}   (1 m = {force_text(per_metre)})"
+        draw_bar(axes, view, force / per_metre, text, FORCE)
     if view.ties is not None:
-        legend(axes, draw_ties(axes, view, view.ties.bars.sides))
-        name_tie_forces(axes, view)
+        legend(axes, draw_ties(axes, view))
+        style = {"fontsize": 8, "color": GREEN, "ha": "center", "va": "bottom", **_halo()}
+        for ends, force in zip(view.ties.bars.sides, view.ties.force, strict=True):
+            along = ends[1] - ends[0]
+            angle = np.degrees(np.arctan2(along[1], along[0]))
+            style |= {"rotation": angle - 180.0 * np.round(angle / 180.0)}
+            style |= {"rotation_mode": "anchor"}
+            axes.text(*ends.mean(axis=0), force_text(float(force)), **style)
     axes.set_title(f"joint forces {view.caption.state}", fontsize=10)
     return axes
 
@@ -117,7 +158,7 @@ def draw_thrust(axes: Any, view: View) -> Any:
     """
     lines = whole_thrust(view)
     frame(axes, view)
-    draw_rest(axes, view)
+    draw_outlines(axes, view, view.rest)
     fine = fineness(axes, view)
     add_lines(axes, lines.ends, colors="0.3", linewidths=0.9 * fine)
     widths = 0.6 + 2.4 * fine * lines.force / (lines.force.max(initial=0.0) or 1.0)
@@ -126,16 +167,16 @@ def draw_thrust(axes: Any, view: View) -> Any:
     style = {"color": "white", "mec": BLACK, "mew": 0.7 * fine, "ls": "none", "zorder": 4}
     style |= {"marker": "o", "ms": 4.0 * max(fine, 0.5), "label": "centre of pressure"}
     entries: list[Any] = []
+    title = "few lines of thrust reach the ground: forces branch"
     if len(lines.segments):
         entries += axes.plot([], [], color=VERMILLION, lw=2.5, label="line of thrust")
         entries += axes.plot(*lines.centre.T, **style)
-    if view.ties is not None:
-        entries += draw_ties(axes, view, view.ties.bars.sides)
-    draw_length(axes, view)
-    legend(axes, [*entries, *draw_live_load(axes, view), *material_entries(axes, view)])
-    title = f"line of thrust {view.caption.state} (width: force)"
-    none = "few lines of thrust reach the ground: forces branch"
-    axes.set_title(title if len(lines.segments) else none, fontsize=10)
+        title = f"line of thrust {view.caption.state} (width: force)"
+    entries += draw_ties(axes, view)
+    draw_bar(axes, view)
+    entries += draw_load(axes, view, view.live, BLACK, "live load")
+    legend(axes, [*entries, *material_entries(axes, view)])
+    axes.set_title(title, fontsize=10)
     return axes
 
 
@@ -145,13 +186,14 @@ def whole_thrust(view: View) -> ThrustLines:
     Raises:
         ValueError: If the view has no joint values.
     """
-    return thrust_lines(face_resultants(view.joints, _values(view)), view.centre).whole()
+    return thrust_lines(face_resultants(view.joints, view.values), view.centre)
 
 
 def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     """The larger compressive principal stress in colour, and crosses of both.
 
-    Crosses are means over squares: black for compression, wide and red for tension.
+    Crosses are means over squares, as long as the stresses are large: black for compression, wide
+    and red for tension.
     """
     from matplotlib.colors import LinearSegmentedColormap
 
@@ -166,23 +208,8 @@ def draw_stress(axes: Any, view: View, raster: StressRaster) -> Any:
     style = {"cmap": colours, "vmin": 0.0, "vmax": largest / factor, "origin": "lower"}
     style |= {"extent": (*x, *y), "interpolation": "nearest"}
     image = axes.imshow(pressure / factor, **style)
-    paths = outlines(view.boundary, view.rest)
+    paths = draw_outlines(axes, view, view.rest, facecolor="none").get_paths()
     image.set_clip_path(type(paths[0]).make_compound_path(*paths), axes.transData)
-    draw_outlines(axes, view.boundary, view.rest, facecolor="none")
-    compression, tension = _crosses(raster, largest)
-    add_lines(axes, compression, colors=BLACK, linewidths=0.8)
-    add_lines(axes, tension, colors=VERMILLION, linewidths=1.6)
-    draw_length(axes, view)
-    crosses = "black: compression" + (", red and wide: tension" if len(tension) else "")
-    style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
-    label = f"larger compressive principal stress ({unit})\n{crosses}"
-    axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
-    axes.set_title(f"principal stresses {view.caption.stress or view.caption.state}", fontsize=10)
-    return axes
-
-
-def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
-    """Lines along principal stresses in compression and in tension, as long as these are large."""
     coarse = raster.coarser(PER_CROSS)
     full = coarse.area > 0.5 * coarse.step**2
     row, column = np.nonzero(full)
@@ -190,12 +217,19 @@ def _crosses(raster: StressRaster, largest: float) -> tuple[Array, Array]:
     value, first = principal_stresses(coarse.stress[full])
     second = np.column_stack([-first[:, 1], first[:, 0]])
     value = value.T.ravel()
-    centre = np.tile(centre, (2, 1))
     reach = np.clip(np.abs(value) / largest, 0.0, 1.0)[:, None] * np.vstack([first, second])
     half = 0.5 * coarse.step * reach
-    lines = np.stack([centre - half, centre + half], 1)
-    long = np.abs(value) > LEAST * largest
-    return lines[long & (value < 0.0)], lines[long & (value > 0.0)]
+    crosses = np.tile(centre, (2, 1))[:, None] + np.stack([-half, half], axis=1)
+    tension = value > LEAST * largest
+    add_lines(axes, crosses[value < -LEAST * largest], colors=BLACK, linewidths=0.8)
+    add_lines(axes, crosses[tension], colors=VERMILLION, linewidths=1.6)
+    draw_bar(axes, view)
+    words = "black: compression" + (", red and wide: tension" if np.any(tension) else "")
+    style = {"location": "bottom", "extend": "max", "shrink": 0.7, "aspect": 35, "pad": 0.02}
+    label = f"larger compressive principal stress ({unit})\n{words}"
+    axes.figure.colorbar(image, ax=axes, panchor=False, **style).set_label(label, fontsize=9)
+    axes.set_title(f"principal stresses {view.caption.stress or view.caption.state}", fontsize=10)
+    return axes
 
 
 def draw_capacity(
@@ -223,27 +257,90 @@ def draw_capacity(
     return axes
 
 
-def draw_marked(axes: Any, view: View) -> Any:
-    """The marked blocks, shaded and with their numbers, among all, displaced as the view says."""
-    blocks = np.empty(0, dtype=np.int64) if view.marked is None else view.marked
-    frame(axes, view, view.moved)
-    shade = np.full((len(view.centre), 3), 0.92)
-    shade[blocks] = (0.93, 0.75, 0.45)
-    draw_outlines(axes, view.boundary, view.rest, facecolor="none", edgecolor="0.7")
-    draw_outlines(axes, view.boundary, view.moved, facecolor=shade)
-    style = {"fontsize": max(8.0 * fineness(axes, view), 4.5), "ha": "center", "va": "center"}
-    for block in blocks[:LEGIBLE]:
-        place = view.moved[view.boundary.body == block].mean(axis=(0, 1))
-        axes.text(*place, str(block), **style)
-    axes.set_title("shaded: blocks, by number; grey outline: at rest", fontsize=10)
+# ---- the scene
+
+
+def draw_scene(axes: Any, view: View, scene: Scene) -> Any:
+    """Blocks by material, groups with a role, ties and loads, each by its name."""
+    boundary = view.boundary
+    points = view.rest.reshape(-1, 2)
+    room = 1.5 * STROKE * view.size  # for strokes outside the structure
+    around = np.stack([points.min(axis=0) - room, points.max(axis=0) + room])
+    frame(axes, view, *arrow_ends(view, view.dead), around)
+    draw_outlines(axes, view, view.rest)
+    entries = [*_joint_entries(axes, view), *_held_entries(axes, view, scene)]
+    if view.ties is not None:
+        for ends in view.ties.bars.sides:
+            (line,) = axes.plot(*ends.T, marker="s", ms=4.0, color=GREEN, lw=1.6, zorder=4)
+        names = ", ".join(scene.ties)
+        names = names if len(names) <= 40 else f"{names[:36]} ..."
+        entries.append((f"tie{'s' * (len(scene.ties) > 1)} {names}", line))
+    for load, arrows, colour, label in (
+        (scene.dead, view.dead, DEAD, "dead load"),
+        (scene.live, view.live, BLACK, "live load"),
+    ):
+        entries += draw_load(axes, view, arrows, colour, label)
+        edges = {n: np.flatnonzero(boundary.in_group(n)) for n in (*load.traction, *load.earth)}
+        if load is scene.dead:
+            edges |= {n: strips.facets for n, strips in floor_strips(scene, boundary).items()}
+        named = [
+            (name, view.rest[mine].mean(axis=(0, 1)), -boundary.normal[mine].mean(axis=0))
+            for name, mine in edges.items()
+        ]
+        along = arrows.forces.vector / np.linalg.norm(arrows.forces.vector, axis=1, keepdims=True)
+        named += zip(load.force, arrows.forces.place, along, strict=False)
+        style = {"fontsize": 9, "color": colour, "ha": "center", "va": "center", **_halo()}
+        for name, place, away in named:
+            axes.text(*(place + 0.04 * view.size * away), plain(name), **style)
+    draw_bar(axes, view)
+    legend(axes, [*entries, *material_entries(axes, view)])
+    axes.set_title("materials, groups and loads", fontsize=10)
     return axes
 
 
-def _values(view: View) -> JointValues:
-    """Joint values of a view that has them."""
-    if view.values is None:
-        raise ValueError("there are no joint forces: no state was found")
-    return view.values
+def _halo() -> dict[str, Any]:
+    """Style of a text that lies on other things."""
+    from matplotlib import patheffects
+
+    return {"zorder": 6, "path_effects": [patheffects.withStroke(linewidth=2.5, foreground="w")]}
+
+
+def _joint_entries(axes: Any, view: View) -> Iterator[Any]:
+    """Joints between blocks by group, drawn if there is more than one group."""
+    joints = view.joints
+    between = joints.bodies[joints.segments[:, 0], 0] != GROUND if len(joints.segments) else []
+    segments = joints.segments[between]
+    law = joints.law[segments[:, 0]]
+    found = np.unique(law)
+    width = max(1.8 * fineness(axes, view), 0.8)
+    for rank, number in enumerate(found if len(found) > 1 else []):
+        colour = GROUPS[rank % len(GROUPS)]
+        add_lines(axes, joints.position[segments[law == number]], colors=colour, linewidths=width)
+        line = axes.plot([], [], color=colour, lw=2.0)[0]
+        yield f"joints {joints.names[number]}", line
+
+
+def _held_entries(axes: Any, view: View, scene: Scene) -> Iterator[Any]:
+    """Edges on foundations and supports, with oblique strokes on the side of what does not move."""
+    boundary = view.boundary
+    kinds = {name: "foundation" for name in scene.foundations}
+    kinds |= {name: f"support ({kind})" for name, kind in scene.supports.items()}
+    for rank, (name, kind) in enumerate(kinds.items()):
+        mine = boundary.in_group(name)
+        if not np.any(mine):
+            continue
+        colour = HELD if kind == "foundation" else VERMILLION
+        style: dict[str, Any] = {"colors": colour, "zorder": 3}
+        dashes = ("-", (0, (5, 1)), (0, (1, 1)), (0, (4, 1, 1, 1)))[rank % 4]
+        add_lines(axes, view.rest[mine], linewidths=2.8, linestyles=dashes, **style)
+        strokes = []
+        for (start, end), normal in zip(view.rest[mine], boundary.normal[mine], strict=True):
+            count = max(round(float(np.linalg.norm(end - start)) * STROKES / view.size), 1)
+            foot = start + (np.arange(count) + 0.5)[:, None] / count * (end - start)
+            oblique = normal - np.array([-normal[1], normal[0]])
+            strokes.append(np.stack([foot, foot + STROKE * view.size * oblique], axis=1))
+        add_lines(axes, np.concatenate(strokes), linewidths=0.7, **style)
+        yield f"{kind} {name}", axes.plot([], [], color=colour, lw=2.8, ls=dashes)[0]
 
 
 # ---- files
@@ -284,23 +381,13 @@ def structure_figure(view: View, panels: int) -> Any:
     return Figure(figsize=(panels * wide, tall + 1.1), dpi=DPI, layout="constrained")
 
 
-def save(
-    view: View,
-    title: str,
-    paths: Sequence[Path | BinaryIO],
-    *draws: Draw,
-) -> None:
+def save(view: View, title: str, paths: Sequence[Path | BinaryIO], *draws: Draw) -> None:
     """Pictures of a structure side by side, to one scale."""
     figure = structure_figure(view, len(draws))
     places = figure.subplots(1, len(draws), squeeze=False, sharex=True, sharey=True)
     for axes, draw in zip(places[0], draws, strict=True):
         draw(axes, view)
     _save(figure, title, paths)
-
-
-def save_collapse(view: View, title: str, paths: Sequence[Path | BinaryIO]) -> None:
-    """Collapse mode and joint forces."""
-    save(view, title, paths, draw_mode, draw_forces)
 
 
 def save_capacity(
@@ -318,8 +405,13 @@ def save_capacity(
 
 
 def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
-    """Write a figure with its title and tight margins, laid out once for all files."""
+    """Write a figure with its title and tight margins, laid out once for all files.
+
+    PNG is without transparency, and packed by runs of equal pixels: a third of the time of
+    `savefig`.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=11)
@@ -329,20 +421,10 @@ def _save(figure: Any, title: str, paths: Sequence[Path | BinaryIO]) -> None:
     for path in paths:
         if isinstance(path, Path) and path.suffix != ".png":
             figure.savefig(path, bbox_inches=box)
-        else:
-            _save_png(figure, box, path)
-
-
-def _save_png(figure: Any, box: Any, path: Path | BinaryIO) -> None:
-    """Write the part of a figure in a box, inches, as PNG.
-
-    Without transparency, and packed by runs of equal pixels: a third of the time of `savefig`.
-    """
-    from PIL import Image
-
-    raw = io.BytesIO()
-    figure.savefig(raw, format="raw", bbox_inches=box)
-    shape = -1, int(box.width * DPI), 4
-    pixels = np.frombuffer(raw.getvalue(), dtype=np.uint8).reshape(shape)[..., :3]
-    image = Image.fromarray(np.ascontiguousarray(pixels))
-    image.save(path, format="png", dpi=(DPI, DPI), compress_type=zlib.Z_RLE)
+            continue
+        raw = io.BytesIO()
+        figure.savefig(raw, format="raw", bbox_inches=box)
+        shape = -1, int(box.width * DPI), 4
+        pixels = np.frombuffer(raw.getvalue(), dtype=np.uint8).reshape(shape)[..., :3]
+        image = Image.fromarray(np.ascontiguousarray(pixels))
+        image.save(path, format="png", dpi=(DPI, DPI), compress_type=zlib.Z_RLE)

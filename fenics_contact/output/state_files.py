@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors.texts import plain
+from fenics_contact.errors.checks import plain
 from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.output.fields import stress_raster
 from fenics_contact.output.folder import DrawingError, drawing, writing
 from fenics_contact.output.plotting import (
     Draw,
@@ -21,7 +22,6 @@ from fenics_contact.output.plotting import (
     save,
     whole_thrust,
 )
-from fenics_contact.output.stress_raster import stress_raster
 from fenics_contact.output.view import View, view_of
 from fenics_contact.scene.scene import Scene
 

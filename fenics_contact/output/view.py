@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -13,24 +16,20 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.loads import forces_on_facets
 from fenics_contact.discretization.profiles import weights_of_floors
 from fenics_contact.geometry.mesh import Array, Indices
-from fenics_contact.output.fields import (
-    at_nodes,
-    at_sides,
-    material_numbers,
-    middle,
-    mode_scale,
-)
+from fenics_contact.output.fields import at_nodes, at_sides, material_numbers, middle, mode_scale
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.tie_values import TieValues, tie_values
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.
 APART = 1.0 / 15.0
+#: Corners that leave a straight line by less than this part of the structure's size are left out
+#: of `motion_record`, whose coordinates have so many digits after the leading one of the size.
+STRAIGHT, DIGITS = 1e-5, 6
 
 
-@dataclass(frozen=True)
-class Arrows:
-    """Where a load acts.
+class Arrows(NamedTuple):
+    """Where forces act.
 
     Attributes:
         place: m, shape (arrows, 2).
@@ -43,8 +42,25 @@ class Arrows:
     pushes: Array
 
 
-@dataclass(frozen=True)
-class Caption:
+class Loads(NamedTuple):
+    """Where a load acts.
+
+    Attributes:
+        tractions: Tractions, earth pressure and floors.
+        forces: Forces at places.
+        body: Resultant of the body force on its line of action; no arrow if there is none.
+    """
+
+    tractions: Arrows
+    forces: Arrows
+    body: Arrows
+
+
+NOWHERE = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
+NO_LOAD = Loads(NOWHERE, NOWHERE, NOWHERE)
+
+
+class Caption(NamedTuple):
     """What titles of pictures say.
 
     Attributes:
@@ -64,7 +80,7 @@ BY_FACES = Caption("collapse mode", "of the certified state", "under the certifi
 
 
 def caption_of(status: str, engine: str) -> Caption:
-    """Of a collapse with this status, found by this engine."""
+    """Titles for a collapse with this status, found by this engine."""
     verified = BY_FACES if engine == "faces" else COLLAPSE
     return verified if status == "limit" else UNVERIFIED
 
@@ -77,19 +93,17 @@ class View:
         boundary: Facets of the blocks.
         joints: Joint points.
         values: Forces, openings and slips of a collapse; None where there is none.
+        rest: Ends of the facets at rest, m, shape (facets, 2, 2).
         motion: Displacements of the facets' ends in the mode, scaled, m, shape (facets, 2, 2).
         joint_motion: Those of the joint points, mean of both sides, shape (points, 2).
         centre: Centre of area of every block, m, shape (blocks, 2).
-        area: Of all blocks, m2.
+        block_size: Side of a square with the mean area of the blocks, m.
         material: Number of the material of every block, as an index into `materials`.
         materials: Names.
-        tractions: Live tractions and earth pressure, as they act.
-        forces: Live forces at places.
+        live: Live load, as it acts.
+        dead: Dead load.
         ties: Ties with their forces; None where there are none, or no values.
         tie_motion: Displacements of their ends in the mode, scaled, m, shape (bars, 2, 2).
-        body: Resultant of the live body force on its line of action; no arrow if there is none.
-        dead: Dead tractions, earth pressure and floors, forces at places, resultant of the body
-            force.
         scale: Displacements that are drawn, over those of the mode.
         caption: What titles say of motion and forces.
         marked: Blocks that are shaded in place of all else; None where all is drawn.
@@ -98,61 +112,35 @@ class View:
     boundary: Boundary
     joints: Joints
     values: JointValues | None
+    rest: Array
     motion: Array
     joint_motion: Array
     centre: Array
-    area: float
+    block_size: float
     material: Indices
     materials: tuple[str, ...]
-    tractions: Arrows
-    forces: Arrows
-    body: Arrows
+    live: Loads
+    dead: Loads
     ties: TieValues | None
     tie_motion: Array
-    dead: tuple[Arrows, Arrows, Arrows]
     scale: float = 1.0
     caption: Caption = COLLAPSE
     marked: Indices | None = None
 
     def scaled(self, factor: float) -> View:
         """The view with displacements so many times as large."""
-        return replace(
-            self,
-            motion=factor * self.motion,
-            joint_motion=factor * self.joint_motion,
-            tie_motion=factor * self.tie_motion,
-            scale=factor * self.scale,
-        )
+        moving = ("motion", "joint_motion", "tie_motion", "scale")
+        return replace(self, **{name: factor * getattr(self, name) for name in moving})
 
-    def without_live_load(self) -> View:
-        """The view without arrows of the live load."""
-        none = _joined([])
-        return replace(self, tractions=none, forces=none, body=none)
-
-    @property
+    @cached_property
     def size(self) -> float:
         """Width or height of the structure, whichever is larger, m."""
         return float(np.ptp(self.boundary.points.reshape(-1, 2), axis=0).max())
 
     @property
-    def rest(self) -> Array:
-        """Ends of the facets at rest, m, shape (facets, 2, 2)."""
-        return self.boundary.points[:, :2]
-
-    @property
     def moved(self) -> Array:
         """Ends of the facets, displaced by the mode, m, shape (facets, 2, 2)."""
         return self.rest + self.motion
-
-    @property
-    def moved_ties(self) -> Array:
-        """Ends of the ties, displaced by the mode, m, shape (bars, 2, 2)."""
-        return self.tie_motion if self.ties is None else self.ties.bars.sides + self.tie_motion
-
-    @property
-    def block_size(self) -> float:
-        """Side of a square with the mean area of the blocks, m."""
-        return float(np.sqrt(self.area / len(self.centre)))
 
 
 def view_of(
@@ -168,55 +156,52 @@ def view_of(
     """
     boundary = layout.boundary
     joints = layout.joints.without_ties()
-    motion = np.zeros((len(boundary.nodes), 2, 2))
-    at_points = np.zeros((len(joints.nodes), 2))
+    count = len(joints.nodes)
     scale = 1.0
-    at_ties = np.zeros((len(layout.joints.nodes) - len(joints.nodes), 2, 2))
+    motion = np.zeros((len(boundary.nodes), 2, 2))
+    sides = np.zeros((len(layout.joints.nodes), 2, 2))
     if mode is not None:
         scale = mode_scale(layout, mode)
         motion = scale * at_nodes(layout, mode, boundary.nodes[:, :2])
         sides = scale * at_sides(layout, mode)
-        at_points = middle(joints, sides[: len(at_points)])
-        at_ties = sides[len(at_points) :]
     scene = layout.scene
-    tractions, forces, body = _arrows(layout, "live", sign)
+    # The material of a block is the first in the scene's order, if it has several.
+    material = np.full(scene.mesh.body_count, len(scene.materials), dtype=np.int64)
+    np.minimum.at(material, scene.mesh.body, material_numbers(layout)[scene.mesh.cell_groups])
+    scene.comm.Allreduce(MPI.IN_PLACE, material, MPI.MIN)
     return View(
         boundary=boundary,
         joints=joints,
-        values=values and values.first(len(joints.nodes)),
+        values=values and values.first(count),
+        rest=boundary.points[:, :2],
         motion=motion,
-        joint_motion=at_points,
+        joint_motion=middle(joints, sides[:count]),
         centre=layout.centroid,
-        area=layout.bodies_area(),
-        material=_materials(layout),
+        block_size=float(np.sqrt(layout.bodies_area() / len(layout.centroid))),
+        material=material,
         materials=tuple(scene.materials),
-        tractions=tractions,
-        forces=forces,
-        body=body,
+        live=_loads(layout, "live", sign),
+        dead=_loads(layout, "dead", 1.0),
         ties=None if values is None else tie_values(layout.joints, values),
-        tie_motion=at_ties,
-        dead=_arrows(layout, "dead", 1.0),
+        tie_motion=sides[count:],
         scale=scale,
     )
 
 
-def _materials(layout: Layout) -> Indices:
-    """Material of every block: the first in the scene's order, if it has several."""
-    mesh = layout.scene.mesh
-    number = np.full(mesh.body_count, len(layout.scene.materials), dtype=np.int64)
-    np.minimum.at(number, mesh.body, material_numbers(layout)[mesh.cell_groups])
-    mesh.comm.Allreduce(MPI.IN_PLACE, number, MPI.MIN)
-    return number
-
-
-def _arrows(layout: Layout, kind: str, sign: float) -> tuple[Arrows, Arrows, Arrows]:
-    """Tractions, forces at places, and the body force, of the "dead" or "live" load as it acts."""
+def _loads(layout: Layout, kind: str, sign: float) -> Loads:
+    """The "dead" or "live" load as it acts, times a sign."""
     load: Load = getattr(layout.scene, kind)
     boundary = layout.boundary
     bodies = layout.bodies
     points = boundary.points
-    floors = weights_of_floors(layout.scene, boundary) if kind == "dead" else []
-    on_facets = [*floors, *_traction_forces(boundary, load), *forces_on_facets(boundary, load)]
+    # Facets and the forces at their nodes, N per metre of thickness: along edges, then at places.
+    on_facets = list(weights_of_floors(layout.scene, boundary)) if kind == "dead" else []
+    for name, traction in load.traction.items():
+        facets = np.flatnonzero(boundary.in_group(name))
+        half = np.outer(0.5 * boundary.length[facets], traction)
+        on_facets.append((facets, np.stack([half, half], axis=1)))
+    edges = len(on_facets) + len(load.earth)
+    on_facets += forces_on_facets(boundary, load)
     rest = getattr(bodies, kind) * [1.0, 1.0, bodies.size]
     for facets, force in on_facets:
         body = boundary.body[facets]
@@ -225,24 +210,15 @@ def _arrows(layout: Layout, kind: str, sign: float) -> tuple[Arrows, Arrows, Arr
         np.subtract.at(rest, body, np.column_stack([force.sum(axis=1), moment.sum(axis=1)]))
     if load.acceleration == (0.0, 0.0) and load.form is None:
         rest[:] = 0.0
-    edges = len(floors) + len(load.traction) + len(load.earth)
     apart = APART * float(np.ptp(points.reshape(-1, 2), axis=0).max())
-    arrows = [
-        _along_edges(boundary, facets, sign * force.sum(axis=1), apart)
-        for facets, force in on_facets[:edges]
-    ]
-    forces = [_resultant(boundary, facets, sign * force) for facets, force in on_facets[edges:]]
-    return _joined(arrows), _joined(forces), _body_force(sign * rest, bodies.centre)
-
-
-def _traction_forces(boundary: Boundary, load: Load) -> list[tuple[Indices, Array]]:
-    """Facets and the forces at their two ends, N per metre of thickness, of all tractions."""
-    found = []
-    for name, traction in load.traction.items():
-        facets = np.flatnonzero(boundary.in_group(name))
-        half = np.outer(0.5 * boundary.length[facets], traction)
-        found.append((facets, np.stack([half, half], axis=1)))
-    return found
+    return Loads(
+        _joined(
+            _along_edges(boundary, facets, sign * force.sum(axis=1), apart)
+            for facets, force in on_facets[:edges]
+        ),
+        _joined(_resultant(boundary, facets, sign * force) for facets, force in on_facets[edges:]),
+        _body_force(sign * rest, bodies.centre),
+    )
 
 
 def _along_edges(boundary: Boundary, facets: Indices, force: Array, apart: float) -> Arrows:
@@ -276,7 +252,7 @@ def _body_force(force: Array, centre: Array) -> Arrows:
     size = np.linalg.norm(force[:, :2], axis=1)
     square = float(total @ total)
     if square <= 1e-18 * float(size.sum()) ** 2:
-        return _joined([])
+        return NOWHERE
     place = size @ centre / size.sum()
     arm = centre - place
     moment = np.sum(force[:, 2] + arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0])
@@ -284,11 +260,73 @@ def _body_force(force: Array, centre: Array) -> Arrows:
     return Arrows(place[None], total[None], np.ones(1, dtype=bool))
 
 
-def _joined(parts: list[Arrows]) -> Arrows:
+def _joined(parts: Iterable[Arrows]) -> Arrows:
     """All arrows of several loads, without those of no size."""
-    none = Arrows(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
-    columns = zip(*(vars(part).values() for part in (none, *parts)), strict=True)
-    whole = Arrows(*(np.concatenate(column) for column in columns))
+    whole = Arrows(*(np.concatenate(column) for column in zip(NOWHERE, *parts, strict=True)))
     size = np.linalg.norm(whole.vector, axis=1)
     acts = size > 1e-9 * size.max(initial=0.0)
-    return Arrows(whole.place[acts], whole.vector[acts], whole.pushes[acts])
+    return Arrows(*(column[acts] for column in whole))
+
+
+# ---- as data, for the report's slider
+
+
+def outlines(boundary: Boundary, ends: Array) -> list[list[Array]]:
+    """Closed loops around every body, for given ends of the facets, shape (facets, 2, 2).
+
+    A body with a hole has more than one. The first corner is not repeated.
+    """
+    # Run along every facet with the block on the left.
+    along = boundary.points[:, 1] - boundary.points[:, 0]
+    forward = np.linalg.det(np.stack([boundary.normal, along], axis=1)) > 0.0
+    order = np.where(forward[:, None], [0, 1], [1, 0])
+    nodes = np.take_along_axis(boundary.nodes[:, :2], order, axis=1).tolist()
+    points = np.take_along_axis(ends, order[:, :, None], axis=1)[:, 1]
+    leaving = {first: row for row, (first, _) in enumerate(nodes)}
+    loops: list[list[Array]] = [[] for _ in range(int(boundary.body.max()) + 1)]
+    while leaving:
+        node = next(iter(leaving))
+        rows = []
+        while node in leaving:
+            rows.append(leaving.pop(node))
+            node = nodes[rows[-1]][1]
+        loops[boundary.body[rows[0]]].append(points[rows])
+    return loops
+
+
+def motion_record(view: View) -> dict[str, Any]:
+    """Outlines of the blocks, their centres, and their motions (u_x, u_y, angle) about these.
+
+    Coordinates are those of the mesh, m. Motions are scaled as in the pictures: the largest
+    displacement is a fixed part of the structure's size. They are rigid, small, and fit those of
+    the facets' ends best, by least squares.
+    """
+    digits = DIGITS - int(np.floor(np.log10(view.size)))
+
+    def rounded(values: Array, digits: int = digits) -> Any:
+        return (np.round(values, digits) + 0.0).tolist()  # without signs of zeros
+
+    def corners(loop: Array) -> Array:
+        before = loop - np.roll(loop, 1, axis=0)
+        after = np.roll(loop, -1, axis=0) - loop
+        cross = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        flat = STRAIGHT * view.size
+        turns = cross > flat * np.maximum(np.linalg.norm(before + after, axis=1), flat)
+        return loop[turns] if turns.sum() >= 3 else loop
+
+    body = np.repeat(view.boundary.body, 2)
+    x, y = (view.rest.reshape(-1, 2) - view.centre[body]).T
+    one = np.ones_like(x)
+    zero = np.zeros_like(x)
+    rigid = np.array([[one, zero, -y], [zero, one, x]]).T  # (ends, 3, 2)
+    normal = np.zeros((len(view.centre), 3, 3))
+    right = np.zeros((len(view.centre), 3))
+    np.add.at(normal, body, rigid @ rigid.transpose(0, 2, 1))
+    np.add.at(right, body, (rigid @ view.motion.reshape(-1, 2, 1))[..., 0])
+    motion = np.linalg.solve(normal, right[..., None])[..., 0]
+    loops = outlines(view.boundary, view.rest)
+    return {
+        "outlines": [[rounded(corners(loop)) for loop in of_body] for of_body in loops],
+        "centres": rounded(view.centre),
+        "motions": rounded(motion, digits + 2),
+    }

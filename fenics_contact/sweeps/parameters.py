@@ -7,7 +7,7 @@ import math
 import pickle
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -59,12 +59,19 @@ class Parameter:
             InputError: If there is no key, or no value.
         """
         names = tuple(name.strip() for name in keys.split(","))
-        found = _values_of(values) if isinstance(values, str) else [_plain(v) for v in values]
+        if isinstance(values, str):
+            found = _values_of(values)
+        else:  # as TOML has them: lists for tuples and arrays, text for paths
+            arrays = (np.ndarray, np.generic)
+            text = json.dumps(
+                list(values), default=lambda x: x.tolist() if isinstance(x, arrays) else str(x)
+            )
+            found = json.loads(text)
         if not found or not all(all(part.strip() for part in n.split(".")) for n in names):
             raise InputError(f"'{keys}' varies as {_HOW}; give both key and values")
-        once: dict[Any, Any] = {}
+        once: dict[str, Any] = {}
         for value in found:
-            once.setdefault(_hashable(value), value)
+            once.setdefault(json.dumps(value, sort_keys=True, default=str), value)
         return cls(names, tuple(once.values()))
 
     @classmethod
@@ -80,39 +87,23 @@ def _values_of(text: str) -> list[Any]:
     if found := _RANGE.fullmatch(text):
         start, end = (np.asarray(value_of(part)) for part in found.groups()[:2])
         if all(part.dtype.kind in "if" and part.size for part in (start, end)):
-            return _between(start, end, int(found[3]), text)
+            if start.shape != end.shape:
+                raise InputError(f"'{text}': both ends of a range must have as many numbers")
+            count = int(found[3])
+            if not 1 <= count <= MOST:
+                raise InputError(
+                    f"'{text}' must have 1 to {MOST} values, the last number of the range"
+                )
+            exact = np.linspace(start, end, count)
+            short = np.array([float(f"{x:.{DIGITS}g}") for x in exact.flat]).reshape(exact.shape)
+            whole = start.dtype.kind == end.dtype.kind == "i" and np.all(short == np.round(short))
+            return list((short.astype(np.int64) if whole else short).tolist())
     elif ":" in text and isinstance(first, (int, float)):
         raise InputError(f"'{text}' is no range; a key varies as {_HOW}")
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (ValueError, RecursionError):
         return [value_of(part) for part in text.split(",") if part.strip()]
-
-
-def _between(first: Any, last: Any, count: int, text: str) -> list[Any]:
-    """Values from one array to another, in equal steps."""
-    if first.shape != last.shape:
-        raise InputError(f"'{text}': both ends of a range must have as many numbers")
-    if not 1 <= count <= MOST:
-        raise InputError(f"'{text}' must have 1 to {MOST} values, the last number of the range")
-    exact = np.linspace(first, last, count)
-    short = np.array([float(f"{x:.{DIGITS}g}") for x in exact.flat]).reshape(exact.shape)
-    whole = first.dtype.kind == last.dtype.kind == "i" and np.all(short == np.round(short))
-    return list((short.astype(np.int64) if whole else short).tolist())
-
-
-def _plain(value: Any) -> Any:
-    """A value as TOML has it: lists for tuples and arrays, text for paths."""
-    arrays = (np.ndarray, np.generic)
-    text = json.dumps(value, default=lambda x: x.tolist() if isinstance(x, arrays) else str(x))
-    return json.loads(text)
-
-
-def _hashable(value: Any) -> Any:
-    """A value of TOML that can be a key, equal where the values are."""
-    if isinstance(value, list):
-        return tuple(map(_hashable, value))
-    return json.dumps(value, sort_keys=True) if isinstance(value, dict) else value
 
 
 def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
@@ -134,69 +125,25 @@ def grid(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
     ]
 
 
-def _copied(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables to assign to; what is in them is replaced, but never changed."""
-    return {k: _copied(v) if isinstance(v, Mapping) else v for k, v in tables.items()}
-
-
 class Family:
     """Scenes that differ in the values of some keys; the mesh is read once.
 
     Attributes:
+        origin: Scene file and what was set on top of it, or a scene made in Python.
         comm: Ranks of all scenes.
         tables: Of the scene without these values, as a file has them.
-        origin: Scene file and what was set on top of it, or a scene made in Python.
     """
 
-    def __init__(
-        self,
-        comm: MPI.Comm,
-        tables: dict[str, Any],
-        read: Callable[[str, str], BlockMesh],
-        origin: Origin,
-    ) -> None:
-        """Scenes from tables of a file; `read` makes a mesh of `mesh.file` and `mesh.blocks`."""
-        self.comm = comm
-        self.tables = tables
+    def __init__(self, origin: Origin, comm: MPI.Comm | None = None) -> None:
+        """Read the tables of the file, on all ranks of `comm` (by default PETSc's), or scene."""
         self.origin = origin
-        self._read = read
         self._last: tuple[tuple[str, str], BlockMesh] | None = None
-
-    @classmethod
-    def of(cls, origin: Origin) -> Family:
-        """Scenes of what another family has as its origin."""
         if isinstance(origin, Scene):
-            return cls.of_scene(origin)
-        path, overrides = origin
-        return cls.of_file(path, overrides=overrides)
-
-    @classmethod
-    def of_file(
-        cls, path: Path, comm: MPI.Comm | None = None, overrides: Sequence[str] = ()
-    ) -> Family:
-        """Scenes of a file; arguments as those of `Scene.from_file`."""
-        comm = compat.default_comm() if comm is None else comm
-
-        def read(name: str, blocks: str) -> BlockMesh:
-            return BlockMesh.from_file(path.parent / name, comm, blocks)
-
-        return cls(comm, read_toml(path, comm, overrides), read, (path, tuple(overrides)))
-
-    @classmethod
-    def of_scene(cls, scene: Scene) -> Family:
-        """Scenes on the mesh of a scene made in Python."""
-
-        def read(name: str, _: str) -> BlockMesh:
-            if name != scene.mesh.source:
-                raise InputError("mesh.file varies for scenes of a file only; give its path")
-            return scene.mesh
-
-        return cls(scene.comm, scene.tables(), read, scene)
-
-    @property
-    def file(self) -> Path | None:
-        """Scene file; None for a scene made in Python."""
-        return None if isinstance(self.origin, Scene) else self.origin[0]
+            self.comm = origin.comm
+            self.tables = origin.tables()
+        else:
+            self.comm = compat.default_comm() if comm is None else comm
+            self.tables = read_toml(origin[0], self.comm, origin[1])
 
     def to_send(self) -> bytes:
         """The origin, as `Origin`, for another process.
@@ -220,13 +167,24 @@ class Family:
         Raises:
             InputError: If a key is unknown, or a value wrong.
         """
-        tables = _copied(self.tables)
+
+        def copied(tables: Mapping[str, Any]) -> dict[str, Any]:
+            """Tables to assign to; what is in them is replaced, but never changed."""
+            return {k: copied(v) if isinstance(v, Mapping) else v for k, v in tables.items()}
+
+        tables = copied(self.tables)
         for key, value in values.items():
             assign(tables, key, value)
         return Scene.from_tables(tables, self._kept_mesh)
 
     def _kept_mesh(self, name: str, blocks: str) -> BlockMesh:
+        """The mesh of `mesh.file` and `mesh.blocks`; the last one is kept."""
+        if isinstance(self.origin, Scene):
+            if name != self.origin.mesh.source:
+                raise InputError("mesh.file varies for scenes of a file only; give its path")
+            return self.origin.mesh
         if self._last is None or self._last[0] != (name, blocks):
             self._last = None  # frees the last one
-            self._last = (name, blocks), self._read(name, blocks)
+            path = self.origin[0].parent / name
+            self._last = (name, blocks), BlockMesh.from_file(path, self.comm, blocks)
         return self._last[1]

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors.texts import plain
+from fenics_contact.errors.checks import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import drawing, going_on, replace_file, writing
-from fenics_contact.output.plotting import check_axes, new_axes, save_collapse
+from fenics_contact.output.plotting import check_axes, draw_forces, draw_mode, new_axes, save
 from fenics_contact.output.view import view_of
 from fenics_contact.results.result import Result
 from fenics_contact.sweeps.parameters import Parameter, Values
@@ -49,8 +49,26 @@ def save_picture(
     replace_file(folder / PICTURE, file.getvalue())
 
 
+def save_worst(result: Result, values: Values, folder: Path) -> None:
+    """Draw the mechanism of a solved point into worst.png of a folder. Collective."""
+    end = result.collapse
+    if end is None or end.mode is None or end.joints is None or end.status != "limit":
+        return
+    sign = 1.0 if result.positive is not None else -1.0
+    view = view_of(result.layout, end.mode, end.joints, sign)
+    title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
+    with going_on([]), writing(result.scene.comm, folder):
+        if result.scene.comm.rank == 0:
+            file = io.BytesIO()
+            with drawing(WORST):
+                save(view, title, [file], draw_mode, draw_forces)
+            replace_file(folder / WORST, file.getvalue())
+
+
 def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: Any = None) -> Any:
     """Draw the load factor over the parameter with most values, a curve for each of the others.
+
+    A ring is around the lowest one.
 
     Args:
         parameters: What varies.
@@ -60,14 +78,12 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
     check_axes(axes)
     axes = new_axes() if axes is None else axes
     sizes = [len(parameter.values) for parameter in parameters]
-    table = np.empty(len(points), dtype=object)
-    table[:] = list(points)
-    table = table.reshape(sizes)
     along = int(np.argmax(sizes))
-    curves = np.moveaxis(table, along, -1).reshape(-1, sizes[along])
+    order = np.moveaxis(np.arange(len(points)).reshape(sizes), along, -1)
+    curves = [[points[k] for k in row] for row in order.reshape(-1, sizes[along])]
     at, label, names = _places(parameters[along])
     if len(curves) > CURVES:
-        curves = table.reshape(1, -1)
+        curves = [list(points)]
         at = np.arange(float(len(points)))
         label = "point"
         names = []
@@ -76,7 +92,15 @@ def draw_sweep(parameters: Sequence[Parameter], points: Sequence[Point], axes: A
         given = _said({key: curve[0].values[key] for key in others})
         style = (BLUE, ONE_CURVE) if len(curves) == 1 else (f"C{number}", plain(given))
         _draw_curve(axes, at, curve, *style)
-    _mark_worst(axes, at, curves)
+    places = [(x, p) for curve in curves for x, p in zip(at, curve, strict=True)]
+    places = [(x, point) for x, point in places if np.isfinite(point.least)]
+    if places:
+        x, worst = min(places, key=lambda place: place[1].least)
+        factor = worst.least if worst.least == worst.load_factor else worst.load_factor_negative
+        where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
+        text = plain(f"lowest: {factor:.5g} at {where}", TITLE)
+        ring = {"ms": 11, "mfc": "none", "color": VERMILLION, "ls": "none"}
+        axes.plot(x, factor, "o", label=text, **ring)
     axes.set(xlabel=plain(label), ylabel="load factor")
     if names:
         axes.set_xticks(at, list(map(plain, names)))
@@ -137,35 +161,6 @@ def _draw_curve(axes: Any, at: Array, curve: Sequence[Point], colour: str, label
         if point.status == "unbounded":
             style = {"xycoords": ("data", "axes fraction"), "ha": "center", "fontsize": 8}
             axes.annotate("unbounded", (place, 0.96), rotation=90, va="top", **style)
-
-
-def _mark_worst(axes: Any, at: Array, curves: Any) -> None:
-    """A ring around the lowest load factor."""
-    places = [(x, point) for curve in curves for x, point in zip(at, curve, strict=True)]
-    places = [(x, point) for x, point in places if np.isfinite(point.least)]
-    if not places:
-        return
-    x, worst = min(places, key=lambda place: place[1].least)
-    factor = worst.load_factor if worst.least == worst.load_factor else worst.load_factor_negative
-    where = ", ".join(dict.fromkeys(map(_short, worst.values.values())))
-    style = {"markersize": 11, "markerfacecolor": "none", "color": VERMILLION, "linestyle": "none"}
-    axes.plot(x, factor, "o", label=plain(f"lowest: {factor:.5g} at {where}", TITLE), **style)
-
-
-def save_worst(result: Result, values: Values, folder: Path) -> None:
-    """Draw the mechanism of a solved point into worst.png of a folder. Collective."""
-    end = result.collapse
-    if end is None or end.mode is None or end.joints is None or end.status != "limit":
-        return
-    sign = 1.0 if result.positive is not None else -1.0
-    view = view_of(result.layout, end.mode, end.joints, sign)
-    title = f"lowest load factor {end.load_factor:.5g}: {plain(_said(values), TITLE)}"
-    with going_on([]), writing(result.scene.comm, folder):
-        if result.scene.comm.rank == 0:
-            file = io.BytesIO()
-            with drawing(WORST):
-                save_collapse(view, title, [file])
-            replace_file(folder / WORST, file.getvalue())
 
 
 def _said(values: Values) -> str:

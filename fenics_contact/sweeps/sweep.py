@@ -1,9 +1,19 @@
-"""Limit loads over values of a scene's keys: the function that users call."""
+"""Limit loads over values of a scene's keys: the function that users call, and its table.
+
+The table has a row as each point ends; a sweep that was stopped goes on with the rows that are
+there.
+"""
 
 from __future__ import annotations
 
+import csv
+import hashlib
+import io
+import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,20 +22,30 @@ import numpy as np
 
 from fenics_contact import console
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import InputError
+from fenics_contact.errors import EXIT_CODES, InputError
 from fenics_contact.errors.checks import checked
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.output.folder import going_on, writing
+from fenics_contact.output.folder import going_on, replace_file, writing
 from fenics_contact.scene.scene import Scene
 from fenics_contact.sweeps.parameters import Family, Parameter, Values, grid
 from fenics_contact.sweeps.picture import draw_sweep, save_picture, save_worst
-from fenics_contact.sweeps.points import Point, value_text
-from fenics_contact.sweeps.solving import Structure, solve, solve_point
-from fenics_contact.sweeps.table import Table, described
-from fenics_contact.sweeps.workers import solved_by_workers
+from fenics_contact.sweeps.points import (
+    WRONG_INPUT,
+    Point,
+    Structure,
+    solve,
+    solved_points,
+    value_text,
+)
+from fenics_contact.version import __version__
 
+TABLE, RECORD = "sweep.csv", "sweep.json"
+#: Columns after those of the keys.
+COLUMNS = tuple(item.name for item in fields(Point) if item.name != "values")
 #: Attributes of points.
-_ATTRIBUTES = (*(item.name for item in fields(Point)), "solved", "least")
+_ATTRIBUTES = ("values", *COLUMNS, "solved", "least")
+#: Load factors are in their brackets up to this times the tolerance: certificates leave some.
+AGREE = 10.0
 
 #: Is told how many points are there, of how many, and of the point that ended, None at first.
 Told = Callable[[int, int, Point | None], None]
@@ -110,16 +130,10 @@ def sweep(
         InputError: If a key or value is wrong; then nothing is written.
         OutputError: If the folder cannot be written to.
     """
-    family = Family.of_scene(scene) if isinstance(scene, Scene) else Family.of_file(Path(scene))
+    family = Family(scene if isinstance(scene, Scene) else (Path(scene), ()))
     parameters = [Parameter.of(keys, values) for keys, values in vary.items()]
-    tell: Told = silent
-    if progress and family.comm.rank == 0:
-        tell = console.SweepProgress()
+    tell = console.SweepProgress() if progress and family.comm.rank == 0 else None
     return run_sweep(family, parameters, None if folder is None else Path(folder), jobs, tell)
-
-
-def silent(done: int, total: int, point: Point | None) -> None:
-    """Say nothing."""
 
 
 def run_sweep(
@@ -127,46 +141,43 @@ def run_sweep(
     parameters: Sequence[Parameter],
     folder: Path | None = None,
     jobs: int = 1,
-    tell: Told = silent,
+    tell: Told | None = None,
 ) -> Sweep:
-    """Limit loads over a grid of parameters; see `sweep`. Collective."""
+    """Limit loads over a grid of parameters; see `sweep`. Collective.
+
+    If a load varies, the mechanism of the point with the lowest load factor is drawn: that point is
+    solved again.
+    """
     points = grid(parameters)
     comm = family.comm
-    tolerance = _check(family, points, jobs)
-    rows = None if folder is None or comm.rank != 0 else Table(folder, list(points[0]), tolerance)
+    tell = tell or (lambda done, total, point: None)
+    rows = Table(folder or Path(), list(points[0]), _check(family, points, jobs))
     there: list[Point] = []
     with writing(comm, folder):
-        if rows is not None:
+        if comm.rank == 0 and folder is not None:
             there = rows.begin(described(family, parameters))
     found = {_key(point.values): point for point in comm.bcast(there)}
     todo = [values for values in points if _key(values) not in found]
     tell(len(found), len(points), None)
-    for point in _solved(family, todo, jobs):
+    for point in solved_points(family, todo, jobs):
         with writing(comm, folder):
-            if rows is not None:
+            if comm.rank == 0 and folder is not None:
                 rows.append(point)
         found[_key(point.values)] = point
         tell(len(found), len(points), point)
     done = Sweep(parameters, [found[_key(values)] for values in points])
+    if folder is None:
+        return done
     with going_on([]), writing(comm, folder):
-        if rows is not None and folder is not None:
+        if comm.rank == 0:
             rows.write(done)  # in the order of the values
             save_picture(parameters, done, str(family.tables.get("title", "")), folder)
     worst = done.worst
-    if folder is not None and worst is not None:
-        if any(key.startswith("loads.") for key in worst.values):
-            _draw_worst(family, worst, folder)
+    if worst is not None and any(key.startswith("loads.") for key in worst.values):
+        with closing(Structure()) as structure:
+            result = solve(family.scene(worst.values), structure)
+        save_worst(result, worst.values, folder)
     return done
-
-
-def _draw_worst(family: Family, worst: Point, folder: Path) -> None:
-    """Draw the mechanism of a point into a folder. Collective: it is solved again."""
-    structure = Structure()
-    try:
-        result = solve(family.scene(worst.values), structure)
-    finally:
-        structure.close()
-    save_worst(result, worst.values, folder)
 
 
 def _check(family: Family, points: Sequence[Values], jobs: int) -> float:
@@ -197,14 +208,140 @@ def _key(values: Values) -> tuple[str, ...]:
     return tuple(map(value_text, values.values()))
 
 
-def _solved(family: Family, points: Sequence[Values], jobs: int) -> Iterator[Point]:
-    """Points as they end."""
-    if jobs > 1 and points:
-        yield from solved_by_workers(family, points, jobs)
-        return
-    structure = Structure()
-    try:
-        for values in points:
-            yield solve_point(family, structure, values)
-    finally:
-        structure.close()
+# ---- the table on the disk
+
+
+class Table:
+    """Rows of a sweep on the disk, of one process.
+
+    Its methods raise `OSError` where the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path, keys: Sequence[str], tolerance: float) -> None:
+        """Name the folder and the varied keys; the tolerance is that of load factors, relative."""
+        self.path = folder / TABLE
+        self._tolerance = tolerance
+        self._keys = tuple(keys)
+
+    def begin(self, record: Mapping[str, Any]) -> list[Point]:
+        """Rows of the same sweep that are there already; the folder is made if need be.
+
+        Raises:
+            InputError: If the folder has another sweep, or files that were changed by hand and
+                cannot be read.
+        """
+        folder = self.path.parent
+        described = folder / RECORD
+        folder.mkdir(parents=True, exist_ok=True)
+        before = None
+        if described.exists():
+            try:
+                before = json.loads(described.read_text())
+            except (ValueError, RecursionError) as error:  # a byte that is no text is a ValueError
+                raise InputError(
+                    f"'{described}' cannot be read: {error}; choose another folder (-o on the"
+                    " command line), or remove that one"
+                ) from None
+        same = "mesh" in record and before == json.loads(json.dumps(record))
+        if before is not None and not same:  # the mesh of a scene made in Python has no record
+            raise InputError(
+                f"'{folder}' has a sweep of another scene or other values; choose another"
+                " folder (-o on the command line), or remove that one"
+            )
+        rows = self._rows() if before is not None else []
+        self.write(rows)  # without a half-written line
+        replace_file(described, (json.dumps(record, indent=2) + "\n").encode())
+        return rows
+
+    def append(self, point: Point) -> None:
+        """Add a row; it is on the disk when this returns."""
+        with self.path.open("a", encoding="utf-8", newline="") as file:
+            self._put(file, [point])
+            file.flush()
+            os.fsync(file.fileno())
+
+    def write(self, points: Sequence[Point]) -> None:
+        """Replace all rows."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow([*self._keys, *COLUMNS])
+        self._put(text, points)
+        replace_file(self.path, text.getvalue().encode())
+
+    def _put(self, file: Any, points: Sequence[Point]) -> None:
+        """Write rows: numbers with all their digits, nothing for nan."""
+        for point in points:
+            cells = [getattr(point, name) for name in COLUMNS]
+            cells = ["" if isinstance(x, float) and math.isnan(x) else x for x in cells]
+            values = [value_text(point.values[key]) for key in self._keys]
+            csv.writer(file, lineterminator="\n").writerow(values + cells)
+
+    def _rows(self) -> list[Point]:
+        """Complete rows of the file."""
+        if not self.path.exists():
+            return []
+        try:
+            text = self.path.read_bytes().decode("utf-8-sig")
+            table = csv.DictReader(io.StringIO(text[: text.rfind("\n") + 1]))
+            rows = [(table.line_num, row) for row in table if None not in row.values()]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(
+                f"'{self.path}' is no table in UTF-8 ({error}); save it as CSV in UTF-8, or remove"
+                " it to solve all points again"
+            ) from None
+        if list(table.fieldnames or ()) not in ([], [*self._keys, *COLUMNS]):
+            raise InputError(
+                f"'{self.path}' has other columns than this sweep; put its first line right, or"
+                " remove the file to solve all points again"
+            )
+        points = []
+        for number, row in rows:
+            try:
+                points.append(self._point(row))
+            except (ValueError, OverflowError) as error:
+                raise InputError(
+                    f"'{self.path}', line {number}, cannot be read: {error}; remove the line to"
+                    " solve its point again"
+                ) from None
+        return points
+
+    def _point(self, row: Mapping[str, str]) -> Point:
+        """Point of a row.
+
+        Raises:
+            ValueError, OverflowError: If it cannot be one.
+        """
+        given: dict[str, Any] = {}
+        for item in fields(Point)[1:]:
+            cell = row[item.name]
+            if item.type == "float":
+                given[item.name] = float(cell or math.nan)
+            else:  # 14.0 by a spreadsheet
+                given[item.name] = int(float(cell)) if item.type == "int" else cell
+        if given["status"] not in (*EXIT_CODES, WRONG_INPUT):
+            raise ValueError(f"unknown status '{given['status']}'")
+        values = {}
+        for key in self._keys:
+            values[key] = row[key]
+            with suppress(ValueError, RecursionError):
+                values[key] = json.loads(row[key])
+        point = Point(values, **given)
+        if text := point.contradiction(AGREE * self._tolerance):
+            raise ValueError(text)
+        return point
+
+
+def described(family: Family, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """What tells a sweep from others: version, scene, meshes and values. On one rank."""
+    meshes = {str(family.tables.get("mesh", {}).get("file", ""))}
+    for parameter in parameters:
+        if "mesh.file" in parameter.keys:
+            meshes = {str(value) for value in parameter.values}
+    solved = {k: v for k, v in family.tables.items() if k not in ("title", "output")}
+    tables = json.dumps(solved, sort_keys=True, default=str).encode()
+    record = {"version": __version__, "scene": hashlib.sha256(tables).hexdigest()}
+    if not isinstance(family.origin, Scene):
+        folder = family.origin[0].parent
+        files = [hashlib.sha256((folder / name).read_bytes()) for name in sorted(meshes)]
+        record["mesh"] = " ".join(one.hexdigest() for one in files)
+    vary = {", ".join(parameter.keys): list(parameter.values) for parameter in parameters}
+    return {**record, "vary": vary}

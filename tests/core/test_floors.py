@@ -28,7 +28,7 @@ from fenics_contact import (
 from fenics_contact.console import description
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import polygons
-from fenics_contact.output.scene_picture import draw_scene
+from fenics_contact.output.plotting import draw_scene
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.view import view_of
 from tests.bank import GRAVITY, coulomb, sides

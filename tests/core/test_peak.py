@@ -27,7 +27,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.results.history import CapacityPoint, CurveEnd, LoadPath, LoadStep, Peak
-from fenics_contact.sweeps.solving import Structure, solve
+from fenics_contact.sweeps.points import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.core.problems import load_case
 from tests.helpers import mesh_of

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene, limit_load
 from fenics_contact.meshing import polygons
 from fenics_contact.output import state_files
-from fenics_contact.output.scene_picture import draw_scene
+from fenics_contact.output.plotting import draw_scene
 from fenics_contact.output.view import view_of
 from fenics_contact.scene import EdgeForce
 from fenics_contact.sweeps.parameters import Parameter, grid
@@ -133,7 +133,7 @@ def test_stands_and_sweeps_lose_no_result(folder, capsys, monkeypatch):
     assert record["status"] == "equilibrium" and "ValueError: no room" in record["warnings"][-1]
     assert "state.png" in record["files"] and "stress.png" not in record["files"]
     monkeypatch.setattr("fenics_contact.sweeps.picture.draw_sweep", broken)
-    monkeypatch.setattr("fenics_contact.sweeps.picture.save_collapse", broken)
+    monkeypatch.setattr("fenics_contact.sweeps.picture.save", broken)
     vary = ["--vary", "loads.live.body=[5,0]:[10,0]:2"]
     found = run_here(["sweep", "scene.toml", *vary], capsys)
     assert found.code == 0 and found.out.count("could not be drawn") == 2

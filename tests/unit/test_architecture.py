@@ -23,7 +23,7 @@ TREES = {
 
 #: Floors from the ground up: a module or folder imports its own floor and those below.
 FLOORS = (
-    {"errors", "compat", "requirements", "version", "exit_codes"},
+    {"errors", "compat", "requirements", "version"},
     {"geometry"},
     {"scene"},
     {"discretization"},

@@ -13,7 +13,6 @@ from mpi4py import MPI
 from PIL import Image
 
 from fenics_contact import InputError, OutputError, SolverError, equilibrium, limit_load
-from fenics_contact.output.animation import shares
 from tests.bank import BANK, block_recipe
 from tests.helpers import notebook_picture
 
@@ -121,12 +120,6 @@ def test_animation_begins_at_rest_and_ends_at_the_collapse(tmp_path):
         film.seek(film.n_frames - 1)
         assert np.abs(np.asarray(film.convert("L"), dtype=float) - first).max() > 50.0
     assert [one.name for one in path.parent.iterdir()] == ["collapse.gif"]
-
-
-def test_motion_of_an_animation_rises_and_rests():
-    parts = shares(2.0)
-    assert parts[0] == 0.0 and parts[-1] == parts[-5] == 1.0 and len(parts) == 30
-    assert np.all(np.diff(parts) >= 0.0)
 
 
 def test_animations_that_cannot_be_made(collapse, tmp_path, monkeypatch):
