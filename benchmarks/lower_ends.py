@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact import limit_load
 from fenics_contact.errors import ContactError
+from fenics_contact.results.bounds import signed
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.sign import signed
 from tests.property.scenes import Draw
 
 NAMES = ("seed", "kind", "blocks", "direction", "status", "load_factor", "frictionless", "lower")

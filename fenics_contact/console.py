@@ -13,13 +13,13 @@ import numpy as np
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.profiles import floor_strips
+from fenics_contact.results.bounds import WITHOUT_PATH
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.joint_values import TieState
 from fenics_contact.results.mesh_error import Pass
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.plan import skipped
-from fenics_contact.results.proof import WITHOUT_PATH
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.results.tie_values import TieState
 from fenics_contact.scene.scene import JointLaw, Tie
 from fenics_contact.scene.units import Units
 
@@ -213,7 +213,7 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
     if end.status != "limit":
         return [first, f"{status}: this is not a limit load; {_listed(reason)}"]
     equilibrium, friction = (certificate.residuals[law] for law in ("equilibrium", "friction"))
-    if end.bounds.meet and end.torn is None and not end.rolling:
+    if end.bounds.meet and not end.changes_blocks and not end.rolling:
         first += "; no other collapse state exists"
     return [
         first,
@@ -221,8 +221,6 @@ def _end_lines(name: str, end: Collapse, reason: str, units: Units) -> list[str]
         f"verified{' as drawn, but blocks roll' if end.rolling else ''}: equilibrium"
         f" {equilibrium:.0e}, friction {friction:.0e}, gap {certificate.gap:.0e} to the limit load"
         " for the friction of this state",
-        *_crushing_lines(end, units),
-        *_torn_lines(end, units),
         *(line for answer in end.told for line in answer.lines(end, units)),
         *(f"warning: {text}" for text in (end.pressed, end.contradiction) if text),
     ]
@@ -238,34 +236,6 @@ def _known_bracket(end: Collapse) -> list[str]:
     if end.bounds.lower is None and end.bounds.upper is None:
         return []
     return [f"bracket: {end.bounds}, whatever was found"]
-
-
-def _crushing_lines(end: Collapse, units: Units) -> list[str]:
-    """Where joints crush, and over which length."""
-    if end.crushed is None:
-        return []
-    if not end.crushed:
-        return ["crushing: no joint is at its compressive strength"]
-    first = end.crushed[0]
-    count = len(end.crushed)
-    place = units.place(first.position, 3).removesuffix(" m")
-    rest = f", {count - 1} more over less" if count > 1 else ""
-    return [
-        f"crushing: the load factor is that with it; {first.group} crushes over"
-        f" {units.small(first.length)} at {place}{rest}"
-    ]
-
-
-def _torn_lines(end: Collapse, units: Units) -> list[str]:
-    """How much of the joints has torn, and the load factor with all strengths."""
-    if end.torn is None:
-        return []
-    if end.torn.length_m == 0.0:
-        return ["torn: no joint that may lose its strength opens in the collapse"]
-    return [
-        f"torn: {units.length(end.torn.length_m, 3)} of joints have lost their strength; with all"
-        f" strengths the load factor is {end.torn.load_factor_whole:.6g}"
-    ]
 
 
 def _pass_line(one: Pass) -> str:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.answers.asking import ANSWERS, answered, of_curve, unasked
+from fenics_contact.answers.asking import KINDS, answered, of_curve, ordered
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
@@ -47,12 +47,10 @@ from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import View, caption_of, view_of
-from fenics_contact.results.bounds import LimitBounds, rounded
+from fenics_contact.results.bounds import LimitBounds, rounded, signed
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.plan import skipped, skipped_iterations
-from fenics_contact.results.result import Answer, Collapse, Result, known_bounds
-from fenics_contact.results.service_state import NOT_KNOWN
-from fenics_contact.results.sign import signed
+from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Result, known_bounds
 from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
@@ -70,7 +68,7 @@ CURVE_SOLVE = 10.0
 class LimitLoad(Result, Pictured):
     """Result of `limit_load`, with its fields and files."""
 
-    kinds: ClassVar[tuple[type[Answer], ...]] = ANSWERS
+    kinds: ClassVar[tuple[type[Answer], ...]] = KINDS
 
     @property
     def mode(self) -> fem.Function | None:
@@ -121,7 +119,7 @@ class LimitLoad(Result, Pictured):
         points = points or self.scene.output.capacity or CURVE
         if end is None or end.status != "limit" or NO_CURVE in self.skipped:
             return self
-        if end.torn is not None:
+        if end.changes_blocks:
             raise InputError("joints with opened = 'lost' have no capacity curve")
         if end.engine == "faces":
             if self.scene.comm.rank == 0:
@@ -341,7 +339,7 @@ def limit_load_of(
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
         nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
-        return _result(discretization, dict.fromkeys(_asked(scene), unasked(nothing)), seconds)
+        return _result(discretization, dict.fromkeys(_asked(scene), ordered(nothing)), seconds)
 
 
 def _asked(scene: Scene) -> tuple[str, ...]:

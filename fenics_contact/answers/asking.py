@@ -11,12 +11,24 @@ from fenics_contact.answers.mesh_error import MeshErrorAnswer
 from fenics_contact.answers.peak import PeakAnswer
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.answers.seismic import SeismicAnswer
+from fenics_contact.collapse.face_collapse import CrushingAnswer
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.torn import TornAnswer
 from fenics_contact.errors import Stopped
 from fenics_contact.results.result import Answer, Collapse
 
-#: All answers that are looked for, in their order: the first may lead to another collapse.
+#: Answers that are looked for, in their order: the first may lead to another collapse.
 ANSWERS: tuple[type[Asked], ...] = (LowestAnswer, PeakAnswer, MeshErrorAnswer, SeismicAnswer)
+
+#: All answers that a result may have, as they are told; laws that depend on the state have theirs.
+KINDS: tuple[type[Answer], ...] = (
+    CrushingAnswer,
+    TornAnswer,
+    PeakAnswer,
+    LowestAnswer,
+    MeshErrorAnswer,
+    SeismicAnswer,
+)
 
 
 def answered(
@@ -36,20 +48,19 @@ def answered(
         seconds: Gets the time of every answer.
     """
     ends = dict(found)
+    made = next(iter(cases.values())).discretization
+    options = made.scene.solve
     for kind in ANSWERS:
+        if not kind.is_asked(options):
+            continue
         start = time.perf_counter()
+        if kind.begins and not (options.fast or made.effort.watch.reason):
+            begin(kind.begins)
         for name, end in ends.items():
-            case = cases[name]
-            options = case.discretization.scene.solve
-            if not kind.is_asked(options):
-                ends[name] = end.with_answer(kind.name, None)
-                continue
-            if kind.begins and not (options.fast or case.discretization.effort.watch.reason):
-                begin(kind.begins)
-            ends[name] = asked(kind, Question(case, end, cost))
+            ends[name] = asked(kind, Question(cases[name], end, cost))
         if kind.seconds:
             seconds[kind.seconds] = time.perf_counter() - start
-    return ends
+    return {name: ordered(end) for name, end in ends.items()}
 
 
 def asked(kind: type[Asked], question: Question) -> Collapse:
@@ -80,6 +91,6 @@ def of_curve(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     return end
 
 
-def unasked(end: Collapse) -> Collapse:
-    """A collapse of which nothing was asked."""
-    return replace(end, answers={**dict.fromkeys(kind.name for kind in ANSWERS), **end.answers})
+def ordered(end: Collapse) -> Collapse:
+    """A collapse with all answers in their order; None where there is none."""
+    return replace(end, answers={kind.name: end.answers.get(kind.name) for kind in KINDS})

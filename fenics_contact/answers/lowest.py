@@ -7,7 +7,6 @@ proved gap. None proves that there is no lower one: that is what the bracket is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -20,10 +19,9 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import OPTIONS as SEARCHES
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
-from fenics_contact.results.proof import NOT_FROM_REST, SELF_STRESS
-from fenics_contact.results.result import Collapse
-from fenics_contact.results.words import alike
+from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
@@ -137,7 +135,7 @@ class LowestAnswer(Asked):
         searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
         return [f"lower state: none found by {searches}, which is no proof{others}"]
 
-    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+    def table(self, end: Collapse, units: Units) -> Table:
         """The same for the report, and all states that were found where there are several."""
         lowest = self.value
         factor = end.load_factor
@@ -152,10 +150,11 @@ class LowestAnswer(Asked):
         else:
             searches = f"{lowest.starts} search{'es' * (lowest.starts != 1)}"
             text = f"no lower state found by {searches}"
-        yield "lowest collapse state found", text
+        rows = [("lowest collapse state found", text)]
         for number, state in enumerate(end.states if len(end.states) > 1 else (), start=1):
             where = f"{alike(state.load_factor, factor)}, gap {state.gap or 0.0:.0e}"
-            yield f"collapse state {number}", f"{where} (from: {state.start})"
+            rows.append((f"collapse state {number}", f"{where} (from: {state.start})"))
+        return Table(rows)
 
 
 def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Self
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.mesh_error.estimate import estimated
+from fenics_contact.results.bounds import alike
 from fenics_contact.results.mesh_error import MeshError
-from fenics_contact.results.result import Answer, Collapse
-from fenics_contact.results.words import alike
+from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
@@ -103,21 +102,26 @@ class MeshErrorAnswer(Asked):
             lines.append(f"mesh: another collapse state {where}, {found}")
         return lines + ([f"mesh: {error.unknown}"] if error.unknown else [])
 
-    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+    def table(self, end: Collapse, units: Units) -> Table:
         """What is known of the error of a load factor."""
         error = self.value
         factor = end.load_factor
-        if not math.isnan(error.hinge_length):
-            yield "length of hinges in this mesh", units.small(error.hinge_length)
-        yield "load factor for point hinges", alike(error.load_factor_point_hinges, factor)
         percent = f"{100 * error.hinge_error:.2g} %"
-        known = "not known" if math.isnan(error.hinge_error) else percent
-        yield "error by the length of hinges", known
+        rows = [
+            ("load factor for point hinges", alike(error.load_factor_point_hinges, factor)),
+            (
+                "error by the length of hinges",
+                "not known" if math.isnan(error.hinge_error) else percent,
+            ),
+        ]
+        if not math.isnan(error.hinge_length):
+            rows.insert(0, ("length of hinges in this mesh", units.small(error.hinge_length)))
         if error.unknown:
-            yield "what is not known of the error by the mesh", error.unknown
+            rows.append(("what is not known of the error by the mesh", error.unknown))
         for change in error.state_changes:
             states = f"{alike(change.before, factor)} to {alike(change.after, factor)}"
-            yield "another collapse state for shorter hinges", states
+            rows.append(("another collapse state for shorter hinges", states))
+        return Table(rows)
 
 
 def _other_errors(error: MeshError) -> str:

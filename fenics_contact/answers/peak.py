@@ -26,9 +26,9 @@ from fenics_contact.collapse.peak import (
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.errors import SolverError
+from fenics_contact.results.bounds import alike
 from fenics_contact.results.history import Peak
-from fenics_contact.results.result import Collapse
-from fenics_contact.results.words import alike
+from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.units import Units
 
 #: Why it is not known.
@@ -120,19 +120,19 @@ class PeakAnswer(Asked):
             text = f"peak, at least {alike(peak.load_factor, end.load_factor)}"
             yield text, peak.displacement_m, peak.load_factor
 
-    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+    def table(self, end: Collapse, units: Units) -> Table:
         """The same for the report; nothing where there is no peak."""
         peak = self.value
-        if peak.status == "not_known":
-            yield "carried on the way to the collapse", f"not known: {peak.reason}"
-        if peak.status == "found":
-            carried = alike(peak.load_factor, end.load_factor)
-            yield (
-                "carried on the way to the collapse, at least",
-                f"{carried}, at {units.small(peak.displacement_m)}; then joints slip and the load"
-                " falls. This depends on the stiffness and on the mesh: the load factor above is"
-                " the one to quote.",
-            )
+        name = "carried on the way to the collapse"
+        if peak.status != "found":
+            text = f"not known: {peak.reason}"
+            return Table([(name, text)] if peak.status == "not_known" else [])
+        text = (
+            f"{alike(peak.load_factor, end.load_factor)}, at {units.small(peak.displacement_m)};"
+            " then joints slip and the load falls. This depends on the stiffness and on the mesh:"
+            " the load factor above is the one to quote."
+        )
+        return Table([(f"{name}, at least", text)])
 
 
 def _beyond(question: Question, above: Above, found: Peak, limits: Limits) -> Peak:

@@ -13,7 +13,6 @@ displacement in the mode of the centre of these forces, along them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -23,11 +22,13 @@ from fenics_contact.answers.question import Asked, Question
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.mechanism import mechanism
-from fenics_contact.results.result import Collapse
+from fenics_contact.results.motions import mechanism
+from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.scene import Seismic
 from fenics_contact.scene.units import Units
 
+#: Title of its table.
+TITLE = "Seismic check of this mechanism (Circolare 7/2019, C8.7.1.2.1)"
 #: Blocks whose joint opens or slides by less than this part of the largest speed move as one.
 AS_ONE = 1e-3
 
@@ -63,7 +64,6 @@ class SeismicAnswer(Asked):
     value: SeismicCheck
     name = key = "seismic"
     by_direction = True
-    title = "Seismic check of this mechanism (Circolare 7/2019, C8.7.1.2.1)"
 
     @classmethod
     def concerns(cls, question: Question) -> bool:
@@ -96,17 +96,23 @@ class SeismicAnswer(Asked):
             f" part{'s' * (check.parts != 1)})"
         ]
 
-    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
+    def table(self, end: Collapse, units: Units) -> Table:
         """Names and values of its table."""
         check = self.value
         acceleration = f"{check.acceleration:.4g} m/s2 = {check.acceleration_g:.4g} g"
-        yield "multiplier of the weights alpha0", f"{check.multiplier:.4g}"
-        yield "rigid parts that move", f"{check.parts}"
-        yield "mass that moves", units.mass(check.moving_mass)
-        yield "participating mass M*", units.mass(check.participating_mass)
-        yield "participating fraction e*", f"{check.mass_fraction:.4g}"
-        yield "confidence factor FC", f"{check.confidence_factor:.4g}"
-        yield "spectral acceleration at which it starts, a0* = alpha0 g / (e* FC)", acceleration
+        rows = [
+            ("multiplier of the weights alpha0", f"{check.multiplier:.4g}"),
+            ("rigid parts that move", f"{check.parts}"),
+            ("mass that moves", units.mass(check.moving_mass)),
+            ("participating mass M*", units.mass(check.participating_mass)),
+            ("participating fraction e*", f"{check.mass_fraction:.4g}"),
+            ("confidence factor FC", f"{check.confidence_factor:.4g}"),
+            (
+                "spectral acceleration at which it starts, a0* = alpha0 g / (e* FC)",
+                acceleration,
+            ),
+        ]
+        return Table(rows, TITLE)
 
 
 def seismic_check(

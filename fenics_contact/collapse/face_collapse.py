@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,8 @@ from fenics_contact.faces.limit import FaceAttempt, FaceSearch
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
-from fenics_contact.results.result import Collapse
+from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.scene.units import PER_METRE, Units
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -51,6 +53,54 @@ class FieldOptions:
 
 
 OPTIONS = FieldOptions()
+
+#: Joints that crush that the report lists.
+LISTED = 8
+
+
+class CrushingAnswer(Answer):
+    """Where joints crush, the longest places first; None where none has a compressive strength."""
+
+    value: tuple[CrushedPlace, ...]
+    name = "crushed"
+    key = "crushing"
+
+    def record(self) -> Any:
+        """All places."""
+        return [dict(vars(place)) for place in self.value]
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """Where a joint crushes over the longest length, and over which."""
+        if not self.value:
+            return ["crushing: no joint is at its compressive strength"]
+        first = self.value[0]
+        count = len(self.value)
+        place = units.place(first.position, 3).removesuffix(" m")
+        rest = f", {count - 1} more over less" if count > 1 else ""
+        return [
+            f"crushing: the load factor is that with it; {first.group} crushes over"
+            f" {units.small(first.length)} at {place}{rest}"
+        ]
+
+    def table(self, end: Collapse, units: Units) -> Table:
+        """The first of these places."""
+        per = "normal force" if units.thickness else f"normal force {PER_METRE}"
+        rows = [
+            (
+                units.place(place.position, 3),
+                place.group,
+                units.small(place.length),
+                units.force(place.normal_force, 3),
+            )
+            for place in self.value[:LISTED]
+        ]
+        less = len(self.value) - LISTED
+        note = f"{less} more crush over less." if less > 0 else ""
+        if not rows:
+            note = "No joint is at its compressive strength."
+        head = ("end of the joint", "group", "crushes over", per)
+        return Table(rows, "Joints that crush", head, note)
+
 
 #: Blocks from which on a larger gap is asked for by default, and both gaps.
 MANY_BLOCKS = 1000
@@ -135,7 +185,7 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
     certificate = certified(case, faces, state, strained, mode, asked)
     misses = f"with the forces of the search on joint faces the blocks miss {missed(certificate)}"
-    return Collapse(
+    end = Collapse(
         "limit" if certificate.passed else "not_converged",
         state.load_factor,
         case.blocks.bounds,
@@ -144,11 +194,15 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         joint_values(case.problem, case.discretization, strained, mode),
         certificate,
         reason="" if certificate.passed else misses,
-        crushed=_crushed(case, faces, state.force),
         engine="faces",
         gap=state.gap,
         asked=asked,
     )
+    if not case.blocks.crushes:
+        return end
+    crushing = CrushingAnswer(_crushed(faces, state.force))
+    inside = f"{end.inside} and the compressive strengths"
+    return replace(end.with_answer(CrushingAnswer.name, crushing), inside=inside)
 
 
 def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:
@@ -210,11 +264,9 @@ def certified(
     return Certificate(residuals, np.nan, None, state.upper, state.load_factor, size, allowed)
 
 
-def _crushed(case: LoadCase, faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...] | None:
+def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     """Ends of faces at their strength, the longest blocks of pressure first."""
     model = faces.model
-    if not case.blocks.crushes:
-        return None
     normal = model.normal(force)
     left = force[:, :2] - (model.crushing * normal**2)[:, None]
     at_strength = (model.crushing > 0.0) & (normal > OPTIONS.loaded * normal.max(initial=0.0))

@@ -21,10 +21,9 @@ from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.strategy import Strategy, next_to, states_along_rising_work
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped
+from fenics_contact.results.bounds import signed
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
-from fenics_contact.results.result import Collapse
-from fenics_contact.results.service_state import NOT_KNOWN
-from fenics_contact.results.sign import signed
+from fenics_contact.results.result import NOT_KNOWN, Collapse
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 

@@ -25,8 +25,8 @@ from fenics_contact.faces.given_load import state_under
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
-from fenics_contact.results.moving_blocks import fall_reason
-from fenics_contact.results.service_state import ServiceState
+from fenics_contact.results.motions import fall_reason
+from fenics_contact.results.result import ServiceState
 from fenics_contact.solvers.problem import ContactProblem, State
 
 

@@ -16,14 +16,16 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
-from fenics_contact.results.history import Torn
-from fenics_contact.results.result import Collapse
+from fenics_contact.results.bounds import LoadFactor, alike
+from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.scene.units import Units
 
 _log = logging.getLogger("fenics_contact")
 
@@ -44,6 +46,53 @@ class TornOptions:
 OPTIONS = TornOptions()
 
 
+@dataclass(frozen=True)
+class Torn:
+    """Joints that have lost their strengths on the way to a collapse.
+
+    Attributes:
+        length_m: Length of joint that is torn, m.
+        load_factor_whole: Load factor of the collapse with all strengths; nan if none was found.
+    """
+
+    length_m: float
+    load_factor_whole: LoadFactor
+
+
+class TornAnswer(Answer):
+    """How much of the joints has torn, a `Torn`; None where no joint may lose its strength."""
+
+    value: Torn
+    name = key = "torn"
+    changes_blocks = True
+
+    def record(self) -> Any:
+        """Its numbers."""
+        return dict(vars(self.value))
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """How much has torn, and the load factor with all strengths."""
+        torn = self.value
+        if torn.length_m == 0.0:
+            return ["torn: no joint that may lose its strength opens in the collapse"]
+        return [
+            f"torn: {units.length(torn.length_m, 3)} of joints have lost their strength; with all"
+            f" strengths the load factor is {torn.load_factor_whole:.6g}"
+        ]
+
+    def table(self, end: Collapse, units: Units) -> Table:
+        """The same, and what is known of the load factor without these strengths."""
+        factor = end.load_factor
+        ends = [end.bounds.lower, end.bounds.upper]
+        first, beyond = (alike(bound, factor) for bound in (ends if end.sign > 0.0 else ends[::-1]))
+        rows = [
+            ("joints that have lost their strength", units.length(self.value.length_m)),
+            ("load factor with all strengths", alike(self.value.load_factor_whole, factor)),
+            ("bracket of the blocks with these joints torn", f"{first} to {beyond}"),
+        ]
+        return Table(rows)
+
+
 def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
     """The collapse of a load case whose joints tear, and the case with those torn.
 
@@ -57,10 +106,10 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
     with case.discretization.effort.at_most(OPTIONS.cost):
         for _ in range(OPTIONS.states):
             if end.status != "limit" or end.joints is None:
-                return replace(end, torn=_about(case, torn, whole)), case
+                return _with(end, _about(case, torn, whole)), case
             opens = end.joints.opens & joints.losing & ~torn
             if not np.any(opens):
-                return replace(end, torn=_about(case, torn, whole)), case
+                return _with(end, _about(case, torn, whole)), case
             torn = torn | opens
             case = case.with_torn(torn)
             about = _about(case, torn, whole)
@@ -69,12 +118,16 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
             if case.blocks.fall() is not None:
                 reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
                 nothing = Collapse("no_equilibrium", np.nan, case.blocks.bounds, reason=reason)
-                return replace(nothing, torn=about), case
+                return _with(nothing, about), case
             end = collapse_by_engine(case)
     reason = f"joints go on tearing after {OPTIONS.states} collapses"
-    return replace(end, status="not_converged", reason=reason, torn=about), case
+    return _with(replace(end, status="not_converged", reason=reason), about), case
 
 
 def _about(case: LoadCase, torn: Flags, whole: float) -> Torn:
     """What a collapse says of the joint points that are torn."""
     return Torn(float(case.discretization.joints.length[torn].sum()), whole)
+
+
+def _with(end: Collapse, torn: Torn) -> Collapse:
+    return end.with_answer(TornAnswer.name, TornAnswer(torn))

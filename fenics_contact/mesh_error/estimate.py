@@ -22,10 +22,10 @@ from fenics_contact.mesh_error import hinges
 from fenics_contact.mesh_error.hinges import Way, determinate, independent, to_point_hinges
 from fenics_contact.mesh_error.nearby import Softened, on_mesh
 from fenics_contact.mesh_error.other_degree import first_look_cost, with_other_degree
+from fenics_contact.results.bounds import signed
 from fenics_contact.results.joint_values import Contact, JointValues
 from fenics_contact.results.mesh_error import MeshError, StateChange
 from fenics_contact.results.result import Collapse
-from fenics_contact.results.sign import signed
 
 _log = logging.getLogger("fenics_contact")
 

@@ -17,22 +17,25 @@ from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.plotting import draw_scene, save_capacity
-from fenics_contact.output.records import Record, origin_record, strict, tie_records
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.report.page import write_report
 from fenics_contact.output.report.words import MOTION
 from fenics_contact.output.state_files import (
+    Record,
     draw_blocks,
     draw_pictures,
     draw_state,
+    origin_record,
     picture_paths,
     short_title,
+    strict,
+    tie_records,
 )
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import Certificate
-from fenics_contact.results.mechanism import mechanism
+from fenics_contact.results.motions import mechanism
 from fenics_contact.results.named_arrays import tie_arrays
-from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.result import Collapse, Result, Table
 from fenics_contact.scene.units import Units, rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.
@@ -262,7 +265,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "proof": end.proof or None,
         "is_lowest": bool(end.searched),
         "searched": end.searched or None,
-        "answers": _told(end, units) if end.status == "limit" else [],
+        "tables": _tables(end, units),
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "rolling": end.rolling or None,
@@ -273,10 +276,11 @@ def _end_record(result: Result, end: Collapse) -> Record:
     }
 
 
-def _told(end: Collapse, units: Units) -> list[Record]:
-    """Tables of the report on all answers to a collapse: a title, and rows of names and values."""
-    found = ((one.title, [list(row) for row in one.rows(end, units)]) for one in end.told)
-    return [{"title": title, "rows": rows} for title, rows in found if rows]
+def _tables(end: Collapse, units: Units) -> list[Record]:
+    """Tables of the report: of the load factor, then of answers with a title."""
+    answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
+    rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
+    return [vars(Table(rows)), *(vars(table) for table in answers if table.title)]
 
 
 def _collapse_record(result: Result, collapse: Collapse) -> Record:
@@ -301,8 +305,6 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
         record["states"] = [_record(state, *names) for state in collapse.states]
     if certificate is not None:
         record |= _certificate_record(certificate, result.layout.joints)
-    record["crushing"] = _crushing_record(collapse)
-    record["torn"] = collapse.torn and _record(collapse.torn, "length_m", "load_factor_whole")
     record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
     for kind in result.kinds:
         if not kind.by_direction:
@@ -326,14 +328,6 @@ def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
         "failures": sorted(certificate.failures),
         "worst_joint": point,
     }
-
-
-def _crushing_record(collapse: Collapse) -> list[Record] | None:
-    """Where joints crush; None where no compressive strength is given."""
-    if collapse.crushed is None:
-        return None
-    names = "position", "group", "length", "normal_force"
-    return [_record(place, *names) for place in collapse.crushed]
 
 
 def _other_warnings(result: Result) -> list[str]:

@@ -1,10 +1,19 @@
-"""The bracket of a load factor, by the linear programs of rigid blocks."""
+"""The load factor of a collapse: its bracket, its sign, and what is proved of it, in words.
+
+A collapse under the reversed live load is found as one under a live load of its own. Once it is
+made, its load factors are multiples of the live load as given: `signed` turns all fields of the
+type `LoadFactor`, in whatever record they are.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+from fenics_contact.scene.units import rounded_alike
+from fenics_contact.solvers.problem import State
 
 #: Relative difference up to which the ends of a bracket are one load factor.
 MEET = 1e-6
@@ -42,11 +51,6 @@ class LimitBounds:
         """Whether the ends are so close that all collapse states have one load factor."""
         return self.lower is not None and self.upper is not None and meet(self.lower, self.upper)
 
-    def opposite(self) -> LimitBounds:
-        """The bounds in the opposite sign of the live load."""
-        values = self.upper, self.lower, self.frictionless
-        return LimitBounds(*(None if b is None else -b + 0.0 for b in values))
-
     def rounded(self, size: float) -> LimitBounds:
         """The bounds, 0 where they cannot be told from it."""
         values = self.lower, self.upper, self.frictionless
@@ -62,3 +66,97 @@ class LimitBounds:
 
     def __str__(self) -> str:
         return self.told("{:.6g}".format)
+
+
+#: A number that has the sign of the live load.
+LoadFactor = float
+
+
+def signed(record: Any, sign: float) -> Any:
+    """A record with all its load factors times a sign."""
+    if sign > 0.0:
+        return record
+    if isinstance(record, tuple):
+        return tuple(signed(item, sign) for item in record)
+    if isinstance(record, Mapping):
+        return {name: signed(item, sign) for name, item in record.items()}
+    if isinstance(record, LimitBounds):
+        ends = record.upper, record.lower, record.frictionless
+        return LimitBounds(*(None if end is None else 0.0 - end for end in ends))
+    if isinstance(record, State):
+        return replace(record, load_factor=-record.load_factor, work=-record.work)
+    if not is_dataclass(record) or isinstance(record, type):
+        return record
+    values = {item.name: getattr(record, item.name) for item in fields(record)}
+    marked = {item.name for item in fields(record) if item.type == "LoadFactor"}
+    changed = {
+        name: 0.0 - value if name in marked else signed(value, sign)
+        for name, value in values.items()
+    }
+    return replace(record, **changed)
+
+
+def alike(value: float | None, leading: float | None) -> str:
+    """A load factor rounded to the decimals of the leading one; "not known" for none and nan."""
+    if value is None or value != value:
+        return "not known"
+    return rounded_alike([leading if leading else value, value])[1]
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, in the plural where that is due."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+#: What is not known of such a load factor, and need not be.
+WITHOUT_PATH = (
+    "rigid blocks with elastic faces: no error by a mesh; what elastic blocks carry on the way to"
+    " this collapse was not followed"
+)
+#: Of the lowest state, wherever it is told.
+SELF_STRESS = "with any self-stress in the blocks"
+NOT_FROM_REST = "blocks that are loaded from rest need not reach it"
+#: Significant digits of such load factors, at least and at most.
+DIGITS = (4, 8)
+
+
+def bracket_rows(bounds: LimitBounds, sign: float, factor: float) -> list[tuple[str, str]]:
+    """What the rigid-block programs say of a load factor, for the report."""
+    ends = [bounds.lower, bounds.upper]
+    first, beyond = ends if sign > 0.0 else ends[::-1]
+    rows = [("no collapse state below", alike(first, factor))]
+    rows.append(("surely not carried beyond", alike(beyond, factor)))
+    sure = bounds.frictionless
+    if sure is None:
+        return rows
+    return [("carried without any friction", alike(sure, factor) if sure else "nothing"), *rows]
+
+
+def proof(load_factor: float, limit: float, inside: str, searched: str) -> str:
+    """What is proved of a state.
+
+    Args:
+        load_factor: Its own.
+        limit: That which its friction forces allow.
+        inside: What joint forces are inside of.
+        searched: What was searched for, in words; empty for what a load leads to.
+    """
+    here, end = _apart(load_factor, limit)
+    what = f"the {searched}, is at" if searched else "collapses at"
+    # Where the dead load drives the collapse these forces need so much of the live load.
+    more = "more" if abs(limit) >= abs(load_factor) else "less"
+    return (
+        f"{what} {here}: there is an equilibrium inside {inside} at {here}, and with its friction"
+        f" forces nothing carries {more} than {end}{f'; {NOT_FROM_REST}' * bool(searched)}"
+    )
+
+
+def _apart(load_factor: float, limit: float) -> list[str]:
+    """Both with the digits that tell them apart; the limit is rounded away from the state."""
+    size = abs(load_factor) or abs(limit) or 1.0
+    apart = max(abs(limit - load_factor) / size, 1e-15)
+    digits = min(max(1 + math.floor(-math.log10(apart)), DIGITS[0]), DIGITS[1])
+    unit = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
+    outward = math.ceil if abs(limit) >= abs(load_factor) else math.floor
+    rounded = outward(round(abs(limit) / unit, 6)) * unit
+    return rounded_alike([load_factor, math.copysign(rounded, limit)], digits)

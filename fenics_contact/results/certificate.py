@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.results.sign import LoadFactor
+from fenics_contact.results.bounds import LoadFactor
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
 #: What a converged result may miss, relative to typical force, displacement or power.

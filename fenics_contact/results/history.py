@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fenics_contact.results.sign import LoadFactor
+from fenics_contact.results.bounds import LoadFactor
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
@@ -133,19 +133,6 @@ class LoadPath:
     steps: tuple[LoadStep, ...]
     lower: LoadFactor
     upper: LoadFactor
-
-
-@dataclass(frozen=True)
-class Torn:
-    """Joints that have lost their strengths on the way to a collapse.
-
-    Attributes:
-        length_m: Length of joint that is torn, m.
-        load_factor_whole: Load factor of the collapse with all strengths; nan if none was found.
-    """
-
-    length_m: float
-    load_factor_whole: LoadFactor
 
 
 @dataclass(frozen=True)

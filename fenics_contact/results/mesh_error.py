@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fenics_contact.results.bounds import meet
-from fenics_contact.results.sign import LoadFactor
+from fenics_contact.results.bounds import LoadFactor, meet
 
 
 @dataclass(frozen=True)

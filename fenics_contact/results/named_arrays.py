@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.results.joint_values import JointValues
-from fenics_contact.results.tie_values import tie_values
+from fenics_contact.results.joint_values import JointValues, tie_values
 
 Values = npt.NDArray[Any]
 

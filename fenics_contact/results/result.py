@@ -16,11 +16,18 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fenics_contact.discretization.faces import CrushedPlace
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Indices
-from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.bounds import (
+    WITHOUT_PATH,
+    LimitBounds,
+    LoadFactor,
+    alike,
+    bracket_rows,
+    proof,
+    signed,
+)
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import (
     CapacityPoint,
@@ -28,20 +35,36 @@ from fenics_contact.results.history import (
     CurveEnd,
     History,
     LoadPath,
-    Torn,
     TracePoint,
     Trial,
 )
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.mesh_error import Pass
-from fenics_contact.results.moving_blocks import fall_reason, falling_blocks, large, named_blocks
+from fenics_contact.results.motions import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
-from fenics_contact.results.proof import proof
-from fenics_contact.results.sign import LoadFactor, signed
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.units import Units
 from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
+
+FROM_RIGID = "difference from rigid blocks with the friction forces of this state"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows for the report; those without a title are among those of the load factor.
+
+    Attributes:
+        rows: Cells; the first one names the row.
+        title: Of a table of its own.
+        head: Names of its columns.
+        note: A sentence below it.
+    """
+
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+    head: Sequence[str] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -64,8 +87,8 @@ class Answer(ABC):
     of_path: ClassVar[bool] = False
     #: Whether results hold and write the values of limits by direction.
     by_direction: ClassVar[bool] = False
-    #: Title of its table in the report; empty: its rows are among those of the load factor.
-    title: ClassVar[str] = ""
+    #: Whether it has changed the blocks that the bracket is of.
+    changes_blocks: ClassVar[bool] = False
 
     @abstractmethod
     def record(self) -> Any:
@@ -76,8 +99,8 @@ class Answer(ABC):
         """Lines for the console, of an answer to a collapse."""
 
     @abstractmethod
-    def rows(self, end: Collapse, units: Units) -> Iterator[tuple[str, str]]:
-        """Names and values for the report."""
+    def table(self, end: Collapse, units: Units) -> Table:
+        """What the report holds."""
 
     def marks(self, end: Collapse) -> Iterator[tuple[str, float, float]]:
         """Points on a capacity curve: text, displacement (m) and load factor."""
@@ -112,15 +135,13 @@ class Collapse:
             where that changes nothing, or was not looked for.
         attempts: What was tried, in order.
         trace: Points of the path that was followed, in order.
-        crushed: Where joints crush, the longest places first; None where no joint has a
-            compressive strength.
-        torn: Joints that have lost their strengths; None where none may.
         rolling: Where a block has rolled on a curved side, for people; empty where none has.
         pressed: Where curved joints are pressed beyond their strength, for people, or empty.
         engine: What found it: the loading "path" of elastic blocks, or their "faces".
         gap: Proved distance of the load factor from what the friction forces of its own state
             allow, relative; None where the path's certificate has it: see `as_state`.
         asked: Largest gap that was asked for.
+        inside: What joint forces are proved to be inside of, in words.
         searched: What was searched for, in words; empty for a collapse that a load leads to.
         answers: What is known beside the load factor, by name; the values are attributes too:
             `collapse.answers["name"].value` is `collapse.name`. None where nothing was asked.
@@ -143,13 +164,12 @@ class Collapse:
     at_point_hinges: Collapse | None = None
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
-    crushed: tuple[CrushedPlace, ...] | None = None
-    torn: Torn | None = None
     rolling: str = ""
     pressed: str = ""
     engine: str = "path"
     gap: float | None = None
     asked: float = math.inf
+    inside: str = "the friction cone"
     searched: str = ""
     answers: Mapping[str, Answer | None] = field(default_factory=dict)
     sign: LoadFactor = 1.0
@@ -171,6 +191,31 @@ class Collapse:
         """The answers that say something of this collapse."""
         found = filter(None, self.answers.values())
         return [one for one in found if not (one.of_path and self.proof)]
+
+    @property
+    def changes_blocks(self) -> bool:
+        """Whether its bracket is that of blocks that have changed on the way to it."""
+        return any(one is not None and one.changes_blocks for one in self.answers.values())
+
+    def table(self) -> Table:
+        """Load factor, bracket, and the gap or what is proved. Collective."""
+        factor = self.load_factor
+        if self.status == "unbounded":
+            return Table([("load factor", "no limit")])
+        is_limit = self.status == "limit"
+        name = "load factor" if is_limit else "load factor reached, not verified"
+        rows = [(name, "none" if math.isnan(factor) else alike(factor, factor))]
+        if not self.changes_blocks:
+            rows += bracket_rows(self.bounds, self.sign, factor)
+            if self.bounds.meet and is_limit:
+                rows.append(("other collapse states", "none exists: the bracket is closed"))
+        if is_limit and self.proof:
+            rows.append(("model", WITHOUT_PATH))
+        elif is_limit and self.certificate is not None:
+            gap = self.certificate.error_estimate
+            apart = "not known" if math.isnan(gap) else f"{gap:.0e}"
+            rows.append((FROM_RIGID, apart))
+        return Table(rows)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.status}, load factor {self.load_factor:.8g}>"
@@ -194,7 +239,7 @@ class Collapse:
         if self.gap is None or self.certificate is None:
             return ""
         limit = self.certificate.kinematic_factor
-        return proof(self.load_factor, limit, self.crushed is not None, self.searched)
+        return proof(self.load_factor, limit, self.inside, self.searched)
 
     @property
     def splitting(self) -> SplittingHistory | None:
@@ -275,6 +320,50 @@ class Collapse:
 def known_bounds(bounds: LimitBounds) -> LimitBounds:
     """Bounds that were solved for, as a program."""
     return bounds
+
+
+#: The reason where the rigid-block program has an equilibrium under the dead load, and the elastic
+#: structure was not found to have one.
+NOT_KNOWN = (
+    "no equilibrium was found under the dead load alone, though rigid blocks with associative"
+    " friction stand: not known, held by self-stress if at all"
+)
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """State at a given load factor.
+
+    Attributes:
+        status: "equilibrium" if it is verified. "no_equilibrium" if rigid blocks with associative
+            friction prove that there is none, or if joint faces have no elastic state under the
+            dead load alone (then `proved` is false); "unstable" if they prove it of the dead
+            load alone and that was asked for. Else "not_converged".
+        load_factor: As asked for.
+        state: State found, in the supports' coordinates; None if there is none.
+        joint_values: Forces, openings and slips of the joints; its rates are those of a motion
+            along the displacements.
+        residuals: What the state misses of equilibrium and joint laws, by name, relative.
+        reason: Why there is no verified state, for people.
+        fall: With status "unstable" the proof: rigid motions (a, b, c) of the bodies about their
+            centres by which they fall, shape (bodies, 3); no joint resists them.
+        engine: What found the state: the "path" of elastic blocks from rest, or the forces of their
+            "faces", whose blocks are strained by these forces.
+    """
+
+    status: str
+    load_factor: float
+    state: State | None = None
+    joint_values: JointValues | None = None
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    reason: str = ""
+    fall: Array | None = None
+    engine: str = "path"
+
+    @property
+    def proved(self) -> bool:
+        """Whether it is known that there is a state, or that there is none."""
+        return self.status != "not_converged" and self.reason != NOT_KNOWN
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -15,9 +15,8 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, buttress
-from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.bounds import LimitBounds, signed
 from fenics_contact.results.mesh_error import MeshError
-from fenics_contact.results.sign import signed
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.property.scenes import Draw

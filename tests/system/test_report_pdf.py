@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from fenics_contact.output.report.pdf import pdf_of
+from fenics_contact.output.report.page import pdf_of
 from tests.system.program import run_here, write_scene
 
 OPTIONS = ["--pdf", "wall.pdf", "--project", "Town wall & gate", "--author", "A. Mason"]

@@ -25,7 +25,7 @@ from fenics_contact import (
 from fenics_contact.answers.lowest import LowestAnswer
 from fenics_contact.meshing import running_bond
 from fenics_contact.output.files import result_record, strict
-from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.results.bounds import LimitBounds, signed
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import (
     CollapseState,
@@ -37,7 +37,6 @@ from fenics_contact.results.history import (
 )
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.result import Collapse, Result
-from fenics_contact.results.sign import signed
 from tests.helpers import coulomb, notebook_picture, on_ground
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, numbers, paragraph, picture, text
 from fenics_contact.output.report.words import PICTURES, direction_words
-from fenics_contact.results.words import counted
+from fenics_contact.results.bounds import counted
 from fenics_contact.scene.units import Units
 
 #: Width or height of the drawing, whichever is larger, in units of SVG.

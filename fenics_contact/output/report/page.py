@@ -1,20 +1,21 @@
 """A result on one page: report.html, made from result.json and the files beside it; and as PDF.
 
 The page needs no other file. Its only script moves the blocks; without it, and in print, they are
-shown displaced. All texts of the user are escaped.
+shown displaced. All texts of the user are escaped. WeasyPrint makes the PDF.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from fenics_contact.errors import InputError, OutputError
 from fenics_contact.output.folder import replace_file
 from fenics_contact.output.report.answer import first_page
-from fenics_contact.output.report.appendix import computation, verification
 from fenics_contact.output.report.content import (
     RECORD,
     Content,
@@ -23,13 +24,18 @@ from fenics_contact.output.report.content import (
     read_content,
     read_sweep,
 )
-from fenics_contact.output.report.forces import forces
 from fenics_contact.output.report.html import bullets, heading, paragraph, text
 from fenics_contact.output.report.mechanism import how_it_fails, script
-from fenics_contact.output.report.pdf import pdf_of, pdf_writer
-from fenics_contact.output.report.ranges import load_factors
-from fenics_contact.output.report.sensitivity import sensitivity, sweep_parts
-from fenics_contact.output.report.structure import loads_and_groups, structure
+from fenics_contact.output.report.sections import (
+    computation,
+    forces,
+    load_factors,
+    loads_and_groups,
+    sensitivity,
+    structure,
+    sweep_parts,
+    verification,
+)
 from fenics_contact.output.report.words import CRUSHING, ELASTIC, NOTES, STYLE
 
 #: The page.
@@ -163,3 +169,44 @@ def _part(section: Section, content: Content) -> Iterator[str]:
     yield f'<section class="{kind}">' if kind else "<section>"
     yield from section(content)
     yield "</section>"
+
+
+MISSING = (
+    "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
+    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
+)
+
+
+def pdf_writer() -> Any:
+    """WeasyPrint, quiet.
+
+    Raises:
+        InputError: If it is not installed, or a library of it is missing.
+    """
+    try:
+        import weasyprint
+    except (ImportError, OSError) as error:
+        raise InputError(MISSING) from error
+    logging.getLogger("weasyprint").setLevel(logging.CRITICAL)
+    logging.getLogger("fontTools").setLevel(logging.CRITICAL)
+    return weasyprint
+
+
+def pdf_of(writer: Any, page: str) -> bytes:
+    """A page of HTML as PDF; nothing but what the page holds itself is read."""
+    pdf: bytes = writer.HTML(string=page, url_fetcher=_data_fetcher(writer)).write_pdf()
+    return pdf
+
+
+def _data_fetcher(writer: Any) -> Any:
+    """What WeasyPrint reads addresses with: those that are data themselves, and no other."""
+    fetcher = getattr(writer, "URLFetcher", None)
+    if fetcher is not None:  # from WeasyPrint 68 on
+        return fetcher(allowed_protocols=("data",))
+
+    def fetch(address: str) -> Any:
+        if not address.startswith("data:"):
+            raise ValueError("a report reads no other file")
+        return writer.default_url_fetcher(address)
+
+    return fetch
