@@ -37,9 +37,9 @@ from fenics_contact.solvers.interior_point import (
     Tolerances,
     solve_interior_point,
 )
-from fenics_contact.solvers.joint_forces.delassus import JointPoints
-from fenics_contact.solvers.joint_forces.splitting import (
+from fenics_contact.solvers.joint_forces import (
     JointForceSolver,
+    JointPoints,
     ProximalStep,
     alternately,
     at_once,

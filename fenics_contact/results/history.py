@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.results.bounds import LoadFactor
-from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
+from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
 #: States whose load factors differ by less than this part of their size are told as one.

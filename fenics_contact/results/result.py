@@ -44,7 +44,7 @@ from fenics_contact.results.motions import fall_reason, falling_blocks, large, n
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.scene.scene import Scene
 from fenics_contact.scene.units import Units
-from fenics_contact.solvers.joint_forces.splitting import SplittingHistory
+from fenics_contact.solvers.joint_forces import SplittingHistory
 from fenics_contact.solvers.problem import Array, State
 
 FROM_RIGID = "difference from rigid blocks with the friction forces of this state"

@@ -18,6 +18,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.results.history import Step
 from fenics_contact.solvers import nonlinear_elimination as elimination
+from fenics_contact.solvers.bound_qp import PREFIX
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Residual
@@ -56,6 +57,19 @@ def load_case(
         bonded = discretization.bonded(kind)
         monitor = ([] if told is None else told).append
         yield LoadCase.of(discretization, bonded, 1.0, kind, monitor)
+
+
+@contextmanager
+def qp_options(**values: str) -> Iterator[None]:
+    """PETSc options for bound-constrained programs."""
+    table = PETSc.Options(PREFIX)
+    for name, value in values.items():
+        table.setValue(name, value)
+    try:
+        yield
+    finally:
+        for name in values:
+            table.delValue(name)
 
 
 def prepared(recipe: Recipe, elements: int = 1) -> Any:

@@ -9,7 +9,8 @@ import pytest
 
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
-from fenics_contact.solvers.joint_forces.delassus import DelassusOperator, JointPoints
+from fenics_contact.solvers import joint_forces
+from fenics_contact.solvers.joint_forces import DelassusOperator, JointPoints
 from fenics_contact.solvers.problem import ContactProblem
 from tests.helpers import coulomb, dense, on_ground
 
@@ -25,8 +26,10 @@ def bond() -> Iterator[tuple[ContactProblem, DelassusOperator]]:
         points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
         origin = np.full(len(rows.points), ORIGIN)
         problem = wall.problem.with_law(slip_origin=origin)
-        with DelassusOperator(problem, points, RHO) as operator:
-            yield problem, operator
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(joint_forces, "FORCE_HOLD", 0.0)
+            with DelassusOperator(problem, points, RHO) as operator:
+                yield problem, operator
 
 
 def whole(problem: ContactProblem, values: np.ndarray) -> np.ndarray:

@@ -1,1 +1,0 @@
-"""States with given friction by their joint forces: the way of Mihai and Ainsworth (2010)."""
