@@ -103,7 +103,7 @@ class LowestAnswer(Asked):
         others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
         known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
         if lower and every:
-            collapse = collapse_of(case, faces, best, SEARCHES.allowed * SEARCHES.gap)
+            collapse = collapse_of(case, faces, best, SEARCHES.allowed)
             if collapse.status == "limit":
                 found_by = {"attempts": end.attempts, "trace": end.trace}
                 end = replace(collapse, searched=SEARCHED, **found_by)

@@ -21,8 +21,8 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import NoEquilibriumError, SolverError
-from fenics_contact.faces.given_load import state_under
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.faces.programs import state_under
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
 from fenics_contact.results.motions import fall_reason

@@ -22,8 +22,8 @@ from fenics_contact.collapse.reasons import missed
 from fenics_contact.collapse.record import name_of
 from fenics_contact.collapse.strategy import Strategy, WorkOptions
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.faces.given_load import stiffness_alone
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.faces.programs import stiffness_alone
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse

@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.faces.associative import CLOSING
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.programs import CLOSING
 from fenics_contact.faces.system import Equations
 
 
@@ -190,7 +190,7 @@ class Certifier:
                 own = known + float(cost @ model.normal(iterate.force))
                 return own - self.sign * iterate.load_factor < goal
 
-            start = replace(near, motion=mode, duals=self._duals(mode), row_duals=np.zeros(0))
+            start = replace(near, motion=mode, duals=self._duals(mode))
             found = solve(program, start, LEAST_GAP, mu, enough=enough)
             if not (found.missing < 1e-7 and (found.gap < 1e-2 or found.solved)):
                 found = None

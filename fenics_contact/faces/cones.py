@@ -15,7 +15,7 @@ All arrays have a unit (a face, or a point of one) as their first axis: slacks h
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,74 +26,14 @@ Array = npt.NDArray[np.float64]
 TINY = 1e-300
 
 
-class Scaled(Protocol):
-    """A pair of slack and multiplier in its scaling.
+class ScaledPositive:
+    """A pair s, z > 0 in its scaling: W^-2 = z / s.
 
     Attributes:
         weights: Of the squares of W^-2, shape (units, k).
         frame: Their vectors, shape (units, k, r); None where these are the unit vectors.
         products: l o l, shape (units, r).
     """
-
-    weights: Array
-    products: Array
-
-    @property
-    def frame(self) -> Array | None:
-        """Vectors of the squares."""
-        ...
-
-    def shift(self, change: Array) -> Array:
-        """V for a change of the products."""
-        ...
-
-    def cross(self, ds: Array, dz: Array) -> Array:
-        """(W^-1 ds) o (W dz), the second-order part of the products after a step."""
-        ...
-
-    def linear(self, ds: Array, dz: Array) -> Array:
-        """L o (W^-1 ds + W dz), the first-order part."""
-        ...
-
-    def stretch(self, ds: Array) -> Array:
-        """W^-2 ds."""
-        ...
-
-
-class Cone(Protocol):
-    """A self-dual cone in R^r, once for every unit."""
-
-    def degree(self, slack: Array) -> int:
-        """Number of products that tend to zero."""
-        ...
-
-    def identity(self, slack: Array) -> Array:
-        """e, with products of 1 each."""
-        ...
-
-    def scaled(self, slack: Array, dual: Array) -> Scaled:
-        """A pair in its scaling."""
-        ...
-
-    def longest(self, place: Array, step: Array) -> float:
-        """The longest step that stays in the cone, infinite where all do."""
-        ...
-
-    def margin(self, slack: Array) -> Array:
-        """Least eigenvalue of every unit's slack, positive inside the cone."""
-        ...
-
-    def raised(self, slack: Array, dual: Array, mu: float) -> Array:
-        """A multiplier with products of mu or more."""
-        ...
-
-    def pushed(self, products: Array, least: float, most: float) -> Array:
-        """What brings eigenvalues of products into a range, from above by at most `most`."""
-        ...
-
-
-class _ScaledPositive:
-    """s, z > 0: W^-2 = z / s."""
 
     frame: Array | None = None
 
@@ -104,56 +44,58 @@ class _ScaledPositive:
         self.products = slack * dual
 
     def shift(self, change: Array) -> Array:
+        """V for a change of the products."""
         return np.asarray(change / self._slack)
 
     def cross(self, ds: Array, dz: Array) -> Array:
+        """(W^-1 ds) o (W dz), the second-order part of the products after a step."""
         return ds * dz
 
     def linear(self, ds: Array, dz: Array) -> Array:
+        """L o (W^-1 ds + W dz), the first-order part."""
         return self._slack * dz + self._dual * ds
 
     def stretch(self, ds: Array) -> Array:
+        """W^-2 ds."""
         return self.weights * ds
 
 
 class Positive:
-    """The orthant: every component is positive."""
+    """The orthant: every component is positive. A self-dual cone in R^r, once for every unit."""
 
     def degree(self, slack: Array) -> int:
-        """One for every component."""
+        """Number of products that tend to zero: one for every component."""
         return slack.size
 
     def identity(self, slack: Array) -> Array:
-        """Ones."""
+        """Unit e, with products of 1 each."""
         return np.ones_like(slack)
 
-    def scaled(self, slack: Array, dual: Array) -> Scaled:
-        """See `Cone`."""
-        return _ScaledPositive(slack, dual)
+    def scaled(self, slack: Array, dual: Array) -> ScaledPositive:
+        """A pair in its scaling."""
+        return ScaledPositive(slack, dual)
 
     def longest(self, place: Array, step: Array) -> float:
-        """See `Cone`."""
+        """The longest step that stays in the cone, infinite where all do."""
         ratio = float(np.min(step / place, initial=0.0))
         return -1.0 / ratio if ratio < 0.0 else np.inf
 
     def margin(self, slack: Array) -> Array:
-        """The least component."""
+        """Least eigenvalue of every unit's slack, positive inside the cone."""
         return np.asarray(slack.min(axis=1, initial=np.inf))
 
     def raised(self, slack: Array, dual: Array, mu: float) -> Array:
-        """See `Cone`."""
+        """A multiplier with products of mu or more."""
         return np.maximum(dual, mu / np.maximum(slack, TINY))
 
     def pushed(self, products: Array, least: float, most: float) -> Array:
-        """See `Cone`."""
+        """What brings eigenvalues of products into a range, from above by at most `most`."""
         down = np.maximum(most - products, -most)
         return np.where(products < least, least - products, np.where(products > most, down, 0.0))
 
 
-class _ScaledDisc:
-    """s_0 > |s_1|, z_0 > |z_1|."""
-
-    frame: Array | None
+class ScaledDisc:
+    """A pair s_0 > |s_1|, z_0 > |z_1| in its scaling."""
 
     def __init__(self, slack: Array, dual: Array) -> None:
         size, other = np.sqrt(_determinant(slack)), np.sqrt(_determinant(dual))
@@ -189,19 +131,23 @@ class _ScaledDisc:
         return weights, frame
 
     def shift(self, change: Array) -> Array:
+        """As of the orthant."""
         value = self._value
         first = np.sum(_mirrored(value) * change, axis=1) / _determinant(value)
         rest = (change[:, 1:] - first[:, None] * value[:, 1:]) / value[:, :1]
         return self._apply(np.column_stack([first, rest]), -1.0)
 
     def cross(self, ds: Array, dz: Array) -> Array:
+        """As of the orthant."""
         return np.asarray(_product(self._apply(ds, -1.0), self._apply(dz, 1.0)))
 
     def linear(self, ds: Array, dz: Array) -> Array:
+        """As of the orthant."""
         both = self._apply(ds, -1.0) + self._apply(dz, 1.0)
         return np.asarray(_product(self._value, both))
 
     def stretch(self, ds: Array) -> Array:
+        """As of the orthant."""
         return self._apply(self._apply(ds, -1.0), -1.0)
 
 
@@ -218,12 +164,12 @@ class Disc:
         unit[:, 0] = 2.0
         return unit
 
-    def scaled(self, slack: Array, dual: Array) -> Scaled:
-        """See `Cone`."""
-        return _ScaledDisc(slack, dual)
+    def scaled(self, slack: Array, dual: Array) -> ScaledDisc:
+        """As of the orthant."""
+        return ScaledDisc(slack, dual)
 
     def longest(self, place: Array, step: Array) -> float:
-        """See `Cone`."""
+        """As of the orthant."""
         square = step[:, 0] ** 2 - np.sum(step[:, 1:] ** 2, axis=1)
         half = place[:, 0] * step[:, 0] - np.sum(place[:, 1:] * step[:, 1:], axis=1)
         inside = _determinant(place)
@@ -240,7 +186,7 @@ class Disc:
         return np.asarray(slack[:, 0] - np.linalg.norm(slack[:, 1:], axis=1))
 
     def raised(self, slack: Array, dual: Array, mu: float) -> Array:
-        """See `Cone`."""
+        """As of the orthant."""
         short = self.margin(_product(slack, dual)) < 2.0 * mu
         inverse = 2.0 * mu * _mirrored(slack) / _determinant(slack)[:, None]
         return np.where(short[:, None], dual + inverse, dual)
@@ -252,6 +198,9 @@ class Disc:
         both = 0.5 * np.hstack([products[:, :1] + size, products[:, :1] - size])
         both = Positive().pushed(both, least, most)
         return np.hstack([both.sum(axis=1, keepdims=True), (both[:, :1] - both[:, 1:]) * along])
+
+
+Cone = Positive | Disc
 
 
 def _determinant(v: Array) -> Array:

@@ -24,15 +24,17 @@ further correctors by J. Gondzio, Comput. Optim. Appl. 6 (1996) 137.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.faces.cones import Array, Scaled
+from fenics_contact.faces.cones import Array, Positive
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.springs import Springs
-from fenics_contact.faces.system import Equations
+from fenics_contact.faces.system import Equations, Springs
+
+#: By cones.
+Arrays = tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -109,36 +111,51 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Iterate:
-    """Unknowns of a program, and how near they are to its solution.
+class Point:
+    """Unknowns of a program, or a change of them to first order.
 
     Attributes:
         motion: d.
         load_factor: lambda.
         force: x, shape (units, m).
-        duals: (y, z) by cones.
-        row_duals: p, shape (rows,).
-        row_slacks: Of the rows.
-        mu: Mean product of slacks and multipliers.
-        gap: Sum of the products over |lambda W|.
-        missing: Of equilibrium, over the largest force.
-        missing_motion: Of stationarity, over the typical displacement.
-        solved: Whether it is within the tolerances, or was stopped as good enough.
-        early: The first iterate with a gap below the one asked for.
+        duals: (y, z) by cones, then p.
+        slacks: Likewise; those of the rows last.
     """
 
     motion: Array
     load_factor: float
     force: Array
-    duals: tuple[Array, ...]
-    row_duals: Array = field(default_factory=lambda: np.zeros(0))
-    row_slacks: Array = field(default_factory=lambda: np.zeros(0))
+    duals: Arrays
+    slacks: Arrays
+
+    def plus(self, other: Point, weight: float = 1.0) -> Point:
+        """The sum with a multiple of another one."""
+        return Point(
+            self.motion + weight * other.motion,
+            self.load_factor + weight * other.load_factor,
+            self.force + weight * other.force,
+            tuple(a + weight * b for a, b in zip(self.duals, other.duals, strict=True)),
+            tuple(a + weight * b for a, b in zip(self.slacks, other.slacks, strict=True)),
+        )
+
+
+@dataclass(frozen=True)
+class Iterate(Point):
+    """A point, and how near it is to the solution.
+
+    Attributes:
+        mu: Mean product of slacks and multipliers.
+        gap: Sum of the products over |lambda W|.
+        missing: Of equilibrium, over the largest force.
+        missing_motion: Of stationarity, over the typical displacement.
+        solved: Whether it is within the tolerances, or was stopped as good enough.
+    """
+
     mu: float = np.inf
     gap: float = np.inf
     missing: float = np.inf
     missing_motion: float = np.inf
     solved: bool = False
-    early: Iterate | None = None
 
     def within(self, gap: float, missing: float = 1e-7, missing_motion: float = 1e-4) -> bool:
         """Whether it is as near as that."""
@@ -153,17 +170,12 @@ EXACT = Tolerances()
 Enough = Callable[[Iterate], bool]
 
 
-def _never(iterate: Iterate) -> bool:
-    return False
-
-
 def solve(
     program: Program,
     start: Iterate | None = None,
     tolerances: Tolerances = EXACT,
     mu: float | None = None,
-    keep: float = 0.0,
-    enough: Enough = _never,
+    enough: Enough = lambda iterate: False,
     options: KernelOptions = OPTIONS,
 ) -> Iterate:
     """The best iterate that steps from a start lead to.
@@ -173,129 +185,85 @@ def solve(
         start: Where from; by default a point far from all boundaries.
         tolerances: What ends the steps.
         mu: Least product at a given start.
-        keep: Gap of the iterate to be kept as `early`.
         enough: Ends the steps, too.
         options: Numbers of the method.
     """
     with np.errstate(all="ignore"):  # what is not finite ends the steps
-        return _solve(_Method(program, options), start, tolerances, mu, keep, enough)
-
-
-def _solve(
-    method: _Method,
-    start: Iterate | None,
-    tolerances: Tolerances,
-    mu: float | None,
-    keep: float,
-    enough: Enough,
-) -> Iterate:
-    """See `solve`."""
-    options = method.options
-    iterate = method.cold(mu) if start is None else method.inside(start, mu)
-    best = _Best(tolerances)
-    early: Iterate | None = None
-    short = 0
-    for step in range(options.steps + 1):
-        iterate = method.measured(iterate)
-        if early is None and step and iterate.gap < keep:
-            early = iterate
-        if best.take(iterate, step) or enough(iterate):
-            return replace(iterate, solved=True, early=early)
-        if step == options.steps or step > best.step + options.stale:
-            break
-        try:
-            iterate, length = method.advanced(iterate)
-        except SolverError:
-            break
-        short = short + 1 if length < options.short else 0
-        if length < 1e-7 or short >= options.patience:
-            break
-    return replace(best.iterate or iterate, early=early)
-
-
-class _Best:
-    """The best iterate so far."""
-
-    def __init__(self, tolerances: Tolerances) -> None:
-        self._tolerances = tolerances
-        self.iterate: Iterate | None = None
-        self.step = 0
-        self._score = np.inf
-
-    def take(self, iterate: Iterate, step: int) -> bool:
-        """Take one if it is the best; whether it is within the tolerances."""
-        asked = self._tolerances
-        score = max(
-            iterate.gap / asked.gap,
-            iterate.missing / asked.equilibrium,
-            iterate.missing_motion / asked.motion,
-        )
-        if self.iterate is None or score < self._score:
-            self.iterate = iterate
-            self.step = step
-            self._score = score
-        return bool(score < 1.0)
-
-
-@dataclass(frozen=True)
-class _Step:
-    """A direction, and how slacks change along it to first order."""
-
-    motion: Array
-    load_factor: float
-    force: Array
-    duals: tuple[Array, ...]
-    row_duals: Array
-    row_slacks: Array
-    slacks: tuple[Array, ...]
-
-    def plus(self, other: _Step, weight: float = 1.0) -> _Step:
-        """The sum with a multiple of another one."""
-        return _Step(
-            self.motion + weight * other.motion,
-            self.load_factor + weight * other.load_factor,
-            self.force + weight * other.force,
-            tuple(a + weight * b for a, b in zip(self.duals, other.duals, strict=True)),
-            self.row_duals + weight * other.row_duals,
-            self.row_slacks + weight * other.row_slacks,
-            tuple(a + weight * b for a, b in zip(self.slacks, other.slacks, strict=True)),
-        )
+        method = _Method(program, options)
+        point = method.cold(mu) if start is None else method.inside(start, mu)
+        best: Iterate | None = None
+        least = np.inf
+        best_step = 0
+        short = 0
+        for step in range(options.steps + 1):
+            here = _Local(method, point)
+            iterate = here.iterate
+            score = max(
+                iterate.gap / tolerances.gap,
+                iterate.missing / tolerances.equilibrium,
+                iterate.missing_motion / tolerances.motion,
+            )
+            if best is None or score < least:
+                best = iterate
+                least = score
+                best_step = step
+            if score < 1.0 or enough(iterate):
+                return replace(iterate, solved=True)
+            if step == options.steps or step > best_step + options.stale:
+                break
+            try:
+                point, length = here.advanced()
+            except SolverError:
+                break
+            short = short + 1 if length < options.short else 0
+            if length < 1e-7 or short >= options.patience:
+                break
+        return best or iterate
 
 
 class _Method:
-    """Starts, residuals and steps of one program."""
+    """Sizes of one program, and where to start."""
 
     def __init__(self, program: Program, options: KernelOptions) -> None:
         model = program.model
-        self._program = program
-        self._model = model
+        self.program = program
+        self.model = model
         self.options = options
-        self._given = not np.any(model.live)
-        self._displacement = abs(program.work) / model.load
-        self._work_size = abs(program.work)
-        if self._given:  # the load factor is none of the unknowns
-            self._displacement = model.force * float(np.median(model.compliance))
-            self._work_size = model.force * self._displacement
-        self._strength = np.maximum(program.strength, 1e-9 * model.force)
+        self.given = not np.any(model.live)  # the load factor is none of the unknowns
+        self.displacement = abs(program.work) / model.load
+        self.work_size = abs(program.work)
+        if self.given:
+            self.displacement = model.force * float(np.median(model.compliance))
+            self.work_size = model.force * self.displacement
+        self.strength = np.maximum(program.strength, 1e-9 * model.force)
         count = model.shape[0]
-        self._cost = np.zeros(count) if program.cost is None else program.cost
-        self._cost = self._cost + np.where(model.tensile, self._displacement, 0.0)
-        self._pressing = np.zeros(model.shape[1])
-        self._pressing[: model.pressing] = 1.0
-        self._rows = np.array([row.pressing for row in program.rows]).reshape(-1, count)
-        self._factors = np.array([row.factor for row in program.rows])
-        self._least = np.array([row.least for row in program.rows])
-        self._compliance = model.compliance if program.elastic else np.zeros(model.shape)
-        self._symmetric = np.array_equal(program.friction, program.dilatancy)
-        self._curved = bool(np.any(model.crushing))
-        self._springs: Springs | None = None
+        cost = np.zeros(count) if program.cost is None else program.cost
+        self.cost = cost + np.where(model.tensile, self.displacement, 0.0)
+        self.pressing = np.zeros(model.shape[1])
+        self.pressing[: model.pressing] = 1.0
+        self.rows = np.array([row.pressing for row in program.rows]).reshape(-1, count)
+        self.factors = np.array([row.factor for row in program.rows])
+        self.least = np.array([row.least for row in program.rows])
+        self.compliance = model.compliance if program.elastic else np.zeros(model.shape)
+        self.symmetric = np.array_equal(program.friction, program.dilatancy)
+        self.curved = bool(np.any(model.crushing))
+        self.cones = (*model.cones, Positive())
+        self.springs: Springs | None = None
 
-    # ---- starts
+    def slacks(self, force: Array) -> Arrays:
+        """Slacks of the forces by cones."""
+        return self.model.slacks(force, self.strength, self.program.friction)
 
-    def cold(self, mu: float | None) -> Iterate:
+    def row_values(self, force: Array, load_factor: float) -> Array:
+        """Values r . N + rho lambda - r_0 of the rows."""
+        normal = self.model.normal(force)
+        return np.asarray(self.rows @ normal + self.factors * load_factor - self.least)
+
+    def cold(self, mu: float | None) -> Point:
         """A point far from all boundaries: pressed by the dead load and a typical force."""
-        model, shift = self._model, self._displacement
-        response = elastic_response(model, self._program.equations)
+        model = self.model
+        shift = self.displacement
+        response = elastic_response(model, self.program.equations)
         force = np.zeros(model.shape)
         pressed = np.maximum(response.dead_force[:, : model.pressing], 0.0) + 0.3 * model.force
         crushed = model.crushing * pressed.sum(axis=1) > 0.1
@@ -303,389 +271,299 @@ class _Method:
         pressed = np.where(crushed[:, None], (0.05 / safe)[:, None], pressed)
         force[:, : model.pressing] = pressed
         motion = np.zeros(len(model.live))
-        if self._program.elastic and not self._given:
-            motion = response.live * (self._program.work / response.work)
-        slacks = model.slacks(force, self._strength, self._program.friction)
+        if self.program.elastic and not self.given:
+            motion = response.live * (self.program.work / response.work)
+        slacks = self.slacks(force)
         duals = tuple(
             shift * cone.identity(slack) for cone, slack in zip(model.cones, slacks, strict=True)
         )
-        return self._with_rows(Iterate(motion, 0.0, force, duals), 1.0, mu)
+        return self._with_rows(Point(motion, 0.0, force, duals, slacks), 1.0, mu)
 
-    def inside(self, start: Iterate, mu: float | None) -> Iterate:
-        """A start moved away from boundaries, with products of mu at least."""
-        model = self._model
+    def inside(self, start: Point, mu: float | None) -> Point:
+        """A start moved away from boundaries, with products of mu at least; rows begin anew."""
+        model = self.model
+        cones = model.cones
+        count = model.pressing
+        start = replace(start, duals=start.duals[: len(cones)], slacks=())
+        start = self._with_rows(start, 0.1, mu)
         force = start.force.copy()
-        if len(start.row_duals) != len(self._rows):
-            start = self._with_rows(start, 0.1, mu)
-        slacks = model.slacks(force, self._strength, self._program.friction)
+        duals = start.duals[:-1]
         margin = min(
             float(cone.margin(slack).min(initial=np.inf))
-            for cone, slack in zip(model.cones, slacks, strict=True)
+            for cone, slack in zip(cones, self.slacks(force), strict=True)
         )
         if margin > 0.0 and mu is None:
             return start
-        count = model.pressing
-        normal = model.normal(force)
-        least = (model.crushing * normal**2)[:, None]
+        least = (model.crushing * model.normal(force) ** 2)[:, None]
         low = force[:, :count] - least <= 1e-6 * model.force
         force[:, :count] = np.where(low, least + 1e-3 * model.force, force[:, :count])
-        bound = self._strength + self._program.friction * model.normal(force)
+        bound = self.strength + self.program.friction * model.normal(force)
         most = np.minimum(np.maximum(0.95 * bound, bound - 0.02 * model.force), 0.999 * bound)
         size = np.linalg.norm(force[:, count:], axis=1)
         force[:, count:] *= np.minimum(1.0, most / np.maximum(size, 1e-300))[:, None]
-        duals = start.duals
         if mu is not None:
-            slacks = model.slacks(force, self._strength, self._program.friction)
-            duals = tuple(
-                cone.raised(slack, dual, mu)
-                for cone, slack, dual in zip(model.cones, slacks, duals, strict=True)
-            )
-        return replace(start, force=force, duals=duals)
+            raised = zip(cones, self.slacks(force), duals, strict=True)
+            duals = tuple(cone.raised(slack, dual, mu) for cone, slack, dual in raised)
+        return replace(start, force=force, duals=(*duals, start.duals[-1]))
 
-    def _with_rows(self, start: Iterate, part: float, mu: float | None) -> Iterate:
+    def _with_rows(self, start: Point, part: float, mu: float | None) -> Point:
         """A start with slacks of the rows, at least a part of their terms' sizes."""
-        model = self._model
-        size = np.abs(self._factors) + np.abs(self._rows).max(axis=1, initial=0.0) * model.force
-        value = self._row_values(start.force, start.load_factor)
-        slack = np.maximum(value, part * size)
-        product = self._displacement * model.force if mu is None else mu
-        return replace(start, row_slacks=slack, row_duals=product / np.maximum(slack, 1e-300))
+        model = self.model
+        size = np.abs(self.factors) + np.abs(self.rows).max(axis=1, initial=0.0) * model.force
+        slack = np.maximum(self.row_values(start.force, start.load_factor), part * size)
+        product = self.displacement * model.force if mu is None else mu
+        dual = product / np.maximum(slack, 1e-300)
+        return replace(start, slacks=(*start.slacks, slack), duals=(*start.duals, dual))
 
-    def _row_values(self, force: Array, load_factor: float) -> Array:
-        normal = self._model.normal(force)
-        return np.asarray(self._rows @ normal + self._factors * load_factor - self._least)
 
-    # ---- residuals
+class _Local:
+    """A program at a point: slacks, residuals, Newton's matrix, and the step.
 
-    def measured(self, iterate: Iterate) -> Iterate:
-        """An iterate with its residuals; they are kept for the next step."""
-        model, program = self._model, self._program
-        self._slacks = model.slacks(iterate.force, self._strength, program.friction)
-        self._directions = model.derivatives(iterate.force, program.dilatancy)
-        products = sum(
-            float(np.vdot(slack, dual))
-            for slack, dual in zip(self._slacks, iterate.duals, strict=True)
+    Attributes:
+        iterate: The point with its residuals.
+    """
+
+    def __init__(self, method: _Method, point: Point) -> None:
+        model = method.model
+        program = method.program
+        self.method = method
+        self.slacks = (*method.slacks(point.force), point.slacks[-1])
+        self.gradients = model.derivatives(point.force, program.dilatancy)  # G_s
+        pairs = zip(self.slacks, point.duals, strict=True)
+        products = sum(float(np.vdot(slack, dual)) for slack, dual in pairs)
+        self.degree = sum(
+            cone.degree(slack) for cone, slack in zip(method.cones, self.slacks, strict=True)
         )
-        products += float(iterate.row_duals @ iterate.row_slacks)
-        degree = len(self._rows) + sum(
-            cone.degree(slack) for cone, slack in zip(model.cones, self._slacks, strict=True)
-        )
-        self._equilibrium = model.missing(iterate.force, iterate.load_factor)
-        self._stationary = self._stationarity(iterate)
-        self._work = 0.0
-        if not self._given:
-            own = self._factors @ iterate.row_duals - model.live @ iterate.motion
-            self._work = program.work + float(own)
-        self._row_missing = (
-            self._row_values(iterate.force, iterate.load_factor) - iterate.row_slacks
-        )
-        work = self._work_size
-        forces = max(model.force, abs(iterate.load_factor) * model.load)
+        self.equilibrium = model.missing(point.force, point.load_factor)
+        # H d + C x + w a - G_s^T (y, z) - (r . p) a
+        stationary = model.relative(point.motion) + method.compliance * point.force
+        for gradient, dual in zip(self.gradients, point.duals, strict=False):
+            stationary -= _transposed(gradient, dual)
+        row_duals = point.duals[-1]
+        pressed = method.cost - method.rows.T @ row_duals
+        self.stationary = stationary + pressed[:, None] * method.pressing
+        self.row_missing = method.row_values(point.force, point.load_factor) - point.slacks[-1]
+        self.work = 0.0
+        work = method.work_size
         size = work
-        if not self._given:
-            size = work * max(abs(iterate.load_factor), 1e-3 * model.force / model.load)
-        scale = max(1.0, float(np.abs(self._least).max(initial=0.0)))
+        if not method.given:
+            self.work = program.work + float(method.factors @ row_duals - model.live @ point.motion)
+            size = work * max(abs(point.load_factor), 1e-3 * model.force / model.load)
+        scale = max(1.0, float(np.abs(method.least).max(initial=0.0)))
         motions = (
-            np.abs(self._stationary).max(initial=0.0) / self._displacement,
-            abs(self._work) / work,
-            10.0 * np.abs(self._row_missing).max(initial=0.0) / scale,
+            np.abs(self.stationary).max(initial=0.0) / method.displacement,
+            abs(self.work) / work,
+            10.0 * np.abs(self.row_missing).max(initial=0.0) / scale,
         )
-        return replace(
-            iterate,
-            mu=products / degree,
+        self.iterate = Iterate(
+            point.motion,
+            point.load_factor,
+            point.force,
+            point.duals,
+            self.slacks,
+            mu=products / self.degree,
             gap=products / size,
-            missing=float(np.abs(self._equilibrium).max(initial=0.0)) / forces,
+            missing=float(np.abs(self.equilibrium).max(initial=0.0))
+            / max(model.force, abs(point.load_factor) * model.load),
             missing_motion=float(max(motions)),
-            early=None,
         )
 
-    def _stationarity(self, iterate: Iterate) -> Array:
-        """H d + C x + w a - G_s^T (y, z) - (r . p) a, shape (units, m)."""
-        model = self._model
-        residual = model.relative(iterate.motion) + self._compliance * iterate.force
-        for direction, dual in zip(self._directions, iterate.duals, strict=True):
-            residual -= _transposed(direction, dual)
-        pressed = self._cost - self._rows.T @ iterate.row_duals
-        return residual + pressed[:, None] * self._pressing
-
-    # ---- steps
-
-    def advanced(self, iterate: Iterate) -> tuple[Iterate, float]:
-        """The iterate after one step, and the step's length.
+    def advanced(self) -> tuple[Point, float]:
+        """The point after one step, and the step's length.
 
         Raises:
             SolverError: If Newton's matrix cannot be factored.
         """
-        newton = self._newton(iterate)
+        self._factor()
+        iterate = self.iterate
         mu = iterate.mu
-        nothing = _Targets(tuple(-one.products for one in newton.scaled), -newton.row_products)
-        predictor = newton.direction(nothing, 1.0)
-        length = self._length(iterate, predictor, 1.0)
-        after = self._products_after(iterate, predictor, length)
+        curved = self.method.curved
+        predictor = self._direction([-one.products for one in self.scaled], 1.0)
+        length = self._length(predictor, 1.0)
+        moved = iterate.plus(predictor, length)
+        pairs = zip(moved.slacks, moved.duals, strict=True)
+        after = sum(float(np.vdot(slack, dual)) for slack, dual in pairs) / self.degree
         centring = float(np.clip((abs(after) / mu) ** 3, 1e-5, 0.9))
         if iterate.missing > 1e-2 or iterate.missing_motion > 1e-2:
             centring = max(centring, 0.1)
         target = centring * mu
-        corrector = newton.direction(self._second_order(newton, predictor, target, mu), 0.0)
+        corrector = self._direction(self._second_order(predictor, target), 0.0)
         step = predictor.plus(corrector)
-        if not self._curved:
-            step = self._weighted(iterate, predictor, corrector, length)
-            step = self._pushed(iterate, newton, step, target)
-        length = self._length(iterate, step, self.options.back)
+        if not curved:
+            step = self._pushed(self._weighted(predictor, corrector, length), target)
+        length = self._length(step, self.method.options.back)
         if length < 0.1:
-            again = newton.direction(self._centred(newton, 0.7 * mu), 1.0)
-            longer = self._length(iterate, again, 0.98)
+            equal = zip(self.method.cones, self.scaled, strict=True)
+            goal = 0.7 * mu
+            centred = [goal * cone.identity(one.products) - one.products for cone, one in equal]
+            again = self._direction(centred, 1.0)
+            longer = self._length(again, 0.98)
             if longer > length:
-                step = again
-                length = longer
-        return _moved(iterate, step, length), length
+                return iterate.plus(again, longer), longer
+        return iterate.plus(step, length), length
 
-    def _newton(self, iterate: Iterate) -> _Newton:
-        """Newton's matrix at an iterate, factored."""
-        model, program = self._model, self._program
-        scaled = tuple(
-            cone.scaled(slack, dual)
-            for cone, slack, dual in zip(model.cones, self._slacks, iterate.duals, strict=True)
-        )
-        right = self._directions
-        if not self._symmetric:
-            right = model.derivatives(iterate.force, program.friction)
-        near = min(1.0, max(iterate.gap, 1e-3))
-        shift = self.options.proximal * self._displacement / model.force * near
-        weights = [one.weights for one in scaled] + [self._compliance + shift]
-        if self._curved:
-            weights.append(model.curvature(iterate.duals)[:, None])
-        inverse = self._inverse(scaled, right).inverse(np.hstack(weights))
-        solver = program.equations.factored(inverse, self._symmetric)
-        return _Newton(self, iterate, scaled, right, inverse, solver)
+    def _factor(self) -> None:
+        """Newton's matrix A = H^T M^-1 H, factored, and its border of lambda and the rows."""
+        method = self.method
+        model = method.model
+        point = self.iterate
+        cones = zip(method.cones, self.slacks, point.duals, strict=True)
+        self.scaled = [cone.scaled(slack, dual) for cone, slack, dual in cones]
+        self.right = self.gradients  # G_u
+        if not method.symmetric:
+            self.right = model.derivatives(point.force, method.program.friction)
+        near = min(1.0, max(point.gap, 1e-3))
+        shift = method.options.proximal * method.displacement / model.force * near
+        weights = [one.weights for one in self.scaled[:-1]] + [method.compliance + shift]
+        if method.curved:
+            weights.append(model.curvature(point.duals)[:, None])
+        self.inverse = self._springs().inverse(np.hstack(weights))
+        self.solver = method.program.equations.factored(self.inverse, method.symmetric)
+        columns = [_times(self.inverse, row[:, None] * method.pressing) for row in method.rows]
+        borders = [model.live, *(model.transposed @ column.ravel() for column in columns)]
+        self.border = self.solver(np.column_stack(borders))
+        self.changed = [-_times(self.inverse, model.relative(one)) for one in self.border.T]
+        for row, column in enumerate(columns):
+            self.changed[1 + row] += column
+        duals = point.duals[-1]
+        matrix = np.zeros((1 + len(duals), 1 + len(duals)))
+        matrix[0] = model.live @ self.border
+        matrix[0, 1:] -= method.factors
+        if method.given:
+            matrix[0, 0] = 1.0
+        if len(duals):
+            normals = np.column_stack([model.normal(one) for one in self.changed])
+            matrix[1:] = duals[:, None] * (method.rows @ normals)
+            matrix[1:, 0] += duals * method.factors
+            matrix[1:, 1:] += np.diag(self.slacks[-1])
+        self.matrix = matrix
 
-    def _inverse(self, scaled: Sequence[Scaled], right: tuple[Array, ...]) -> Springs:
+    def _springs(self) -> Springs:
         """Springs of the vectors; they stay where neither cones nor crushing turn them."""
-        fixed = not self._curved and all(one.frame is None for one in scaled)
-        if self._springs is None or not fixed:
-            units, size = self._model.shape
+        method = self.method
+        fixed = not method.curved and all(one.frame is None for one in self.scaled)
+        if method.springs is None or not fixed:
+            units, size = method.model.shape
             last = [np.broadcast_to(np.eye(size), (units, size, size))]
-            if self._curved:
-                last.append(np.broadcast_to(self._pressing, (units, 1, size)))
-            lefts = [_framed(one, g) for one, g in zip(scaled, self._directions, strict=True)]
-            left = np.concatenate(lefts + last, axis=1)
-            both = left
-            if not self._symmetric:
-                rights = [_framed(one, g) for one, g in zip(scaled, right, strict=True)]
-                both = np.concatenate(rights + last, axis=1)
-            self._springs = Springs(left, both)
-        return self._springs
+            if method.curved:
+                last.append(np.broadcast_to(method.pressing, (units, 1, size)))
 
-    def _second_order(self, newton: _Newton, step: _Step, target: float, mu: float) -> _Targets:
+            def framed(gradients: Arrays) -> Array:
+                """Vectors of the squares of W^-2, in terms of the forces."""
+                return np.concatenate(
+                    [
+                        g if one.frame is None else np.matmul(one.frame, g)
+                        for one, g in zip(self.scaled, gradients, strict=False)
+                    ]
+                    + last,
+                    axis=1,
+                )
+
+            left = framed(self.gradients)
+            method.springs = Springs(left, left if method.symmetric else framed(self.right))
+        return method.springs
+
+    def _direction(self, changes: Sequence[Array], residuals: float) -> Point:
+        """The direction that changes the products, and takes away a part of the residuals."""
+        method = self.method
+        model = method.model
+        pairs = zip(self.scaled[:-1], changes, strict=False)
+        shifts = [one.shift(change) for one, change in pairs]
+        wanted = -residuals * self.stationary
+        for gradient, shift in zip(self.gradients, shifts, strict=True):
+            wanted += _transposed(gradient, shift)
+        right = residuals * self.equilibrium
+        right = right + model.transposed @ _times(self.inverse, wanted).ravel()
+        motion = self.solver(right)
+        force = _times(self.inverse, wanted - model.relative(motion))
+        missing = np.empty(1 + len(method.rows))
+        missing[0] = residuals * self.work - model.live @ motion
+        normal = method.rows @ model.normal(force) + residuals * self.row_missing
+        missing[1:] = changes[-1] - self.iterate.duals[-1] * normal
+        try:
+            border = np.linalg.solve(self.matrix, missing)
+        except np.linalg.LinAlgError as error:
+            raise SolverError(f"face forces: {error}") from None
+        for part, change in zip(border, self.changed, strict=True):
+            force += part * change
+        slacks = [_times(gradient, force) for gradient in self.right]
+        triples = zip(shifts, self.scaled[:-1], slacks, strict=True)
+        duals = [shift - one.stretch(ds) for shift, one, ds in triples]
+        rows = method.rows @ model.normal(force) + method.factors * border[0]
+        rows = rows + residuals * self.row_missing
+        motion = motion + self.border @ border
+        return Point(motion, float(border[0]), force, (*duals, border[1:]), (*slacks, rows))
+
+    def _second_order(self, step: Point, target: float) -> list[Array]:
         """Changes of the products that the corrector aims at."""
-        most = 5.0 * mu if self._curved else np.inf
-        cones, duals, slacks = self._model.cones, step.duals, step.slacks
-        changes = []
-        for cone, one, ds, dz in zip(cones, newton.scaled, slacks, duals, strict=True):
-            cross = np.maximum(np.minimum(one.cross(ds, dz), most), -most)
-            changes.append(target * cone.identity(ds) - cross)
-        cross = np.maximum(np.minimum(step.row_duals * step.row_slacks, most), -most)
-        return _Targets(tuple(changes), target - cross)
+        most = 5.0 * self.iterate.mu if self.method.curved else np.inf
+        parts = zip(self.method.cones, self.scaled, step.slacks, step.duals, strict=True)
+        return [
+            target * cone.identity(ds) - np.maximum(np.minimum(one.cross(ds, dz), most), -most)
+            for cone, one, ds, dz in parts
+        ]
 
-    def _centred(self, newton: _Newton, target: float) -> _Targets:
-        """Changes of the products to equal ones."""
-        cones = zip(self._model.cones, newton.scaled, strict=True)
-        changes = tuple(target * cone.identity(one.products) - one.products for cone, one in cones)
-        return _Targets(changes, target - newton.row_products)
-
-    def _weighted(
-        self, iterate: Iterate, predictor: _Step, corrector: _Step, length: float
-    ) -> _Step:
+    def _weighted(self, predictor: Point, corrector: Point, length: float) -> Point:
         """Predictor and corrector with the weight that allows the longest step."""
         best = predictor.plus(corrector)
-        longest = self._straight(iterate, best)
+        longest = self._straight(best)
         for weight in np.linspace(1.0, length**2, 5).tolist()[1:] if longest < 0.9 else ():
             step = predictor.plus(corrector, weight)
-            found = self._straight(iterate, step)
+            found = self._straight(step)
             if found > longest:
                 best = step
                 longest = found
         return best
 
-    def _pushed(self, iterate: Iterate, newton: _Newton, step: _Step, target: float) -> _Step:
+    def _pushed(self, step: Point, target: float) -> Point:
         """A step with outlying products pushed back, as long as that makes it longer."""
-        low, high = self.options.band
-        length = self._straight(iterate, step)
-        for _ in range(self.options.pushes if length < 0.9 else 0):
+        low, high = self.method.options.band
+        length = self._straight(step)
+        for _ in range(self.method.options.pushes if length < 0.9 else 0):
             tried = min(1.0, 1.3 * min(length, 1.0) + 0.1)
-            aim = max(target, 0.3 * iterate.mu * (1.0 - tried))
+            aim = max(target, 0.3 * self.iterate.mu * (1.0 - tried))
             changes = []
-            for cone, one, ds, dz in zip(
-                self._model.cones, newton.scaled, step.slacks, step.duals, strict=True
-            ):
-                after = newton.products_after(one, ds, dz, tried)
+            parts = zip(self.method.cones, self.scaled, step.slacks, step.duals, strict=True)
+            for cone, one, ds, dz in parts:  # (l + a W^-1 ds) o (l + a W dz)
+                after = one.products + tried * one.linear(ds, dz) + tried**2 * one.cross(ds, dz)
                 changes.append(cone.pushed(after, low * aim, high * aim))
-            slacks = iterate.row_slacks + tried * step.row_slacks
-            rows = np.multiply(slacks, iterate.row_duals + tried * step.row_duals)
-            pushed = self._model.cones[0].pushed(rows, low * aim, high * aim)
-            more = step.plus(newton.direction(_Targets(tuple(changes), pushed), 0.0))
-            longer = self._straight(iterate, more)
+            more = step.plus(self._direction(changes, 0.0))
+            longer = self._straight(more)
             if longer < 1.02 * length:
                 break
             step = more
             length = longer
         return step
 
-    def _straight(self, iterate: Iterate, step: _Step) -> float:
-        """The longest step to first order."""
-        lengths = [self._dual_length(iterate, step)]
-        for cone, slack, change in zip(self._model.cones, self._slacks, step.slacks, strict=True):
-            lengths.append(cone.longest(slack, change))
-        return min(lengths)
+    def _straight(self, step: Point, first: int = 0) -> float:
+        """The longest step to first order; of the slacks, from a cone on."""
+        cones = self.method.cones
+        duals = zip(cones, self.iterate.duals, step.duals, strict=True)
+        slacks = zip(cones[first:], self.slacks[first:], step.slacks[first:], strict=True)
+        return min(cone.longest(place, change) for cone, place, change in (*duals, *slacks))
 
-    def _dual_length(self, iterate: Iterate, step: _Step) -> float:
-        """The longest step for multipliers and rows."""
-        cones = self._model.cones
-        lengths = [
-            cone.longest(dual, change)
-            for cone, dual, change in zip(cones, iterate.duals, step.duals, strict=True)
-        ]
-        lengths.append(cones[0].longest(iterate.row_duals, step.row_duals))
-        lengths.append(cones[0].longest(iterate.row_slacks, step.row_slacks))
-        return min(lengths)
-
-    def _length(self, iterate: Iterate, step: _Step, part: float) -> float:
+    def _length(self, step: Point, part: float) -> float:
         """The length of a step that stays inside all boundaries, by a part of the way to them."""
-        if not self._curved:
-            return min(1.0, part * self._straight(iterate, step))
-        length = min(1.0 / part, self._dual_length(iterate, step))
-        model = self._model
+        method = self.method
+        if not method.curved:
+            return min(1.0, part * self._straight(step))
+        cones = method.model.cones
+        length = min(1.0 / part, self._straight(step, len(cones)))
         for _ in range(40):
-            force = iterate.force + length * step.force
-            slacks = model.slacks(force, self._strength, self._program.friction)
+            slacks = method.slacks(self.iterate.force + length * step.force)
+            places = list(zip(cones, slacks, self.slacks, strict=False))
             left = min(
                 float(np.min(cone.margin(new) / cone.margin(old), initial=1.0))
-                for cone, new, old in zip(model.cones, slacks, self._slacks, strict=True)
+                for cone, new, old in places
             )
             if left > 0.3 * (1.0 - part):
                 break
             if left > 0.0:
                 length *= part
                 break
-            secant = min(
-                cone.longest(old, (new - old) / length)
-                for cone, new, old in zip(model.cones, slacks, self._slacks, strict=True)
-            )
+            secant = min(cone.longest(old, (new - old) / length) for cone, new, old in places)
             length = min(0.9999 * length, 0.99999 * secant)
         return min(1.0, part * length)
-
-    def _products_after(self, iterate: Iterate, step: _Step, length: float) -> float:
-        """Mean product after a step, to first order in the slacks."""
-        total = float(
-            (iterate.row_duals + length * step.row_duals)
-            @ (iterate.row_slacks + length * step.row_slacks)
-        )
-        degree = len(self._rows)
-        for cone, slack, ds, dual, dz in zip(
-            self._model.cones, self._slacks, step.slacks, iterate.duals, step.duals, strict=True
-        ):
-            total += float(np.vdot(slack + length * ds, dual + length * dz))
-            degree += cone.degree(slack)
-        return total / degree
-
-
-@dataclass(frozen=True)
-class _Targets:
-    """Changes of the products wished for, by cones and of the rows."""
-
-    cones: tuple[Array, ...]
-    rows: Array
-
-
-class _Newton:
-    """Newton's matrix at an iterate: directions for changes of the products."""
-
-    def __init__(
-        self,
-        method: _Method,
-        iterate: Iterate,
-        scaled: tuple[Scaled, ...],
-        right: tuple[Array, ...],
-        inverse: Array,
-        solver: Callable[[Array], Array],
-    ) -> None:
-        self.scaled = scaled
-        self.row_products = iterate.row_duals * iterate.row_slacks
-        self._method = method
-        self._iterate = iterate
-        self._right = right
-        self._inverse = inverse
-        self._solver = solver
-        model, rows = method._model, method._rows
-        self._pressed = [_times(inverse, r[:, None] * method._pressing) for r in rows]
-        borders = [model.live, *(model.transposed @ p.ravel() for p in self._pressed)]
-        self._border = solver(np.column_stack(borders))
-        moved = [model.relative(column) for column in self._border.T]
-        changed = [-_times(inverse, column) for column in moved]
-        for row, pressed in enumerate(self._pressed):
-            changed[1 + row] += pressed
-        self._changed = changed
-        self._matrix = self._bordered([model.normal(one) for one in changed])
-
-    def _bordered(self, normals: list[Array]) -> Array:
-        """The matrix of lambda and the rows' multipliers."""
-        method, iterate = self._method, self._iterate
-        count = len(method._rows)
-        matrix = np.zeros((1 + count, 1 + count))
-        matrix[0] = method._model.live @ self._border
-        matrix[0, 1:] -= method._factors
-        if method._given:
-            matrix[0, 0] = 1.0
-        if count:
-            matrix[1:] = iterate.row_duals[:, None] * (method._rows @ np.column_stack(normals))
-            matrix[1:, 0] += iterate.row_duals * method._factors
-            matrix[1:, 1:] += np.diag(iterate.row_slacks)
-        return matrix
-
-    def products_after(self, scaled: Scaled, ds: Array, dz: Array, length: float) -> Array:
-        """(l + a W^-1 ds) o (l + a W dz)."""
-        first = scaled.linear(ds, dz)
-        return np.asarray(scaled.products + length * first + length**2 * scaled.cross(ds, dz))
-
-    def direction(self, targets: _Targets, residuals: float) -> _Step:
-        """The direction that changes the products, and takes away a part of the residuals."""
-        method, iterate = self._method, self._iterate
-        model, rows = method._model, method._rows
-        shifts = tuple(
-            one.shift(change) for one, change in zip(self.scaled, targets.cones, strict=True)
-        )
-        wanted = -residuals * method._stationary
-        for direction, shift in zip(method._directions, shifts, strict=True):
-            wanted += _transposed(direction, shift)
-        right = residuals * method._equilibrium
-        right = right + model.transposed @ _times(self._inverse, wanted).ravel()
-        first = self._solver(right)
-        force = _times(self._inverse, wanted - model.relative(first))
-        missing = np.empty(1 + len(rows))
-        missing[0] = residuals * method._work - model.live @ first
-        normal = rows @ model.normal(force) + residuals * method._row_missing
-        missing[1:] = targets.rows - iterate.row_duals * normal
-        try:
-            border = np.linalg.solve(self._matrix, missing)
-        except np.linalg.LinAlgError as error:
-            raise SolverError(f"face forces: {error}") from None
-        for part, change in zip(border, self._changed, strict=True):
-            force += part * change
-        slacks = tuple(_along(g, force) for g in self._right)
-        duals = tuple(
-            shift - one.stretch(ds)
-            for shift, one, ds in zip(shifts, self.scaled, slacks, strict=True)
-        )
-        moved = rows @ model.normal(force) + method._factors * border[0]
-        return _Step(
-            first + self._border @ border,
-            float(border[0]),
-            force,
-            duals,
-            border[1:],
-            moved + residuals * method._row_missing,
-            slacks,
-        )
 
 
 @dataclass(frozen=True)
@@ -714,21 +592,10 @@ def elastic_response(model: FaceModel, equations: Equations) -> Response:
         inverse = np.zeros((*model.shape, size))
         inverse[:, np.arange(size), np.arange(size)] = 1.0 / model.compliance
         solver = equations.factored(inverse, True)
-        live, dead = solver(model.live), solver(model.dead)
-        force = -model.relative(dead) / model.compliance
+        live = solver(model.live)
+        force = -model.relative(solver(model.dead)) / model.compliance
         equations.response = Response(live, float(model.live @ live), force)
     return equations.response
-
-
-def _moved(iterate: Iterate, step: _Step, length: float) -> Iterate:
-    return Iterate(
-        iterate.motion + length * step.motion,
-        iterate.load_factor + length * step.load_factor,
-        iterate.force + length * step.force,
-        tuple(a + length * b for a, b in zip(iterate.duals, step.duals, strict=True)),
-        iterate.row_duals + length * step.row_duals,
-        iterate.row_slacks + length * step.row_slacks,
-    )
 
 
 def _times(matrix: Array, vector: Array) -> Array:
@@ -736,16 +603,6 @@ def _times(matrix: Array, vector: Array) -> Array:
     return np.asarray(np.matmul(matrix, vector[:, :, None])[:, :, 0])
 
 
-def _along(derivative: Array, force: Array) -> Array:
-    """Change of slacks with forces."""
-    return np.asarray(np.matmul(derivative, force[:, :, None])[:, :, 0])
-
-
-def _transposed(direction: Array, dual: Array) -> Array:
+def _transposed(gradient: Array, dual: Array) -> Array:
     """G^T z."""
-    return np.asarray(np.matmul(dual[:, None, :], direction)[:, 0])
-
-
-def _framed(scaled: Scaled, derivative: Array) -> Array:
-    """Vectors of the squares of W^-2, in terms of the forces."""
-    return derivative if scaled.frame is None else np.asarray(np.matmul(scaled.frame, derivative))
+    return np.asarray(np.matmul(dual[:, None, :], gradient)[:, 0])

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.faces.associative import associative_state
 from fenics_contact.faces.certificate import Certifier, FaceState
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_response, solve
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.programs import associative_state
 from fenics_contact.faces.system import Equations
 
 _log = logging.getLogger("fenics_contact")
@@ -44,7 +44,6 @@ class LimitOptions:
         thetas: What is tried in turn.
         steps: Of each at most.
         gap: Relative gap of each.
-        kept: Gap of the iterate from which the next one starts.
         tried: Part of the dissipation that the bound misses, from which the certificate is tried.
         settled: Part below which more steps do not help.
         limit: Gap of a state that counts as one at all.
@@ -62,7 +61,6 @@ class LimitOptions:
     thetas: tuple[float, ...] = (0.5, 0.8, 0.3)
     steps: int = 10
     gap: float = 3e-2
-    kept: float = 10.0
     tried: float = 5e-2
     settled: float = 1e-3
     limit: float = 1e-2
@@ -195,16 +193,10 @@ class FaceSearch:
     def _with_given_part(self, theta: float, pressed: Array, work: float) -> Array:
         """Steps with a part of the bound given; the pressing forces that they end with."""
         options, model = self._options, self.model
-        warm: Iterate | None = None
         for _ in range(options.steps):
             if self.is_spent:
                 break
-            state = None
-            if warm is not None:
-                state = self.elastic(theta, pressed, work, options.gap, warm)
-            if state is None or state.gap > options.rough:
-                state = self.elastic(theta, pressed, work, options.gap)
-            warm = state.early
+            state = self.elastic(theta, pressed, work, options.gap)
             own = np.maximum(model.normal(state.force), 0.0)
             missed = self._missed(theta, state, own - pressed, work)
             near = state.gap < options.rough
@@ -215,14 +207,7 @@ class FaceSearch:
                     break
         return pressed
 
-    def elastic(
-        self,
-        theta: float,
-        pressed: Array,
-        work: float,
-        gap: float,
-        start: Iterate | None = None,
-    ) -> Iterate:
+    def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:
         """The elastic state under a work, with a part theta of Coulomb's law and the rest given."""
         self._check_stop()
         model = self.model
@@ -235,9 +220,7 @@ class FaceSearch:
             work,
             elastic=True,
         )
-        mu = None if start is None else start.mu
-        asked = Tolerances(gap, 1e-5, 1e-3)
-        return solve(program, start, asked, mu, keep=self._options.kept)
+        return solve(program, tolerances=Tolerances(gap, 1e-5, 1e-3))
 
     def _missed(self, theta: float, state: Iterate, change: Array, work: float) -> float:
         """Work of friction by which the bound differs from the state's own, over lambda W."""

@@ -10,14 +10,13 @@ reach them from rest. Not proved: that there is none lower.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from fenics_contact.faces.certificate import LEAST_GAP, Certifier, FaceState
 from fenics_contact.faces.cones import Array
-from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
+from fenics_contact.faces.kernel import Program, Row, solve
 from fenics_contact.faces.limit import FaceSearch
 
 
@@ -26,129 +25,59 @@ class LowestOptions:
     """Numbers of the searches.
 
     Attributes:
-        gap: eps, relative.
-        allowed: Gap of a state at most, in units of eps.
+        gap: eps, relative; the load factor stands when it changes by less.
+        allowed: Gap of a state at most.
         pairs: At most.
-        stands: Change of the load factor, relative, below which it stands.
-        part: Of the dead load's pressing forces, with which the bound begins, and
-        theta: part of Coulomb's law in these steps, and
-        less: both of another start, from below most states, and
-        steps: their number at most, until the forces change by
-        settled: less than this part.
-        rough: Relative gap of elastic states to start from.
-        start: Gap of certified states to go down from, where that can be had.
+        rough: Relative gap of elastic states to start from, and of certified states near them.
+        settled: Change of pressing forces, relative, below which a start's steps end.
         usual: Factorisations of one start at most, after which no other program is begun, and
         asked: where the user asks for the lowest state.
-        friction: Part of it with which growing friction begins, and
-        stages: its steps up to the whole, with products that fall as friction to the power
-        power: of minus one over this, down to
-        products: these in the end, in units of force times displacement.
     """
 
     gap: float = 1e-4
-    allowed: float = 1.5
+    allowed: float = 1.5e-4
     pairs: int = 10
-    stands: float = 1e-4
-    part: float = 0.3
-    theta: float = 0.5
-    less: tuple[float, float] = (0.1, 0.3)
-    steps: int = 6
-    settled: float = 3e-2
     rough: float = 1e-2
-    start: float = 1e-2
+    settled: float = 3e-2
     usual: int = 150
     asked: int = 600
-    friction: float = 0.25
-    stages: int = 16
-    power: float = 0.2
-    products: float = 1e-3
 
 
 OPTIONS = LowestOptions()
 
-#: A start: elastic states, from rough to settled, each of which may be gone down from.
-Start = Callable[[FaceSearch], Iterator[Iterate]]
-
-
-def little_friction(search: FaceSearch) -> Iterator[Iterate]:
-    """From a part of the friction under the dead load: it grows with the live load's forces."""
-    model = search.model
-    pressed = OPTIONS.part * search.dead_forces
-    for step in range(OPTIONS.steps):
-        state = search.elastic(OPTIONS.theta, pressed, search.work, OPTIONS.rough)
-        own = np.maximum(model.normal(state.force), 0.0)
-        change = float(np.abs(own - pressed).sum())
-        pressed = own
-        settled = change < OPTIONS.settled * float(own.sum())
-        if step == 0 or settled or step == OPTIONS.steps - 1:
-            yield state
-        if settled:
-            return
-
-
-def less_friction(search: FaceSearch) -> Iterator[Iterate]:
-    """The first of these steps with less friction: it is below most states."""
-    part, theta = OPTIONS.less
-    yield search.elastic(theta, part * search.dead_forces, search.work, OPTIONS.rough)
-
-
-def coulomb(search: FaceSearch) -> Iterator[Iterate]:
-    """The elastic state with Coulomb's law."""
-    none = np.zeros(search.model.shape[0])
-    yield search.elastic(1.0, none, search.work, OPTIONS.rough)
-
-
-def growing_friction(search: FaceSearch) -> Iterator[Iterate]:
-    """Friction grows as the products fall: low states are met first."""
-    model, work = search.model, search.work
-    unit = model.force * work / model.load
-    state: Iterate | None = None
-    for part in np.geomspace(OPTIONS.friction, 1.0, OPTIONS.stages).tolist():
-        goal = OPTIONS.products * part ** (-1.0 / OPTIONS.power) * unit if part < 1.0 else 0.0
-        program = Program(
-            model,
-            search.equations,
-            part * model.strength,
-            model.dilatancy + part * model.free_friction,
-            model.dilatancy,
-            work,
-            elastic=True,
-        )
-        state = solve(
-            program,
-            state,
-            Tolerances(OPTIONS.rough, 1e-5, 1e-3),
-            enough=lambda iterate, goal=goal: iterate.mu < goal,  # type: ignore[misc]
-        )
-    if state is not None:
-        yield state
-
-
-#: Starts by name, the usual one first.
-STARTS: dict[str, Start] = {
-    "little friction": little_friction,
-    "Coulomb's law": coulomb,
-    "growing friction": growing_friction,
-    "less friction": less_friction,
+#: Starts, the usual one first: elastic states with a part theta of Coulomb's law, the rest of the
+#: bound given by a part of the pressing forces under the dead load; and steps at most, in which
+#: the state's own forces take their place where it leads to nothing.
+STARTS: dict[str, tuple[float, float, int]] = {
+    "little friction": (0.5, 0.3, 6),
+    "Coulomb's law": (1.0, 0.0, 1),
+    "less friction": (0.3, 0.1, 1),
 }
 
 
-def lowest_from(search: FaceSearch, start: Start) -> FaceState | None:
+def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceState | None:
     """The lowest state that one start leads to; None if it leads to none.
 
     Raises:
         Stopped: If the search is to end.
     """
-    certifier = Certifier(search.model, search.equations, OPTIONS.start)
-    for state in start(search):
-        first, _ = certifier.near(state, search.work, 2)
-        if first is None:
+    theta, part, steps = start
+    certifier = Certifier(search.model, search.equations, OPTIONS.rough)
+    pressed = part * search.dead_forces
+    settled = False
+    for step in range(steps):
+        state = search.elastic(theta, pressed, search.work, OPTIONS.rough)
+        own = np.maximum(search.model.normal(state.force), 0.0)
+        settled = float(np.abs(own - pressed).sum()) < OPTIONS.settled * float(own.sum())
+        pressed = own
+        if not (step == 0 or settled or step == steps - 1):
             continue
-        found = lowered(search, certifier, first)
-        if found.gap <= OPTIONS.allowed * OPTIONS.gap:
+        first, _ = certifier.near(state, search.work, 2)
+        found = None if first is None else lowered(search, certifier, first)
+        if found is not None and found.gap <= OPTIONS.allowed:
             return found
-        if search.is_spent:
-            return None
+        if settled or (found is not None and search.is_spent):
+            break
     return None
 
 
@@ -162,13 +91,13 @@ def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceS
         if search.is_spent:
             break
         state = _least(certifier, mode, last)
-        if state is None or state.gap > OPTIONS.allowed * OPTIONS.gap:
+        if state is None or state.gap > OPTIONS.allowed:
             break
-        if state.load_factor < best.load_factor or best.gap > OPTIONS.allowed * OPTIONS.gap:
+        if state.load_factor < best.load_factor or best.gap > OPTIONS.allowed:
             best = state
         moved = abs(state.load_factor - last)
         last = state.load_factor
-        if moved < OPTIONS.stands * model.size(last):
+        if moved < OPTIONS.gap * model.size(last):
             break
         next_mode = certifier.mode(state.force)
         if next_mode is None:

@@ -88,8 +88,8 @@ class FaceModel:
     @cached_property
     def cones(self) -> tuple[Cone, ...]:
         """Cones of the slacks: in one dimension of shear, |t| is two bounds."""
-        positive: Cone = Positive()
-        return (positive,) if self.shears == 1 else (positive, Disc())
+        pressed: tuple[Cone, ...] = (Positive(),)
+        return pressed if self.shears == 1 else (*pressed, Disc())
 
     @property
     def shears(self) -> int:

@@ -12,11 +12,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fenics_contact.faces.associative import associative_end
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.model import FaceModel
+from fenics_contact.faces.programs import associative_end
 from tests.bank import BANK, TRILITH
 from tests.boxes import box_model, box_wall, coursed, extruded
 from tests.second_solver import limit, misses, own_limit

@@ -10,11 +10,10 @@ import pytest
 from fenics_contact import JointLaw, Material
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.faces.associative import associative_end, crushed_by
-from fenics_contact.faces.given_load import state_under
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel, crushing_power
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.faces.programs import associative_end, crushed_by, state_under
 from tests.bank import BANK, Recipe, coulomb, stack_recipe, wall_recipe
 from tests.helpers import planar_faces
 from tests.property.scenes import Draw

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fenics_contact.faces.springs import Springs
+from fenics_contact.faces.system import Springs
 
 SHAPES = [(2, 2), (2, 5), (3, 3), (3, 7)]  # m, vectors
 

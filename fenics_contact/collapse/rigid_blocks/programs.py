@@ -42,8 +42,8 @@ from fenics_contact.collapse.rigid_blocks.model import (
 )
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
-from fenics_contact.faces.associative import associative_end, crushed_by
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.faces.programs import associative_end, crushed_by
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
