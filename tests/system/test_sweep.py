@@ -105,10 +105,10 @@ def test_folder_of_another_sweep_is_left_alone(tmp_path, capsys):
 def test_exit_code_is_that_of_the_worst_point(tmp_path, capsys):
     write_scene(tmp_path, mesh="gentle")  # ground that falls by 0.2
     line = ["sweep", tmp_path / "scene.toml", "--vary", "foundations.base.friction=0.1,0.5"]
-    found = run_here(line, capsys)
-    assert found.code == 3
-    assert [row["status"] for row in rows(tmp_path / "scene_sweep")] == ["unstable", "limit"]
-    assert "slides" in rows(tmp_path / "scene_sweep")[0]["reason"]
+    assert run_here(line, capsys).code == 3
+    table = rows(tmp_path / "scene_sweep")
+    assert [row["status"] for row in table] == ["unstable", "limit"]
+    assert "slides" in table[0]["reason"]
 
 
 def test_half_a_line_is_dropped_and_found_again(tmp_path, capsys):
@@ -173,23 +173,17 @@ def test_sweep_killed_five_times_gives_the_same_table(jobs, tmp_path):
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
 
 
-def test_several_processes_give_the_same_table(tmp_path, capsys):
+def test_processes_and_ranks_give_the_same_table(tmp_path, capsys):
+    """Processes or ranks: not both."""
     write_scene(tmp_path)
     line = ["sweep", tmp_path / "scene.toml", "--vary", f"{BOTH}=0.1:0.4:4", "-o"]
     assert run_here([*line, tmp_path / "one"], capsys).code == 0
-    found = run([*line, tmp_path / "two", "--jobs", "2"], tmp_path)
-    assert (found.code, found.err) == (0, "")
-    assert rows(tmp_path / "two") == rows(tmp_path / "one")
-
-
-def test_two_ranks_have_the_same_table_and_take_no_jobs(tmp_path):
-    write_scene(tmp_path)
-    line = ["sweep", "scene.toml", "--vary", f"{BOTH}=0.1,0.3", "-o"]
-    found = run([*line, "out"], tmp_path, 2)
-    assert found.code == 0
-    assert [float(r["load_factor"]) for r in rows(tmp_path / "out")] == pytest.approx(
-        [0.1, 0.3], rel=1e-6
-    )
+    table = rows(tmp_path / "one")
+    found = run([*line, tmp_path / "jobs", "--jobs", "2"], tmp_path)
+    assert (found.code, found.err) == (0, "") and rows(tmp_path / "jobs") == table
+    assert run([*line, "ranks"], tmp_path, 2).code == 0
+    for row, one in zip(rows(tmp_path / "ranks"), table, strict=True):
+        assert float(row["load_factor"]) == pytest.approx(float(one["load_factor"]), rel=1e-6)
     refused = run([*line, "other", "--jobs", "2"], tmp_path, 2)
     assert refused.code == 2 and refused.err.count("--jobs 2 under mpirun") == 1
     assert not (tmp_path / "other").exists()
@@ -202,6 +196,29 @@ def test_sweep_of_a_file_in_python(tmp_path):
     assert list(record["vary"].values()) == [[0.1, 0.2]]
     again = sweep(tmp_path / "scene.toml", {BOTH: [0.1, 0.2]}, tmp_path / "out")
     assert again.column("seconds").tolist() == found.column("seconds").tolist()
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory) -> Path:
+    """A folder with a scene and a sweep of it."""
+    folder = tmp_path_factory.mktemp("solved")
+    sweep(write_scene(folder), {BOTH: [0.1, 0.2]}, folder)
+    return folder
+
+
+@pytest.fixture
+def again(solved, tmp_path) -> list[object]:
+    """Arguments for the same sweep in a copy of its folder, which is `tmp_path`."""
+    shutil.copytree(solved, tmp_path, dirs_exist_ok=True)
+    return ["sweep", tmp_path / "scene.toml", "-o", tmp_path, "--vary", f"{BOTH}=0.1,0.2"]
+
+
+def change(path: Path, column: str, text: str) -> None:
+    """Another text in a column of the second row."""
+    head, first, second = list(csv.reader(path.read_text().splitlines()))
+    second[head.index(column)] = text
+    with path.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([head, first, second])
 
 
 @pytest.mark.parametrize(
@@ -219,56 +236,28 @@ def test_sweep_of_a_file_in_python(tmp_path):
         ("status", "unbounded", "status 'unbounded' with the load factor 0.2"),
     ],
 )
-def test_table_that_was_touched_by_hand_is_refused(column, text, message, solved, tmp_path, capsys):
-    line = again(solved, tmp_path)
+def test_table_that_was_touched_by_hand_is_refused(column, text, message, again, tmp_path, capsys):
     change(tmp_path / "sweep.csv", column, text)
     before = files(tmp_path), (tmp_path / "sweep.csv").read_text()
-    found = run_here(line, capsys)
+    found = run_here(again, capsys)
     assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
     assert message in found.err
     assert (files(tmp_path), (tmp_path / "sweep.csv").read_text()) == before
 
 
-@pytest.fixture(scope="module")
-def solved(tmp_path_factory) -> Path:
-    """A folder with a scene and a sweep of it."""
-    folder = tmp_path_factory.mktemp("solved")
-    sweep(write_scene(folder), {BOTH: [0.1, 0.2]}, folder)
-    return folder
-
-
-def again(solved: Path, folder: Path) -> list[object]:
-    """Arguments for the same sweep in a copy of its folder."""
-    shutil.copytree(solved, folder, dirs_exist_ok=True)
-    return ["sweep", folder / "scene.toml", "-o", folder, "--vary", f"{BOTH}=0.1,0.2"]
-
-
-def change(path: Path, column: str, text: str) -> None:
-    """Another text in a column of the second row."""
-    with path.open(newline="") as file:
-        table = list(csv.DictReader(file))
-    table[1][column] = text
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(table[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(table)
-
-
-def test_whole_number_with_a_point_is_one(solved, tmp_path, capsys):
+def test_whole_number_with_a_point_is_one(again, tmp_path, capsys):
     """As spreadsheets write them."""
-    line = again(solved, tmp_path)
     table = rows(tmp_path)
     change(tmp_path / "sweep.csv", "factorizations", f"{table[1]['factorizations']}.0")
-    found = run_here(line, capsys)
+    found = run_here(again, capsys)
     assert found.code == 0 and "2 of 2 points are there already" in found.out
     assert rows(tmp_path) == table
 
 
-def test_table_of_other_columns_is_kept(solved, tmp_path, capsys):
-    line = again(solved, tmp_path)
+def test_table_of_other_columns_is_kept(again, tmp_path, capsys):
     path = tmp_path / "sweep.csv"
     path.write_text(path.read_text().replace(",", ";"))
-    found = run_here(line, capsys)
+    found = run_here(again, capsys)
     assert found.code == 2 and "has other columns than this sweep" in found.err
     assert path.read_text().count(";") > 20
 
@@ -323,10 +312,9 @@ def test_full_disk_has_its_place_in_the_message(size, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "\xff"])
-def test_broken_record_is_refused(text, solved, tmp_path, capsys):
-    line = again(solved, tmp_path)
+def test_broken_record_is_refused(text, again, tmp_path, capsys):
     (tmp_path / "sweep.json").write_bytes(text.encode("latin-1"))
-    found = run_here(line, capsys)
+    found = run_here(again, capsys)
     assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
     assert "sweep.json' cannot be read" in found.err and "choose another folder" in found.err
 
