@@ -94,7 +94,11 @@ def create_mesh(
     cells = cells[:, cpp.io.perm_gmsh(getattr(mesh.CellType, cell_name), cells.shape[1])]
     if partition is not None:
         return _created(comm, cell_name, cells, points, partition), partition
-    graph_partition = _graph_partition(() if _with_ghost_mode() else (mesh.GhostMode.none,))
+    mode = () if _with_ghost_mode() else (mesh.GhostMode.none,)
+    try:
+        graph_partition = mesh.create_cell_partitioner(*mode)
+    except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
+        graph_partition = mesh.create_cell_partitioner(*mode, 2)
     made = []
 
     def partitioner(*given: Any) -> Any:
@@ -144,13 +148,6 @@ def _coordinate_element(cell_name: str) -> Any:
     import basix.ufl
 
     return basix.ufl.element("Lagrange", cell_name, 1, shape=(2,))
-
-
-def _graph_partition(mode: tuple[mesh.GhostMode, ...]) -> Any:
-    try:
-        return mesh.create_cell_partitioner(*mode)
-    except TypeError:  # dolfinx 0.11 also asks for the largest number of cells at a facet
-        return mesh.create_cell_partitioner(*mode, 2)
 
 
 def _staying(comm: MPI.Comm, _ranks: int, dim: int, cells: Any, _mode: Any) -> Any:
@@ -297,14 +294,23 @@ def write_vtk(
 def tidy_vtk(path: Path, numbers: Sequence[Mapping[str, float]]) -> None:
     """Tidy what all ranks wrote by `write_vtk`, and add numbers of every time, on one rank.
 
-    The numbers become field data.
+    The numbers become field data. Every piece is listed once: dolfinx 0.5 repeats the list for
+    every function written.
 
     Raises:
         OSError: If a file is not complete.
     """
     try:
         for parallel, named in zip(_files_of(path), numbers, strict=True):
-            _tidy_pvtu(parallel)
+            tree = ElementTree.parse(parallel)
+            for grid in tree.getroot():
+                first = {piece.get("Source"): piece for piece in reversed(grid.findall("Piece"))}
+                for piece in grid.findall("Piece"):
+                    if piece is not first[piece.get("Source")]:
+                        grid.remove(piece)
+                for array in grid.iterfind(".//PDataArray[@NumberOfComponents='0']"):
+                    array.set("NumberOfComponents", "1")
+            tree.write(parallel, encoding="utf-8", xml_declaration=True)
             for piece in _files_of(parallel):
                 _add_field_data(piece, named)
     except ElementTree.ParseError:
@@ -330,16 +336,3 @@ def _files_of(path: Path) -> list[Path]:
     """Files that a .pvd or .pvtu file lists."""
     named = (item.get("file") or item.get("Source") for item in ElementTree.parse(path).iter())
     return [path.parent / name for name in dict.fromkeys(named) if name]
-
-
-def _tidy_pvtu(path: Path) -> None:
-    """List every piece once: dolfinx 0.5 repeats the list for every function written."""
-    tree = ElementTree.parse(path)
-    for grid in tree.getroot():
-        first = {piece.get("Source"): piece for piece in reversed(grid.findall("Piece"))}
-        for piece in grid.findall("Piece"):
-            if piece is not first[piece.get("Source")]:
-                grid.remove(piece)
-        for array in grid.iterfind(".//PDataArray[@NumberOfComponents='0']"):
-            array.set("NumberOfComponents", "1")
-    tree.write(path, encoding="utf-8", xml_declaration=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.scene.scene import Load, function_name
+from fenics_contact.scene.scene import function_name
 
 #: Units by key; keys without one have numbers without unit, or words.
 UNITS: Mapping[str, str] = {
@@ -64,7 +64,10 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "stress": function_name(scene.stress) or None,
         **tables,
         "supports": dict(scene.supports),
-        "loads": {name: _load(load) for name, (load, _) in loads.items()},
+        "loads": {
+            name: asdict(replace(load, form=None)) | {"form": load.form_name or None}
+            for name, (load, _) in loads.items()
+        },
         "resultants": {
             n: (force[:, :2].sum(axis=0) + 0.0).tolist() for n, (_, force) in loads.items()
         },
@@ -76,12 +79,6 @@ def scene_record(layout: Layout) -> dict[str, Any]:
         "output": asdict(scene.output),
         "units": dict(UNITS),
     }
-
-
-def _load(load: Load) -> dict[str, Any]:
-    """A load; of a form its name."""
-    table = asdict(replace(load, form=None))
-    return table | {"form": load.form_name or None}
 
 
 def _contacts(joints: Joints) -> list[dict[str, Any]]:

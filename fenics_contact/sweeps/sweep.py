@@ -150,8 +150,20 @@ def run_sweep(
     """
     points = grid(parameters)
     comm = family.comm
+    if jobs < 1:
+        raise InputError(f"jobs = {jobs} must be at least 1")
+    if jobs > 1 and comm.size > 1:
+        raise InputError(
+            f"--jobs {jobs} under mpirun: the ranks share every point; leave out one of both"
+        )
+    if jobs > 1:
+        family.to_send()
+    # What is wrong in any scene is refused before the first is solved.
+    tolerance = max(family.scene(values).solve.tolerance for values in reversed(points))
+    with Discretization(family.scene(points[0])) as made:
+        made.check_pushed()
     tell = tell or (lambda done, total, point: None)
-    rows = Table(folder or Path(), list(points[0]), _check(family, points, jobs))
+    rows = Table(folder or Path(), list(points[0]), tolerance)
     there: list[Point] = []
     with writing(comm, folder):
         if comm.rank == 0 and folder is not None:
@@ -178,30 +190,6 @@ def run_sweep(
             result = solve(family.scene(worst.values), structure)
         save_worst(result, worst.values, folder)
     return done
-
-
-def _check(family: Family, points: Sequence[Values], jobs: int) -> float:
-    """Refuse what is wrong in any scene, or in how they are to be solved.
-
-    Returns:
-        The largest tolerance of a load factor, relative.
-
-    Raises:
-        InputError: The message names it.
-    """
-    if jobs < 1:
-        raise InputError(f"jobs = {jobs} must be at least 1")
-    if jobs > 1 and family.comm.size > 1:
-        raise InputError(
-            f"--jobs {jobs} under mpirun: the ranks share every point; leave out one of both"
-        )
-    if jobs > 1:
-        family.to_send()
-    tolerances = [family.scene(values).solve.tolerance for values in points[1:]]
-    first = family.scene(points[0])
-    with Discretization(first) as made:
-        made.check_pushed()
-    return max([first.solve.tolerance, *tolerances])
 
 
 def _key(values: Values) -> tuple[str, ...]:
