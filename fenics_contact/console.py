@@ -14,9 +14,8 @@ from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.profiles import floor_strips
 from fenics_contact.results.bounds import WITHOUT_PATH
-from fenics_contact.results.history import CapacityPoint, Step, TracePoint
+from fenics_contact.results.history import CapacityPoint, Pass, Step, TracePoint
 from fenics_contact.results.joint_values import TieState
-from fenics_contact.results.mesh_error import Pass
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.plan import skipped
 from fenics_contact.results.result import Collapse, Result

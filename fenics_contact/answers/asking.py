@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from fenics_contact.answers.hinges import HingesAnswer
 from fenics_contact.answers.lowest import LowestAnswer
-from fenics_contact.answers.mesh_error import MeshErrorAnswer
 from fenics_contact.answers.peak import PeakAnswer
 from fenics_contact.answers.question import Asked, Question
+from fenics_contact.answers.range import RangeAnswer
 from fenics_contact.answers.seismic import SeismicAnswer
 from fenics_contact.collapse.face_collapse import CrushingAnswer
 from fenics_contact.collapse.load_case import LoadCase
@@ -17,8 +18,12 @@ from fenics_contact.collapse.torn import TornAnswer
 from fenics_contact.errors import Stopped
 from fenics_contact.results.result import Answer, Collapse
 
-#: Answers that are looked for, in their order: the first may lead to another collapse.
-ANSWERS: tuple[type[Asked], ...] = (LowestAnswer, PeakAnswer, MeshErrorAnswer, SeismicAnswer)
+#: All answers that are looked for, in their order: the first may lead to another collapse.
+ANSWERS: tuple[type[Asked], ...] = (
+    *(LowestAnswer, PeakAnswer),
+    *(RangeAnswer, HingesAnswer),
+    SeismicAnswer,
+)
 
 #: All answers that a result may have, as they are told; laws that depend on the state have theirs.
 KINDS: tuple[type[Answer], ...] = (
@@ -26,7 +31,8 @@ KINDS: tuple[type[Answer], ...] = (
     TornAnswer,
     PeakAnswer,
     LowestAnswer,
-    MeshErrorAnswer,
+    RangeAnswer,
+    HingesAnswer,
     SeismicAnswer,
 )
 

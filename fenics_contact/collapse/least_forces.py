@@ -53,8 +53,7 @@ OPTIONS = LeastForcesOptions()
 def with_least_forces(whole: Discretization, end: Collapse) -> Collapse:
     """A collapse whose joint values, to be read by people, have the least forces."""
     joints = end.joints and least_forces(whole, end.joints)
-    points = end.at_point_hinges and with_least_forces(whole, end.at_point_hinges)
-    return replace(end, joints=joints, at_point_hinges=points)
+    return replace(end, joints=joints)
 
 
 def least_forces(whole: Discretization, values: JointValues) -> JointValues:

@@ -160,18 +160,6 @@ class Discretization(Layout, Closing):
             new.seconds = time.perf_counter() - start
         return new
 
-    def charge_to(self, other: Discretization, cost: float) -> None:
-        """Count factorisations to come among those of another one, which is there for longer.
-
-        Args:
-            other: Its limits hold.
-            cost: Of one factorisation of the structure, in units of one of the other's.
-        """
-        self.effort = other.effort
-        self.tally = Tally(cost=cost, effort=other.effort, total=other.tally)
-        mode_cost = cost * MODE_COST
-        self.mode_tally = Tally(cost=mode_cost, effort=other.effort, total=other.mode_tally)
-
     def close(self) -> None:
         """Free the PETSc objects, on all ranks together."""
         super().close()

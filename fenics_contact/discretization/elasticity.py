@@ -14,7 +14,7 @@ from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.loads import nodal_forces
-from fenics_contact.discretization.materials import law_matrices, material_field, stress_law
+from fenics_contact.discretization.materials import material_field, stress_law
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Labels
@@ -62,10 +62,6 @@ class Elasticity:
             raise InputError("stress: a law of its own has no Lame's numbers; leave it out here")
         first, second = self.law
         return first, second
-
-    def law_matrices(self) -> Array:
-        """D of a given law in this rank's cells, Pa, shape (cells, 3, 3)."""
-        return law_matrices(self.law)
 
 
 def assemble(scene: Scene, space: Any, boundary: Boundary, supports: Supports) -> Elasticity:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,12 @@ def mean_shear_modulus(matrix: Array) -> Array:
     return np.asarray(0.125 * (stretch + 4.0 * matrix[..., 2, 2]))
 
 
+@cache
+def _gauss() -> tuple[Array, Array]:
+    """Points and weights of Gauss' rule over a wedge."""
+    return np.polynomial.legendre.leggauss(POINTS)
+
+
 def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
     """C of one halving at the apex of wedges, m per N/m, shape (wedges, 2, 2).
 
@@ -142,7 +149,7 @@ def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
         angle: Interior angle, shape (wedges,).
         bisector: Unit vectors, shape (wedges, 2).
     """
-    abscissa, weight = np.polynomial.legendre.leggauss(POINTS)
+    abscissa, weight = _gauss()
     middle = np.arctan2(bisector[:, 1], bisector[:, 0])
     direction = middle[:, None] + 0.5 * angle[:, None] * abscissa
     x = np.cos(direction)
@@ -240,10 +247,17 @@ def _in_cells(mesh: BlockMesh, values: Sequence[Any]) -> Array:
 
 
 def law_matrices(law: Law) -> Array:
-    """D of a law that was given as such, in this rank's cells, Pa, shape (cells, 3, 3)."""
-    given: Any = law
-    rows = given.x.array.reshape(-1, 3, 3)
-    return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
+    """D in this rank's cells, Pa, shape (cells, 3, 3)."""
+    if not isinstance(law, tuple):
+        given: Any = law
+        rows = given.x.array.reshape(-1, 3, 3)
+        return np.asarray(rows[compat.cell_dofs(given.function_space)[:, 0]])
+    cells = compat.cell_dofs(law[0].function_space)[:, 0]
+    first, shear = (field.x.array[cells] for field in law)
+    matrices = np.zeros((len(cells), 3, 3))
+    matrices[:, :2, :2] = first[:, None, None] + 2.0 * shear[:, None, None] * np.eye(2)
+    matrices[:, 2, 2] = shear
+    return matrices
 
 
 def cell_field(

@@ -1,9 +1,10 @@
-"""An accuracy that is wished: what is done until the error estimate is below it.
+"""An accuracy that is wished: meshes until the load factor changes by less from one to the next.
 
-On every mesh hinges become points by their compliance (`hinges`). Where the error that is left is
-too large, the displacements get degree 2. Then cells are refined whose displacements are farthest
+On every mesh hinges become points (`hinges`): meshes alone show little of what hinges do. On the
+second mesh the displacements have degree 2. Then cells are refined whose displacements are farthest
 from linear ones, in the norm of the strain energy: the hierarchical surplus (R.E. Bank, R.K. Smith,
 SIAM J. Numer. Anal. 30 (1993) 921). How the blocks strain decides how the joints share the load.
+The first mesh is enough only where its mechanism has one load factor (`answers.range`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import law_matrices, mean_shear_modulus
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
-from fenics_contact.results.mesh_error import MeshError, Pass
+from fenics_contact.results.history import Pass
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
 
@@ -41,11 +42,13 @@ class AccuracyOptions:
         displacements: No mesh with more, about, is tried.
         falls: An error is held to be at least this part of that on the mesh before: load factors
             that agree may do so by chance.
+        short: Relative change by point hinges from which on the load factor is theirs.
     """
 
     meshes: int = 8
     displacements: int = 200_000
     falls: float = 0.25
+    short: float = 1e-5
 
 
 OPTIONS = AccuracyOptions()
@@ -95,36 +98,31 @@ def with_costs(result: Found, other: Result) -> Found:
 
 
 def with_pass(result: Found) -> Found:
-    """A result with the most accurate collapses that were found, and rows for all. Collective."""
+    """A result with load factors for point hinges, and rows for all. Collective."""
     before = _last_rows(result)
+    about = result.layout.size, result.scene.degree
     seconds = sum(result.seconds.values())
     ends = dict(result.ends)
     rows = list(result.passes)
     for name, end in result.ends.items():
         if end.status != "limit":
             continue
-        best = end.at_point_hinges or end
-        least = math.nan
-        if name in before:
-            change = abs(best.load_factor - before[name].load_factor) / end.size
-            least = np.fmax(change, OPTIONS.falls * before[name].algebraic_error)
-        for hinges, one in (("mesh", end), ("points", end.at_point_hinges)):
-            if one is None:
-                continue
-            answer = one.answers.get("mesh_error")
-            error = answer.value if answer else MeshError(math.nan, math.nan, math.nan)
-            algebraic = float(np.fmax(error.algebraic_error, least))  # of what is known
-            error = replace(error, algebraic_error=algebraic)
-            found = replace(one, attempts=end.attempts, trace=end.trace)
-            if answer:
-                found = found.with_answer("mesh_error", replace(answer, value=error))
-                found = found.with_errors_in_bracket()
-                error = found.mesh_error
-            ends[name] = found
-            about = name, result.layout.size, result.scene.degree, hinges
-            row = Pass(*about, one.load_factor, error.hinge_error, error.algebraic_error, seconds)
-            _log.info("pass: %s, estimate %.2g", row, row.estimate)
-            rows.append(row)
+        hinges = end.hinges
+        known = hinges.status == "known"
+        short = known and abs(hinges.points - end.load_factor) > OPTIONS.short * end.size
+        best = hinges.points if short else end.load_factor
+        fixed = end.engine == "faces" or (end.range is not None and end.range.is_one)
+        change = 0.0 if fixed else math.nan
+        if name in before and not fixed:
+            last = before[name]
+            change = abs(best - last.load_factor) / end.size
+            change = float(np.fmax(change, OPTIONS.falls * last.algebraic_error))
+        of_hinges = abs(best - end.load_factor) / end.size if known else math.nan
+        rows.append(Pass(name, *about, "mesh", end.load_factor, of_hinges, change, seconds))
+        if short:
+            rows.append(Pass(name, *about, "points", best, 0.0, change, seconds))
+            ends[name] = replace(end, load_factor=best)
+        _log.info("pass: %s, estimate %.2g", rows[-1], rows[-1].estimate)
     return replace(result, ends=ends, passes=tuple(rows))
 
 
@@ -157,7 +155,6 @@ def _surplus(layout: Layout, displacement: Array) -> Array:
     In this rank's cells; up to a factor.
     """
     space = layout.space
-    law = layout.law
     field = fem.Function(space)
     field.x.array[: len(displacement)] = layout.cartesian(displacement).ravel()
     field.x.scatter_forward()
@@ -166,8 +163,5 @@ def _surplus(layout: Layout, displacement: Array) -> Array:
     values = field.x.array.reshape(-1, 2)[nodes]
     middle = values[:, len(sides) : 2 * len(sides)]  # nodes follow those at the corners
     apart = middle - values[:, sides].mean(axis=2)
-    if isinstance(law, tuple):
-        stiffness = law[1].x.array[compat.cell_dofs(law[1].function_space)[:, 0]]
-    else:
-        stiffness = mean_shear_modulus(law_matrices(layout.law))
+    stiffness = mean_shear_modulus(law_matrices(layout.law))
     return np.asarray(np.sqrt(stiffness * np.sum(apart**2, axis=(1, 2))))

@@ -1,35 +1,52 @@
-"""Collapse states with shorter and shorter hinges, up to points.
+"""Load factors for hinges of other lengths than those of the mesh, down to points.
 
 At collapse blocks turn about single nodes. The force there presses a node in by an amount that
 grows like log(1/h). Where the load factor depends on how joint forces share the load, it changes
-like 1 / log(1/h): comparing meshes shows little of it. So the nodes of hinges get the compliance
-of m further halvings of the elements there (`hinge_nodes`). The state found on the given mesh is
-followed to larger m; each state may have new hinges. The largest m stands for point hinges.
+like 1 / log(1/h): comparing meshes shows little of it. So the collapse of the mesh is followed, on
+block modes, to hinges with m = 30 and 300 further halvings of the elements there (`soft_hinges`);
+each state may have new hinges. Through both goes
+
+    lambda(m) = a + c / (m + 2):
+
+a is the load factor of point hinges, which no stone has, and lambda(log2(h / l)) that of a length
+l, between those of the mesh and of points.
+
+A state counts where its mode gives its load factor: the kinematic one is an upper bound for the
+friction forces of the state, which are admissible.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.geometry.mesh import Flags, Indices
-from fenics_contact.mesh_error.determinate import is_determinate
-from fenics_contact.mesh_error.nearby import (
-    Softened,
-    Start,
-    collapse_and_rate,
-    from_afar,
-    rates,
-    same_mode,
-    softer,
-)
-from fenics_contact.results.joint_values import Contact
-from fenics_contact.results.mesh_error import StateChange
+from fenics_contact.collapse.collapse_mode import elastic_mode
+from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact.collapse.strategy import OPTIONS as PATH
+from fenics_contact.collapse.strategy import falling, rising, rising_mu
+from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.discretization.joints import GROUND
+from fenics_contact.errors import EffortError, SolverError
+from fenics_contact.geometry.mesh import Array, Indices
+from fenics_contact.mesh_error.soft_hinges import SoftHinges, soft_hinges
+from fenics_contact.results.bounds import LoadFactor, signed
+from fenics_contact.results.certificate import kinematic_factor
+from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.solvers.arclength import ArclengthOptions
+from fenics_contact.solvers.interior_point import (
+    InteriorPointOptions,
+    Solution,
+    Tolerances,
+    solve_interior_point,
+)
+from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
+from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
@@ -39,153 +56,253 @@ class HingeOptions:
     """Numbers of the way to point hinges.
 
     Attributes:
-        ways: Halvings m of hinges, and what looks for their state, in this order: what is done
-            unasked, and where the scene asks for the estimate. Fewer, and from the start, where
-            none is near.
-        enough: From so many halvings on the rest of the change is extrapolated: it falls like
-            1 / (m + own). The second, where the scene asks for the estimate.
+        share: Largest cost, in units of that of the collapse: what is done unasked.
+        asked: The same where the scene asks for it.
+        halvings: m of the two states.
         own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
-        unchanged: The load factor does not depend on hinges any more if it changes by less than
-            this up to the next m, relative, or than the tolerance, and if that is `enough`: up to
-            less, other points may not be loaded yet.
+        work: Hinges store energy: the first state has so many times the work of the collapse, those
+            with more halvings in proportion more.
+        products: Where joints settle, in units of force times elastic displacement.
+        give: Displacements that change joint forces by their own size, in units of those at the
+            work: those of hinges. In larger units they would look settled from the start.
+        agrees: Distance of the mode's kinematic load factor, relative.
+        length: Of a hinge in stone, about, m.
     """
 
-    ways: tuple[tuple[tuple[float, Start], ...], ...] = (
-        ((30.0, softer),),
-        (
-            *((30.0, softer), (4.0, softer), (30.0, softer), (30.0, from_afar), (4.0, from_afar)),
-            *((30.0, softer), (100.0, softer), (100.0, from_afar), (100.0, softer)),
-            *((1000.0, softer), (1e4, softer), (1e4, from_afar), (1e4, softer)),
-        ),
-    )
-    enough: tuple[float, float] = (30.0, 100.0)
+    share: float = 0.5
+    asked: float = 3.0
+    halvings: tuple[float, float] = (30.0, 300.0)
     own: float = 2.0
-    unchanged: float = 1e-5
+    work: float = 10.0
+    products: float = 1e-2
+    give: float = 3e-3
+    agrees: float = 1e-5
+    length: float = 1e-3
 
 
 OPTIONS = HingeOptions()
 
+#: How joints settle, how exact a state has to be, and when the interior point method stops: it
+#: succeeds soon or not at all.
+SETTLE = ArclengthOptions(corrections=2, elimination=EliminationOptions(points=12))
+EXACT = Tolerances(1e-8, OPTIONS.agrees)
+FINISH = InteriorPointOptions(window=3)
+
+#: Length of a hinge in units of its element side, by degree; measured.
+OF_SIDE = {1: 1.0, 2: 0.2}
+
 
 @dataclass(frozen=True)
-class Way:
-    """Collapse states on the way to point hinges.
+class HingeLengths:
+    """Load factors for three lengths of the hinges; nan: not known.
 
     Attributes:
-        states: That of the mesh first.
-        points: Hinges found up to each of them.
-        halvings: m of each state.
-        rate: d(lambda)/dm of the last state.
-        changes: Changes of state.
-        ended: Whether shorter hinges change nothing any more.
-        independent: Whether that is known of the last state by statics, see `independent`; False
-            also where it was not asked.
+        status: "known" or "not_known".
+        load_factor: For hinges as long as on this mesh.
+        length: That of the most loaded one, m; nan without hinges.
+        physical: For hinges of the physical length.
+        physical_length: That of a hinge in stone, about, m.
+        points: For hinges of no length.
+        reason: Why they are not known, and what to do, for people.
     """
 
-    states: tuple[Collapse, ...]
-    points: tuple[Indices, ...]
-    halvings: tuple[float, ...] = (0.0,)
-    rate: float = math.nan
-    changes: tuple[StateChange, ...] = ()
-    ended: bool = False
-    independent: bool = False
+    status: str
+    load_factor: LoadFactor
+    length: float = math.nan
+    physical: LoadFactor = math.nan
+    physical_length: float = OPTIONS.length
+    points: LoadFactor = math.nan
+    reason: str = ""
 
-    @property
-    def complete(self) -> bool:
-        """Whether the limit of point hinges is known."""
-        known = self.halvings[-1] >= OPTIONS.enough[0] and not math.isnan(self.rate)
-        return self.ended or known
-
-    @property
-    def rest(self) -> float:
-        """Change of the load factor that is left, as c / (m + own) for m halvings."""
-        return 0.0 if self.ended else self.rate * (self.halvings[-1] + OPTIONS.own)
-
-    @property
-    def last(self) -> tuple[Collapse, Indices, float]:
-        """Last state, hinges, m."""
-        return self.states[-1], self.points[-1], self.halvings[-1]
-
-    def leads_to(self, halvings: float) -> bool:
-        """Whether the last state is of less halvings, or shows hinges that have none yet."""
-        if halvings != self.halvings[-1]:
-            return halvings > self.halvings[-1]
-        return len(self.points[-1]) > len(self.points[-2])
-
-    def grown(self, new: Collapse, rate: float, found: Indices, halvings: float) -> Way:
-        """With one more state."""
-        last = self.states[-1]
-        changes = self.changes
-        if not _alike(last, new) or _turns_back(self.states, new):
-            between = self.halvings[-1], halvings
-            changes = (*changes, StateChange(between, last.load_factor, new.load_factor))
-        points = (*self.points, np.union1d(self.points[-1], found))
-        return Way((*self.states, new), points, (*self.halvings, halvings), rate, changes)
+    @classmethod
+    def alike(cls, load_factor: float, length: float = math.nan) -> HingeLengths:
+        """Those of a load factor that hinges do not change."""
+        return cls("known", load_factor, length, load_factor, points=load_factor)
 
 
-def determinate(case: LoadCase, end: Collapse, loaded: Flags | None = None) -> bool:
-    """Whether statics alone give the load factor of a collapse, on all ranks alike."""
-    whole = case.discretization
-    found = not case.problem.coulomb or (
-        end.joints is not None and is_determinate(whole.joints, end.joints, whole.bodies, loaded)
-    )
-    return bool(case.problem.comm.bcast(found))
+@dataclass(frozen=True)
+class _Known:
+    """A state with so many halvings of the elements at hinges.
 
-
-def independent(case: LoadCase, end: Collapse) -> bool:
-    """Whether the load factor does not depend on the joint forces of a state, as long as it lasts.
-
-    Points without force do not count here.
+    Attributes:
+        halvings: m.
+        state: Its unknowns are those of the modes, and of some hinges.
+        mode: Likewise.
+        joints: What all joint points do.
+        points: Hinges that were found up to this state.
     """
-    return end.joints is not None and determinate(case, end, end.joints.contact != Contact.OPEN)
+
+    halvings: float
+    state: State
+    mode: Array
+    joints: JointValues
+    points: Indices
 
 
-def to_point_hinges(case: LoadCase, way: Way, unchanged: float) -> Way:
-    """States with more and more compliant hinges, as long as they change the load factor.
+def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
+    """What the load factor of a collapse owes to the length of hinges. Collective.
 
-    The last m is that from which on the rest can be extrapolated, or, where a state is to be
-    reported in place of that of the mesh, the largest.
+    Args:
+        case: The load case.
+        end: Its collapse, with status "limit".
+        cost: Of the collapse, in units of one factorisation of the structure.
+
+    Raises:
+        Stopped: If the run is to end.
     """
     whole = case.discretization
+    load_factor = end.load_factor
+    if end.state is None or end.mode is None or end.joints is None:
+        return HingeLengths("not_known", load_factor, reason="the collapse has no state")
+    points = end.joints.hinges(whole.joints.neighbours)
+    points = points[np.any(whole.joints.nodes[points] != GROUND, axis=1)]
+    length = _length_on_mesh(whole, points, end.joints.normal_force)
+    here = HingeLengths.alike(load_factor, length)
+    if not len(points) or not case.problem.coulomb:
+        return here
+    if case.problem.dot(case.problem.live, end.mode) < 0.0:  # the dead load does the work
+        found = signed(hinge_lengths(case.reversed(), signed(end, -1.0), cost), -1.0)
+        return replace(found, load_factor=load_factor)
+    modes = whole.block_modes.changed(case.problem)
+    start = _Known(0.0, modes.restricted(end.state), modes.motion(end.mode), end.joints, points)
     options = whole.scene.solve
-    asked = bool(options.error) or options.accuracy is not None
-    ways = OPTIONS.ways[asked]
-    enough = OPTIONS.enough[asked]
-    if options.accuracy is not None:
-        enough = ways[-1][0]
-    tried: set[tuple[float, Start, int]] = set()
-    for halvings, start in ways:
-        task = halvings, start, len(way.states)
-        if way.ended or halvings > enough or task in tried or not way.leads_to(halvings):
+    share = OPTIONS.asked if options.error else OPTIONS.share
+    largest = math.inf if options.accuracy is not None else share * (1.0 + cost)
+    with whole.effort.at_most(largest):
+        states = _followed(case, end, start)
+        left = whole.effort.left
+    if len(states) > 1:
+        point, change = _extrapolated(states)
+        if abs(point - load_factor) <= OPTIONS.agrees * end.size:
+            return here
+        halvings = max(math.log2(length / OPTIONS.length), 0.0)
+        physical = point + change / (halvings + OPTIONS.own)
+        physical = min(max(physical, min(load_factor, point)), max(load_factor, point))
+        return replace(here, physical=physical, points=point)
+    reason = "no collapse state next to this one was found with shorter hinges"
+    if left < 1.0:
+        more = (
+            "solve.accuracy sets none" if options.error else "solve.error = true sets a higher one"
+        )
+        reason = f"the search ended at its limit of {largest:.3g} factorisations; {more}"
+    return HingeLengths("not_known", load_factor, length, reason=reason)
+
+
+def _length_on_mesh(whole: Discretization, points: Indices, force: Array) -> float:
+    """Length of the most loaded of some hinges on the mesh, m; nan without.
+
+    With such a length it is as compliant as on elements with these sides.
+    """
+    if not len(points):
+        return math.nan
+    joints = whole.joints
+    ends = joints.position[joints.segments]
+    side = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    there = np.any(joints.segments == points[np.argmax(force[points])], axis=1)
+    return float(OF_SIDE[whole.scene.degree] * side[there].min(initial=np.inf))
+
+
+def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
+    """The collapse, and states with more and more halvings, as far as the effort allows."""
+    few, many = OPTIONS.halvings
+    states = [start]
+    for halvings, attempt in ((few, _next_to), (few, _from_afar), (many, _next_to)):
+        last = states[-1]
+        if halvings == last.halvings or (halvings == many and last is start):
             continue
-        if whole.effort.left < 1.0:
-            _log.info("  %g halvings: beyond the limit of the estimate", halvings)
+        try:
+            states.append(_with(case, end, last, halvings, attempt))
+        except EffortError as error:
+            _log.info("  %g halvings: %s", halvings, error)
             break
-        tried.add(task)
-        last, points, _ = way.last
-        new, rate = collapse_and_rate(case, last, Softened(points, halvings), start)
-        if new.status != "limit" or new.joints is None:
+        except SolverError as error:
+            _log.info("  %g halvings: %s", halvings, error)
             continue
-        change = abs(new.load_factor - last.load_factor)
-        if halvings >= OPTIONS.enough[0] and change <= unchanged * way.states[0].size:
-            return replace(way, ended=True)
-        way = way.grown(new, rate, new.joints.hinges(whole.joints.neighbours), halvings)
-        alone = independent(case, new)
-        way = replace(way, ended=alone, independent=alone)
-    return way
+        new = states[-1]
+        _log.info("  %g halvings: load factor %.8g", halvings, new.state.load_factor)
+        change = abs(new.state.load_factor - end.load_factor)
+        if change <= OPTIONS.agrees * end.size and len(new.points) == len(last.points):
+            break
+    return states
 
 
-def _alike(one: Collapse, other: Collapse) -> bool:
-    """Whether the joints of two collapse states move alike."""
-    if one.joints is None or other.joints is None:
-        return False
-    return same_mode(rates(one.joints), rates(other.joints))
+def _extrapolated(states: Sequence[_Known]) -> tuple[float, float]:
+    """Constants a and c of lambda(m) = a + c / (m + 2), through the last two states.
+
+    One with the mesh is not trusted: it may be another state.
+    """
+    first = states[0].state.load_factor
+    last = states[-1].state.load_factor
+    if len(states) < 3:
+        return last, OPTIONS.own * (first - last)
+    few, many = (known.halvings + OPTIONS.own for known in states[-2:])
+    change = (states[-2].state.load_factor - last) / (1.0 / few - 1.0 / many)
+    return last - change / many, change
 
 
-def _turns_back(found: tuple[Collapse, ...], new: Collapse) -> bool:
-    """Whether the load factor, which one state changes one way, goes back further than it came."""
-    if len(found) < 2:
-        return False
-    before, last = (one.load_factor for one in found[-2:])
-    came = last - before
-    goes = new.load_factor - last
-    return came * goes < 0.0 and abs(goes) > max(abs(came), OPTIONS.unchanged * found[0].size)
+def _with(
+    case: LoadCase,
+    end: Collapse,
+    last: _Known,
+    halvings: float,
+    attempt: Callable[[Task, PerturbedKKT, SoftHinges, _Known], Solution],
+) -> _Known:
+    """The state with so many halvings at the hinges found so far.
+
+    Raises:
+        SolverError: If there is none, or its mode does not agree.
+    """
+    whole = case.discretization
+    more = max(1.0, halvings / OPTIONS.halvings[0])
+    work = more * max(end.work_ratio, 1.0) * case.bonded_work
+    work *= OPTIONS.work if attempt is _next_to else 1.0
+    scales = case.scales_at(work, abs(end.load_factor))
+    task = Task(case, work, scales, OPTIONS.agrees)
+    with soft_hinges(case, last.points, halvings) as soft:
+        problem = soft.problem
+        kkt = PerturbedKKT.coulomb(problem, soft.stiffness, scales, work)
+        state = attempt(task, kkt, soft, last).state
+        mode = elastic_mode(replace(kkt, work=state.work), state)
+        factor = kinematic_factor(problem, state, mode)
+        if not abs(factor - state.load_factor) <= OPTIONS.agrees * abs(state.load_factor):
+            raise SolverError(f"the mode gives a load factor of {factor:.8g}")
+        values = replace(
+            last.joints,
+            normal_force=state.pressure - problem.law.bond,
+            shear_force=state.shear,
+            opening_rate=problem.normal @ mode,
+            slip_rate=problem.tangential @ mode,
+            clearance_rate=problem.clearance_rates(mode),
+        )
+    hinges = np.union1d(last.points, values.hinges(whole.joints.neighbours))
+    return _Known(halvings, state, mode, values, hinges)
+
+
+def _next_to(task: Task, kkt: PerturbedKKT, soft: SoftHinges, last: _Known) -> Solution:
+    """The state next to another one with fewer halvings: its joints settle first.
+
+    They go to the central path with large products, a few at a time on their laws (`arclength`):
+    which of them open and slide changes at once. Where one is left farther from its law than a step
+    allows, no state is near.
+    """
+    state = soft.state(last.state)
+    u = state.displacement + (task.work - state.work) * soft.widened(last.mode)
+    start = soft.problem.state(u, state.load_factor, state.pressure, state.shear)
+    give = replace(kkt.scales, displacement=OPTIONS.give * kkt.scales.displacement)
+    path = falling(replace(kkt, scales=give), options=SETTLE)
+    mu = task.mu(OPTIONS.products)
+    point = path.settled(path.begin(start, mu / OPTIONS.give), SETTLE.close)
+    if path.distance(point) > SETTLE.elimination.allowed:
+        raise SolverError("joints do not settle next to the state")
+    return solve_interior_point(kkt, point.state, mu, EXACT, FINISH)
+
+
+def _from_afar(task: Task, kkt: PerturbedKKT, soft: SoftHinges, _: _Known) -> Solution:
+    """The state at the end of a path from the bonded structure."""
+    case = task.case
+    bonded = case.bonded_state(min(case.bonded_work, task.work))
+    start = soft.state(case.discretization.block_modes.changed(case.problem).restricted(bonded))
+    rise = rising(kkt)
+    point = rise.follow(rise.begin(start, rising_mu(task)), task.work)
+    point = falling(kkt).follow(point, task.mu(PATH.ends[0]))
+    return solve_interior_point(kkt, point.state, point.mu, EXACT, FINISH)

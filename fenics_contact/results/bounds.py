@@ -103,6 +103,13 @@ def alike(value: float | None, leading: float | None) -> str:
     return rounded_alike([leading if leading else value, value])[1]
 
 
+def four_digits(value: float | None, leading: float) -> str:
+    """A load factor with as many decimals as give the leading one four digits."""
+    size = abs(leading)
+    decimals = 3 - math.floor(math.log10(size)) if 0.0 < size < math.inf else 4
+    return "not known" if value is None or value != value else f"{value:.{max(decimals, 0)}f}"
+
+
 def counted(number: int, noun: str) -> str:
     """A number with its noun, in the plural where that is due."""
     return f"{number} {noun}{'s' * (number != 1)}"

@@ -240,3 +240,34 @@ class TracePoint:
     load_factor: LoadFactor
     work: float
     displacement: float
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A load factor on the way to the accuracy wished; nan: not known.
+
+    Attributes:
+        direction: Of the live load, "positive" or "negative".
+        displacements: Their number.
+        degree: Their degree.
+        hinges: Of the length of the "mesh", or "points".
+        load_factor: lambda.
+        hinge_error: Change to point hinges, relative.
+        algebraic_error: Change from the mesh before, relative, and not less than a quarter of that
+            there; not known on the first mesh, but 0 where statics alone give the load factor.
+        seconds: Wall time on this mesh.
+    """
+
+    direction: str
+    displacements: int
+    degree: int
+    hinges: str
+    load_factor: float
+    hinge_error: float
+    algebraic_error: float
+    seconds: float
+
+    @property
+    def estimate(self) -> float:
+        """Sum of both errors, relative; nan if one is not known."""
+        return self.hinge_error + self.algebraic_error

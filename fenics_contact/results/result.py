@@ -35,11 +35,11 @@ from fenics_contact.results.history import (
     CurveEnd,
     History,
     LoadPath,
+    Pass,
     TracePoint,
     Trial,
 )
 from fenics_contact.results.joint_values import JointValues
-from fenics_contact.results.mesh_error import Pass
 from fenics_contact.results.motions import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.scene.scene import Scene
@@ -131,8 +131,6 @@ class Collapse:
         reason: Why there is no limit load, for people.
         wedging: Where nothing limits the load: forces (normal, shear) at all joint points that
             balance the live load alone, N/m for a load factor of 1, shape (2, points).
-        at_point_hinges: The collapse on the same mesh with hinges that are almost points; None
-            where that changes nothing, or was not looked for.
         attempts: What was tried, in order.
         trace: Points of the path that was followed, in order.
         rolling: Where a block has rolled on a curved side, for people; empty where none has.
@@ -161,7 +159,6 @@ class Collapse:
     states: tuple[CollapseState, ...] = ()
     reason: str = ""
     wedging: Array | None = None
-    at_point_hinges: Collapse | None = None
     attempts: tuple[Trial, ...] = ()
     trace: tuple[TracePoint, ...] = ()
     rolling: str = ""
@@ -313,8 +310,7 @@ class Collapse:
     def with_errors_in_bracket(self) -> Collapse:
         """With answers that know of the bracket. Collective."""
         answers = {name: one and one.in_bracket(self) for name, one in self.answers.items()}
-        finer = self.at_point_hinges and self.at_point_hinges.with_errors_in_bracket()
-        return replace(self, answers=answers, at_point_hinges=finer)
+        return replace(self, answers=answers)
 
 
 def known_bounds(bounds: LimitBounds) -> LimitBounds:

@@ -446,9 +446,10 @@ class SolveOptions(_Checked):
         states: Report the "first" collapse state found, or the "lowest" (with control = "work").
         lowest: Look for a lower collapse state than the first, by the face engine; None: yes, but
             not in sweeps, nor from 1 000 blocks on.
-        error: Estimate how much of the load factor is due to the mesh: True, with up to 3 times
-            the work of the limit load, False, or None: with at most 0.6 times that work.
-        accuracy: Error estimate, relative, down to which the mesh is refined; None: it stays.
+        error: Look for the load factor with shorter hinges than those of the mesh: True, with up to
+            3 times the work of the limit load, False, or None: with at most half of that work.
+        accuracy: Relative change from one mesh to the next down to which the mesh is refined; None:
+            it stays.
         peak: Look for the peak of the loading path before the collapse; None: with at most half the
             work of the limit load where there is no peak, and five times that where there is one.
         time: After so many seconds what is known is the result; None: any time.

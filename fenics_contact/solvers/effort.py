@@ -136,20 +136,16 @@ class Tally:
         count: How many.
         cost: Of one, in units of one factorisation of the structure.
         effort: Where the cost is summed up and limited.
-        total: Another tally that counts these too; None: none.
     """
 
     count: int = 0
     cost: float = 1.0
     effort: Effort = field(default_factory=Effort)
-    total: Tally | None = None
 
     def add(self) -> None:
         """Count one more; raises as `Effort.spend` does."""
         self.effort.spend(self.cost)
         self.count += 1
-        if self.total is not None:
-            self.total.count += 1
 
     def restart(self) -> None:
         """Count from 0."""

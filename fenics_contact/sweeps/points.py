@@ -155,9 +155,8 @@ def solve_point(family: Family, structure: Structure, values: Values) -> Point:
         high = end.bounds.upper
         ends = {"load_factor": end.load_factor, "lower": low, "upper": high}
         found |= {name + suffix: float(x) for name, x in ends.items() if x is not None}
-    if result.collapse is not None and result.collapse.mesh_error is not None:
-        hinges = result.collapse.mesh_error.load_factor_point_hinges
-        found["load_factor_point_hinges"] = float(hinges)
+    if result.collapse is not None and result.collapse.hinges is not None:
+        found["load_factor_point_hinges"] = float(result.collapse.hinges.points)
     reason = result.reason()
     if not reason and result.status == "not_converged":  # what keeps states from being verified
         certificates = [end.certificate for end in result.ends.values() if end.certificate]

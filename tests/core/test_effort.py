@@ -43,16 +43,3 @@ def test_a_watch_stops_a_run_before_the_next_factorisation():
     with pytest.raises(Stopped, match="30 s"):
         tally.add()
     assert tally.count == 0
-
-
-def test_a_total_counts_what_others_spend():
-    effort = Effort()
-    structure = Tally(effort=effort)
-    finer = Tally(cost=3.0, effort=effort, total=structure)
-    with effort.at_most(7.0):
-        finer.add()
-        finer.add()
-        with pytest.raises(EffortError):
-            finer.add()
-        structure.add()
-    assert (finer.count, structure.count, effort.spent) == (2, 3, pytest.approx(7.0))

@@ -10,20 +10,21 @@ import pytest
 from fenics_contact import JointLaw
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.materials import wedge_compliance
 from fenics_contact.discretization.mortar import Stencil
-from fenics_contact.mesh_error.hinge_nodes import HingeNodes, wedge_compliance
+from fenics_contact.mesh_error.soft_hinges import hinge_compliance, soft_hinges
 from fenics_contact.results.joint_values import JointValues
-from fenics_contact.solvers.problem import Owner
-from tests.core.problems import THREE_BLOCKS, on_an_inclined_roller
+from tests.core.problems import THREE_BLOCKS, load_case, on_an_inclined_roller
 from tests.helpers import dense
 
 MODULUS = 2.0e9
 
 
 def compliance(degrees: float, bisector: tuple[float, float] = (0.0, -1.0)) -> np.ndarray:
-    """C of one wedge."""
+    """C of one wedge of an isotropic material without lateral strains."""
     angle = np.array([np.radians(degrees)])
-    return wedge_compliance(np.array([MODULUS]), angle, np.array([bisector]))[0]
+    law = MODULUS * np.diag([1.0, 1.0, 0.5])
+    return wedge_compliance(law[None], angle, np.array([bisector]))[0]
 
 
 def test_half_plane_gives_way_alike_in_all_directions():
@@ -87,54 +88,55 @@ def test_hinge_is_a_point_that_does_not_open_next_to_open_ones(force, opening_ra
 
 def some_nodes(whole: Discretization) -> np.ndarray:
     """Nodes of blocks at a few joint points."""
-    nodes = whole.joints.nodes[::3].ravel()
+    nodes = np.unique(whole.joints.nodes[::3])
     return nodes[nodes != GROUND]
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("scene", ["on the ground", "inclined roller", "quadratic"])
-def test_softer_nodes_are_springs_in_a_row(scene):
-    """Like unknowns of their own for the nodes, between springs and mesh, that are eliminated."""
+def test_soft_hinges_are_springs_beside_the_modes(scene):
+    """Their columns are those of the nodes in B; rigid motions and loads do not move them."""
     if scene == "inclined roller":
         made = on_an_inclined_roller(2, "fixed")
     else:
         made = THREE_BLOCKS.scene(2)
         made = replace(made, degree=2) if scene == "quadratic" else made
-    with Discretization(made) as whole, Owner() as owner:
-        problem = whole.problem
-        nodes = HingeNodes.of(whole, some_nodes(whole))
-        softer = nodes.soften(problem, 6.0, owner)
-        stiffness = dense(problem.stiffness.matrix)
-        dofs = (2 * nodes.nodes[:, None] + np.arange(2)).ravel()
-        give = np.zeros((len(dofs), len(dofs)))
-        for k, block in enumerate(nodes.compliance):
-            give[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = 6.0 * block
-        inner = give @ np.linalg.inv(np.eye(len(dofs)) + stiffness[np.ix_(dofs, dofs)] @ give)
-        columns = stiffness[:, dofs]
-        expected = stiffness - columns @ inner @ columns.T
-        near = 1e-12 * np.abs(stiffness).max()
-        assert dense(softer.stiffness.matrix) == pytest.approx(expected, abs=near)
-        for before, after in ((problem.dead, softer.dead), (problem.live, softer.live)):
-            loads, found = (np.concatenate(problem.comm.allgather(f)) for f in (before, after))
-            wanted = loads - columns @ inner @ loads[dofs]
-            assert found == pytest.approx(wanted, abs=1e-12 * np.abs(loads).max())
-        rigid = problem.rigid @ np.ones(problem.rigid.matrix.getLocalSize()[1])
-        assert problem.max(np.abs(softer.stiffness @ rigid)) < near
+    with load_case(made) as case:
+        whole = case.discretization
+        points = np.arange(0, whole.joints.joint_count, 3)
+        nodes = some_nodes(whole)
+        compliance = hinge_compliance(whole, nodes)
+        reduced = whole.block_modes.reduced
+        with soft_hinges(case, points, 6.0) as soft:
+            problem = soft.problem
+            assert problem.size == reduced.size + 2 * len(nodes)
+            stiffness = dense(problem.stiffness.matrix)
+            springs = np.zeros((2 * len(nodes), 2 * len(nodes)))
+            for k, block in enumerate(compliance):
+                springs[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.linalg.inv(6.0 * block)
+            assert stiffness[soft.modes :, soft.modes :] == pytest.approx(springs)
+            assert np.all(stiffness[soft.modes :, : soft.modes] == 0.0)
+            assert np.all(problem.dead[soft.modes :] == 0.0)
+            dofs = (2 * nodes[:, None] + np.arange(2)).ravel()
+            given = case.problem.normal, case.problem.tangential
+            order = np.argsort(np.concatenate(case.problem.comm.allgather(whole.operators.points)))
+            for rows, operator in zip((problem.normal, problem.tangential), given, strict=True):
+                columns = dense(operator.matrix)[order][:, dofs]
+                assert dense(rows.matrix)[:, soft.modes :] == pytest.approx(columns)
 
 
 @pytest.mark.mpi
 def test_compliance_of_corners_and_sides():
     """Angles and bisectors are those of the outlines; E over 1 - nu^2 in plane strain."""
     with Discretization(THREE_BLOCKS.scene(2)) as whole:
-        nodes = HingeNodes.of(whole, some_nodes(whole))
+        nodes = some_nodes(whole)
         boundary = whole.boundary
         ends = boundary.nodes[:, :2].ravel()
         material = whole.scene.materials["default"]
         modulus = material.young / (1.0 - material.poisson**2)
-        for node, found in zip(nodes.nodes, nodes.compliance, strict=True):
+        for node, found in zip(nodes, hinge_compliance(whole, nodes), strict=True):
             normals = np.repeat(boundary.normal, 2, axis=0)[ends == node]
             straight = normals[0] @ normals[1] > 0.5
             bisector = -normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
-            angle = np.pi if straight else 0.5 * np.pi
-            wedge = wedge_compliance(np.array([modulus]), np.array([angle]), bisector[None])
-            assert found == pytest.approx(wedge[0], rel=1e-10, abs=1e-15 / modulus)
+            wedge = compliance(180.0 if straight else 90.0, bisector) * MODULUS / modulus
+            assert found == pytest.approx(wedge, rel=1e-10, abs=1e-15 / modulus)

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Scene, limit_load
+from fenics_contact.answers.hinges import HingesAnswer
 from fenics_contact.collapse.rigid_blocks import lower_end
 from fenics_contact.collapse.rigid_blocks.model import ProgramOptions
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
+from fenics_contact.mesh_error.hinges import HingeLengths
 from fenics_contact.meshing import arch, buttress
 from fenics_contact.results.bounds import LimitBounds, signed
-from fenics_contact.results.mesh_error import MeshError
+from fenics_contact.results.result import Collapse
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.property.scenes import Draw
@@ -134,21 +136,21 @@ def test_a_closed_bracket_is_said():
 
 
 @pytest.mark.parametrize(
-    ("error", "ends", "expected"),
+    ("points", "ends", "expected"),
     [
-        (MeshError(1e-3, 0.312, 0.04, 0.03), (0.27, 0.3), (0.3, 0.0, 0.03)),
-        (MeshError(1e-3, 0.31, 0.01, 0.2), (0.0, 0.33), (0.31, 0.01, 0.2)),
-        (MeshError(1e-3, 0.25, 1.0 / 6.0, 0.1), (0.24, 0.3), (0.25, 1.0 / 6.0, 1.0 / 30.0)),
-        (MeshError(1e-3, 0.31, 0.1 / 3.0, 0.1), (-math.inf, 0.305), (0.305, 0.05 / 3.0, 0.1)),
-        (MeshError(1e-3, 0.31, 0.1 / 3.0), (0.0, math.inf), (0.31, 0.1 / 3.0, math.nan)),
-        (MeshError(1e-3, math.nan, math.nan), (0.3, 0.3), (0.3, 0.0, 0.0)),
-        (MeshError(1e-3, math.nan, math.nan), (0.0, 0.3), (math.nan, math.nan, math.nan)),
+        (0.312, (0.27, 0.3), 0.3),
+        (0.31, (0.0, 0.33), 0.31),
+        (0.25, (0.26, 0.3), 0.26),
+        (math.nan, (0.3, 0.3), 0.3),
+        (math.nan, (0.0, 0.3), math.nan),
     ],
 )
-def test_errors_do_not_lead_out_of_the_bracket(error, ends, expected):
-    within = error.within(0.3, 0.3, ends)
-    found = within.load_factor_point_hinges, within.hinge_error, within.algebraic_error
-    assert found == pytest.approx(expected, abs=1e-12, nan_ok=True)
+def test_hinges_do_not_lead_out_of_the_bracket(points, ends, expected):
+    found = HingesAnswer(HingeLengths("known", 0.3, 1e-3, points, points=points))
+    if math.isnan(points):
+        found = HingesAnswer.not_known("")
+    within = found.in_bracket(Collapse("limit", 0.3, lambda: LimitBounds(*ends)))
+    assert within.value.points == pytest.approx(expected, abs=1e-12, nan_ok=True)
 
 
 @pytest.mark.mpi

@@ -81,8 +81,8 @@ def test_what_is_left_of_a_verified_load_factor_is_not_known():
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-9)
     end = found.collapse
     assert (end.peak.status, end.lowest.status) == ("not_known", "not_known")
-    assert end.peak.reason == end.lowest.reason == end.mesh_error.unknown == "stopped by a test"
-    assert np.isnan(end.mesh_error.estimate)
+    assert end.peak.reason == end.lowest.reason == end.hinges.reason == "stopped by a test"
+    assert np.isnan(end.hinges.points) and end.range.status == "known"
     assert found.reason() == ""
 
 
@@ -128,7 +128,7 @@ def test_load_factor_alone():
     whole, fast = stopped_after(10**9, **none), stopped_after(10**9, fast=True)
     assert fast.load_factor == whole.load_factor
     assert fast.factorizations == whole.factorizations
-    assert fast.collapse.mesh_error is None
+    assert fast.collapse.hinges is None
     assert (fast.collapse.peak.status, fast.collapse.lowest) == ("not_known", None)
     assert any(text.endswith("solve.fast = true") for text in fast.skipped)
 

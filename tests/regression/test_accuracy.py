@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -23,23 +24,24 @@ SQUEEZED = replace(W4, parts={"live": Load(traction={"left": (1e3, 0.0), "right"
 
 
 @pytest.mark.mpi
-def test_point_hinges_are_accurate_on_the_mesh_given():
+def test_point_hinges_are_accurate_on_two_meshes():
     result = limit_load(W4.scene(2, accuracy=1e-3))
     assert result.status == "limit" and not result.inaccurate
     assert result.load_factor == pytest.approx(0.279514, rel=2e-4)
-    first, second = result.passes
-    assert (first.displacements, first.hinges, second.hinges) == (1410, "mesh", "points")
-    assert first.load_factor == pytest.approx(0.263736, rel=1e-5)
-    assert first.estimate == pytest.approx(0.06, rel=0.05)
-    assert second.displacements == 1410
-    assert second.estimate < 1e-3
+    rows = result.passes
+    assert [(row.degree, row.hinges) for row in rows] == [*product((1, 2), ("mesh", "points"))]
+    assert (rows[0].displacements, rows[1].displacements) == (1410, 1410)
+    assert rows[0].load_factor == pytest.approx(0.263736, rel=1e-5)
+    assert rows[0].hinge_error == pytest.approx(0.06, rel=0.05)
+    assert np.isnan(rows[1].estimate)  # one mesh alone does not tell
+    assert rows[-1].estimate < 1e-3
 
 
 def test_ten_times_fewer_displacements_than_uniform_meshes():
-    """W4 to 1e-3 with 580; ten times as many and more on uniform meshes are 2 % off and more."""
+    """W4 to 1e-3 with 1 410; seven times as many on uniform meshes are 2 % off and more."""
     result = limit_load(W4.scene(1, accuracy=1e-3))
     assert result.load_factor == pytest.approx(0.279515, rel=1e-4)
-    assert [row.displacements for row in result.passes] == [580, 580]
+    assert [row.displacements for row in result.passes] == [580, 580, 1410, 1410]
     for elements, degree in ((8, 1), (4, 2)):
         uniform = limit_load(W4.scene(elements, variant=Variant(degree=degree), error=False))
         assert uniform.layout.size > 10000
@@ -63,8 +65,8 @@ def test_refinement_where_joints_slide(quadrilaterals):
     assert not result.inaccurate
     assert result.load_factor == pytest.approx(exact, rel=1e-3)
     rows = result.passes
-    assert [row.degree for row in rows[:3]] == [1, 2, 2]
-    assert all(abs(row.load_factor / exact - 1.0) < row.estimate for row in rows)
+    assert [row.degree for row in rows[:3]] == [1, 2, 2] and np.isnan(rows[0].estimate)
+    assert all(abs(row.load_factor / exact - 1.0) < row.estimate for row in rows[1:])
     assert np.all(np.diff([row.displacements for row in rows]) > 0)
     assert rows[-1].estimate <= 1e-3 < rows[-2].estimate
     assert rows[-1].displacements < 30000
@@ -90,7 +92,8 @@ def test_both_directions_and_record():
     record = json.loads(json.dumps(strict(result_record(result))))
     for direction, sign in (("positive", 1.0), ("negative", -1.0)):
         rows = [row for row in record["passes"] if row["direction"] == direction]
-        assert [row["hinges"] for row in rows] == ["mesh", "points"]
+        assert [row["hinges"] for row in rows] == 2 * ["mesh", "points"]
+        assert rows[1]["estimate"] is None
         assert rows[-1]["load_factor"] == pytest.approx(sign * 0.279514, rel=2e-4)
         assert 0.0 < rows[-1]["estimate"] < 1e-4
     assert "point hinges: load factor 0.27951" in summary(result)
@@ -100,7 +103,7 @@ def test_both_directions_and_record():
 def test_another_state_on_finer_meshes_is_the_one_reported():
     result = limit_load(wall_recipe("W3", coulomb(0.65)).scene(2, accuracy=1e-3))
     assert result.load_factor == pytest.approx(0.36195, rel=1e-3)
-    assert result.positive.mesh_error.state_changes
+    assert result.positive.hinges.load_factor == pytest.approx(0.35582, rel=1e-4)
 
 
 def test_an_accuracy_that_is_not_reached_is_said(monkeypatch):
@@ -113,7 +116,7 @@ def test_an_accuracy_that_is_not_reached_is_said(monkeypatch):
     assert "NOT REACHED" in summary(result)
 
 
-@pytest.mark.parametrize("name", ["W1 coulomb 0.65", "W1 tresca 2 kPa", "arch 15 0.15"])
+@pytest.mark.parametrize("name", ["W1 tresca 2 kPa", "arch 15 0.15"])
 def test_one_pass_where_nothing_depends_on_the_mesh(name):
     plain, result = (limit_load(BANK[name].scene(accuracy=wished)) for wished in (None, 1e-4))
     assert result.load_factor == plain.load_factor

@@ -403,5 +403,5 @@ def test_facade_with_six_windows_by_gmsh_and_by_dxf(folder, capsys):
     one, other = results
     assert one["bounds"] == pytest.approx(other["bounds"], rel=1e-9)
     assert one["load_factor"] == pytest.approx(other["load_factor"], rel=1e-3)  # other triangles
-    limits = [found["discretization"]["load_factor_point_hinges"] for found in results]
+    limits = [found["hinges"]["points"]["load_factor"] for found in results]
     assert limits[0] == pytest.approx(limits[1], rel=1e-5)

@@ -169,7 +169,7 @@ def known(program: Started, name: str) -> None:
     assert SKIPPED_FILES in record["skipped"]
     assert record["stopped"] == f"stopped by {name}" and record["files"] == []
     if record["status"] == "limit":
-        assert record["discretization"]["estimate"] is None
+        assert record["hinges"]["points"]["load_factor"] is None
         return
     assert record["status"] == "not_converged" and record["reason"].startswith("stopped by")
     assert record["bounds"]["lower"] == 0.0 or record["load_factor"] is None

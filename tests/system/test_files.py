@@ -478,7 +478,7 @@ def check_continuation(path: dict[str, Any], sign: float, exact: float) -> None:
 
 
 #: Keys of one collapse that result.json has at the top level, too, for the first direction.
-OF_A_COLLAPSE = "residuals error_estimate static_factor peak lowest discretization states".split()
+OF_A_COLLAPSE = "residuals error_estimate static_factor peak lowest range hinges states".split()
 
 #: A push with the weight to the right or up, against which the block does not slide.
 BY_DIRECTION = {
@@ -510,9 +510,9 @@ def test_both_directions_have_all_that_one_has(name, tmp_path, capsys):
     assert negative["load_factor"] == pytest.approx(other["load_factor"], rel=1e-6)
     assert negative["peak"]["status"] == other["peak"]["status"]
     assert negative["lowest"]["status"] == other["lowest"]["status"] == "none"
-    assert negative["discretization"]["estimate"] == pytest.approx(
-        other["discretization"]["estimate"], rel=1e-3, abs=1e-6
-    )
+    points = [end["hinges"]["points"]["load_factor"] for end in (negative, other)]
+    assert points[0] == pytest.approx(points[1], rel=1e-6)
+    assert negative["range"]["lower"] == pytest.approx(other["range"]["lower"], rel=1e-6)
     assert negative.items() >= both["negative"].items()
 
 
@@ -562,7 +562,8 @@ def test_what_faces_prove_is_in_the_record(changes, exact, tmp_path, capsys):
         assert end["engine"] == "faces" and 0.0 <= end["gap"] <= 1e-3
         assert sign * end["load_factor"] == pytest.approx(exact, rel=1e-3)
         assert sign * end["kinematic_factor"] >= sign * end["load_factor"] * (1.0 - 1e-12)
-        assert end["error_estimate"] is None and end["discretization"]["estimate"] == 0.0
+        assert end["error_estimate"] is None
+        assert end["hinges"]["points"]["load_factor"] == end["load_factor"]
         assert end["peak"]["status"] == "not_known"
         assert end["proof"].startswith("collapses at ") and not end["is_lowest"]
         assert all(state["gap"] <= 1e-3 for state in end["states"])

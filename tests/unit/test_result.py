@@ -250,7 +250,8 @@ def test_what_a_result_knows_has_the_names_of_the_record(result):
     assert known.residuals == record["residuals"] and known.tolerances == record["tolerances"]
     assert known.peak.status == record["peak"]["status"]
     assert known.lowest.starts == record["lowest"]["starts"]
-    assert known.discretization.estimate == record["discretization"]["estimate"]
+    assert known.hinges.points == record["hinges"]["points"]["load_factor"]
+    assert known.range.lower == record["range"]["lower"]
     assert known.states == known.positive.states
     assert "bracket" in known.residuals and "bracket" not in result.residuals
     assert repr(known.positive) == f"<Collapse: limit, load factor {known.load_factor:.8g}>"
@@ -261,7 +262,7 @@ def test_load_without_a_limit_has_no_residuals():
     for ends in ({"positive": unbounded}, {}):
         result = LimitLoad(None, ends, (), {}, 0)
         assert result.residuals == result.tolerances == {}
-        assert result.peak is result.discretization is None
+        assert result.peak is result.range is result.hinges is None
     assert result.lowest is None and result.states == ()
 
 

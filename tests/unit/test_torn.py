@@ -87,7 +87,7 @@ def test_both_directions_tear_their_own_joints():
     whole = [end.torn.load_factor_whole for end in (result.positive, result.negative)]
     assert whole[0] > result.load_factor > 0.0 > result.load_factor_negative > whole[1]
     assert result.positive.peak.status == result.positive.lowest.status == "not_known"
-    assert result.positive.mesh_error is None
+    assert result.positive.hinges is None
 
 
 @pytest.mark.parametrize(
