@@ -21,7 +21,6 @@ from fenics_contact.output.plotting import (
     draw_thrust,
     whole_thrust,
 )
-from fenics_contact.output.thrust import face_resultants
 from fenics_contact.output.view import View, motion_record, view_of
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.scene import EdgeForce
@@ -44,17 +43,6 @@ def tower(count: int, width: float = 0.5, height: float = 0.5):
     levels = height * np.arange(count + 1)
     blocks = [rectangle(0.0, low, width, low + height) for low in levels[:-1]]
     return polygons(blocks, 0.25)
-
-
-@pytest.mark.mpi
-def test_thrust_of_one_block_runs_from_its_centre_to_its_toe():
-    view, _ = solved(on_ground(polygons([rectangle(0.0, 0.0, 0.5, 1.0)], 0.25), ROUGH))
-    lines = whole_thrust(view)
-    assert lines.segments.shape == (1, 2, 2)
-    # Weight, and as much of it times 0.5 to the right, at (0.25, 0.5).
-    np.testing.assert_allclose(lines.segments[0], [[0.5, 0.0], [0.25, 0.5]], atol=1e-5)
-    weight = STONE_WEIGHT * 0.5
-    assert lines.force[0] == pytest.approx(weight * math.hypot(1.0, 0.5), rel=1e-5)
 
 
 @pytest.mark.mpi
@@ -105,16 +93,6 @@ def test_columns_that_move_apart_have_a_line_each_down_to_the_ground():
     np.testing.assert_allclose(np.sort(ground), [0.0, 0.75], atol=1e-4)
 
 
-@pytest.mark.mpi
-def test_two_piers_have_a_line_each():
-    rows = [[1, -1, 1], [1, -1, 1], [3]]
-    view, _ = solved(on_ground(wall(rows, (0.4, 0.4)), JointLaw(friction=0.3)))
-    lines = whole_thrust(view)
-    assert len(lines.centre) == 6
-    # No line crosses the opening from one pier to the other.
-    assert np.ptp(lines.segments[:, :, 0], axis=1).max() < 0.3
-
-
 def test_a_line_does_not_branch():
     rows = [[1, -1, 1], [1, -1, 1], [3], [3]]
     view, _ = solved(on_ground(wall(rows, (0.4, 0.4)), ROUGH, foundations=SMOOTH_BASE))
@@ -152,15 +130,6 @@ def test_line_of_thrust_of_an_arch_lies_in_the_ring():
     assert 0.9 - 1e-6 <= radius.min() and radius.max() <= 1.1 + 1e-6
     assert radius.min() == pytest.approx(0.9, abs=1e-4)  # hinges
     assert radius.max() == pytest.approx(1.1, abs=1e-4)
-
-
-def test_resultants_balance_the_loads():
-    view, result = solved(on_ground(running_bond(3, 3), ROUGH))
-    faces = face_resultants(view.joints, view.values)
-    ground = faces.bodies[:, 0] < 0
-    weight = 3 * 3 * 0.4 * 0.2 * STONE_WEIGHT
-    total = faces.force[ground].sum(axis=0)
-    np.testing.assert_allclose(total, [-result.load_factor * weight, weight], rtol=1e-5)
 
 
 @pytest.mark.mpi
