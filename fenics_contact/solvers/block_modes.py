@@ -41,20 +41,10 @@ Integers = npt.NDArray[np.int32]
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
 MODES = 8
 
-
-@dataclass(frozen=True)
-class BlockModesOptions:
-    """Numbers of the reduction.
-
-    Attributes:
-        indentation: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third
-            from 15 nodes on.
-        dependent: Combinations of a block's modes shorter than this, squared, are none: held, or
-            on too few nodes.
-    """
-
-    indentation: float = 0.6
-    dependent: float = 1e-10
+#: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third from 15 nodes on.
+INDENTATION = 0.6
+#: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
+DEPENDENT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -120,13 +110,7 @@ class BlockModes(Closing):
         reduced: The structure of the modes.
     """
 
-    def __init__(
-        self,
-        problem: ContactProblem,
-        shapes: Array,
-        blocks: Blocks,
-        options: BlockModesOptions | None = None,
-    ) -> None:
+    def __init__(self, problem: ContactProblem, shapes: Array, blocks: Blocks) -> None:
         """Reduce a structure.
 
         Args:
@@ -134,55 +118,58 @@ class BlockModes(Closing):
             shapes: Displacements of this rank's nodes in every mode of their block, zero where
                 held, shape (nodes, 2, modes).
             blocks: Its blocks.
-            options: Numbers of the reduction.
         """
-        options = options or BlockModesOptions()
         count = shapes.shape[2]
+        comm = problem.comm
         self.full = problem
         self._blocks = blocks
         self._modes = count
-        number, mine = numbered_by_rank(problem.comm, blocks.body, blocks.count)
-        basis, is_mode = _orthonormal_columns(problem, shapes, number[blocks.body], mine, options)
+        number, mine = numbered_by_rank(comm, blocks.body, blocks.count)
+        basis, is_mode = _orthonormal_columns(problem, shapes, number[blocks.body], mine)
         self._basis = SparseMap(basis)
-        self._points = Share(problem.comm, blocks.points, len(blocks.sides))
-        unknowns = _unknowns(np.argsort(number), count)
-        own = unknowns[count * mine.start : count * mine.stop]
-        self._unknowns = Share(problem.comm, own, len(unknowns))
-        self._indentation = _node_compliance(problem, blocks, options.indentation)
-        self._point_indentation = _point_compliance(problem, self._indentation)
-        maps = self._projected(problem, unknowns, is_mode[np.argsort(unknowns)])
+        # Places of the columns of P, which are by rank, among the unknowns, which are by block.
+        places = (count * np.argsort(number)[:, None] + np.arange(count)).ravel()
+        own = places[count * mine.start : count * mine.stop]
+        self._unknowns = Share(comm, own, len(places))
+        self._points = Share(comm, blocks.points, len(blocks.sides))
+        # C_ii of this rank's displacements, m per N/m, and diag(B C B^T) of its joint points.
+        nodes = comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
+        refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
+        diagonal = problem.stiffness.diagonal()
+        self._indentation = np.asarray(INDENTATION * np.repeat(refinement, 2) / diagonal)
+        of_points = []
+        for operator in (problem.normal, problem.tangential):
+            start, columns, values = operator.matrix.getValuesCSR()
+            csr = start, columns, values**2
+            sizes = operator.matrix.getSizes()
+            squares = SparseMap(PETSc.Mat().createAIJ(sizes, csr=csr, comm=comm))
+            of_points.append(squares @ self._indentation)
+            squares.close()
+        self._point_indentation = np.array(of_points)
+        # K_P, with the mean diagonal on rows of modes that move nothing, B_P and rigid motions.
+        stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), places)
+        entries = stiffness.getDiagonal()
+        entries.array[~is_mode[np.argsort(places)]] = entries.sum() / entries.getSize()
+        stiffness.setDiagonal(entries)
+        entries.destroy()
+        normal, tangential = (
+            self._points.whole_matrix(operator.matrix.matMult(basis), places)
+            for operator in (problem.normal, problem.tangential)
+        )
+        rigid = basis.transposeMatMult(problem.rigid.matrix)
+        motions = np.arange(rigid.getSize()[1])
+        matrices = {
+            "stiffness": stiffness,
+            "normal": normal,
+            "tangential": tangential,
+            "rigid": self._unknowns.whole_matrix(rigid, motions),
+        }
+        maps = {name: SparseMap(matrix) for name, matrix in matrices.items()}
         self.reduced = self._loaded(problem, problem, **maps)
         self._stiffnesses: dict[str, JointStiffness] = {}
         self._owner = Owner()
         for item in (*maps.values(), self._basis):
             self._owner.callback(item.close)
-
-    def _projected(
-        self,
-        problem: ContactProblem,
-        unknowns: npt.NDArray[np.integer],
-        is_mode: npt.NDArray[np.bool_],
-    ) -> dict[str, SparseMap]:
-        """K_P, the rows of B_P and the rigid motions, by their names in `ContactProblem`.
-
-        `unknowns` are the places of the columns of P among all unknowns; `is_mode` tells which
-        unknowns move something.
-        """
-        basis = self._basis.matrix
-        stiffness = self._unknowns.whole_matrix(problem.stiffness.matrix.ptap(basis), unknowns)
-        _set_diagonal_where_missing(stiffness, is_mode)
-        rigid = basis.transposeMatMult(problem.rigid.matrix)
-        motions = np.arange(rigid.getSize()[1])
-        normal, tangential = (
-            self._points.whole_matrix(operator.matrix.matMult(basis), unknowns)
-            for operator in (problem.normal, problem.tangential)
-        )
-        return {
-            "stiffness": SparseMap(stiffness),
-            "normal": SparseMap(normal),
-            "tangential": SparseMap(tangential),
-            "rigid": SparseMap(self._unknowns.whole_matrix(rigid, motions)),
-        }
 
     def _loaded(
         self, reduced: ContactProblem, problem: ContactProblem, **maps: Any
@@ -281,13 +268,8 @@ def numbered_by_rank(comm: MPI.Comm, body: Integers, count: int) -> tuple[Intege
     return number, range(first, last)
 
 
-def _unknowns(original: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.integer]:
-    """Places of the columns of P, by rank, among the unknowns by block; `original` blocks."""
-    return np.asarray((count * original[:, None] + np.arange(count)).ravel())
-
-
 def _orthonormal_columns(
-    problem: ContactProblem, shapes: Array, body: Integers, mine: range, options: BlockModesOptions
+    problem: ContactProblem, shapes: Array, body: Integers, mine: range
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
     """P, of which a block's columns span its modes, and which of all columns are not zero.
 
@@ -305,7 +287,7 @@ def _orthonormal_columns(
     length = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
     size, direction = np.linalg.eigh(gram * scale[:, :, None] * scale[:, None, :])
-    independent = size > options.dependent
+    independent = size > DEPENDENT
     columns = scale[:, :, None] * direction / np.sqrt(np.where(independent, size, np.inf))[:, None]
     values = np.matmul(shapes, columns[body])
     sizes = (values.shape[0] * 2, PETSc.DETERMINE), (count * len(mine), count * blocks)
@@ -313,33 +295,6 @@ def _orthonormal_columns(
     csr = [a.astype(PETSc.IntType) for a in (count * np.arange(2 * len(body) + 1), indices.ravel())]
     basis = PETSc.Mat().createAIJ(sizes, csr=(*csr, values.ravel()), comm=comm)
     return basis, independent.ravel()
-
-
-def _set_diagonal_where_missing(stiffness: PETSc.Mat, is_mode: npt.NDArray[np.bool_]) -> None:
-    """Put the mean diagonal on rows of modes that are none."""
-    diagonal = stiffness.getDiagonal()
-    diagonal.array[~is_mode] = diagonal.sum() / diagonal.getSize()
-    stiffness.setDiagonal(diagonal)
-    diagonal.destroy()
-
-
-def _node_compliance(problem: ContactProblem, blocks: Blocks, indentation: float) -> Array:
-    """C_ii of this rank's displacements, m per N/m."""
-    nodes = problem.comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
-    refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
-    return np.asarray(indentation * np.repeat(refinement, 2) / problem.stiffness.diagonal())
-
-
-def _point_compliance(problem: ContactProblem, compliance: Array) -> Array:
-    """diag(B C B^T) of this rank's joint points, normal and tangential, shape (2, points)."""
-    rows = []
-    for matrix in (problem.normal.matrix, problem.tangential.matrix):
-        start, columns, values = matrix.getValuesCSR()
-        csr = start, columns, values**2
-        squares = SparseMap(PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm))
-        rows.append(squares @ compliance)
-        squares.close()
-    return np.array(rows)
 
 
 def _rows(reduced: ContactProblem, sides: Integers, count: int) -> JointRows:

@@ -20,6 +20,24 @@ from fenics_contact.solvers.problem import Array, State
 _log = logging.getLogger("fenics_contact")
 
 
+#: Change of the load factor at most in the step to a state that is accepted with less than asked
+#: for, in units of that of `Tolerances`. The certificate takes its forces for given: it does
+#: not tell that they still change.
+SETTLED = 20.0
+#: Steps at most from the first iterate that is exact enough, while its load factor still changes.
+RESTING = 3
+#: Load factors are judged relative to themselves, or to this part of the typical one.
+SMALL_FACTOR = 1e-3
+#: Part of the way to the boundary that a step goes.
+STEP_FRACTION = 0.995
+#: Products that are aimed at, at least, in units of the tolerance.
+LEAST = 1e-2
+#: Length up to which a step is replaced by one to equal products.
+SHORT = 0.1
+#: Number of corrector weights that are tried.
+WEIGHTS = 9
+
+
 @dataclass(frozen=True)
 class InteriorPointOptions:
     """When the method stops.
@@ -29,29 +47,11 @@ class InteriorPointOptions:
         window: Steps over which the error has to halve; else the method has stalled.
         acceptable: Error up to which a stalled state is accepted where less was asked for: at the
             limit load digits are lost. What it is worth the certificate tells.
-        settled: Change of the load factor in the step to such a state at most, in units of that
-            of `Tolerances`. The certificate takes the state's forces for given: it does not tell
-            that they still change.
-        resting: Steps at most from the first iterate that is exact enough, while its load factor
-            still changes.
-        small_factor: Load factors are judged relative to themselves, or to this part of the
-            typical one.
-        step_fraction: Part of the way to the boundary that a step goes.
-        least: Products that are aimed at, at least, in units of the tolerance.
-        short: Length up to which a step is replaced by one to equal products.
-        weights: Number of corrector weights that are tried.
     """
 
     max_steps: int = 80
     window: int = 20
     acceptable: float = 1e-9
-    settled: float = 20.0
-    resting: int = 3
-    small_factor: float = 1e-3
-    step_fraction: float = 0.995
-    least: float = 1e-2
-    short: float = 0.1
-    weights: int = 9
 
 
 @dataclass(frozen=True)
@@ -111,107 +111,66 @@ def solve_interior_point(
         SolverError: If neither the tolerance nor `options.acceptable` is reached.
     """
     options = options or InteriorPointOptions()
-    now = kkt.on_central_path(start, mu, COLD if mu >= 1.0 else 0.0)
-    progress = _Progress(kkt, now, tolerances, options)
+    asked = tolerances.residual
+    anything = tolerances.load_factor == np.inf
+    typical = SMALL_FACTOR * kkt.scales.load_factor
+    now = best = kkt.on_central_path(start, mu, COLD if mu >= 1.0 else 0.0)
+    reached = np.inf  # error of the best iterate
+    best_sizes: dict[str, float] = {}
+    best_is_last = False
+    settled = False  # whether the load factor hardly changed in the step to the best, or from it
+    errors: list[float] = []
+    since_exact = 0
+    last, last_change, last_products = np.inf, 1.0, 1.0  # load factor, its change, mean product
     for step in range(options.max_steps + 1):
         residual = kkt.residual(now)
-        if progress.ended(now, kkt.sizes(now, residual)) or step == options.max_steps:
-            break
-        try:
-            now = next_iterate(kkt, now, residual, options.least * tolerances.residual, options)
-        except SolverError as error:
-            _log.debug("    %s", error)
-            break
-    progress.check(step)
-    _, best, sizes = progress.best
-    return Solution(kkt.state(best), sizes, step)
-
-
-class _Progress:
-    """The best iterate so far with its error and sizes, and whether more steps lead on."""
-
-    def __init__(
-        self,
-        kkt: PerturbedKKT,
-        start: Iterate,
-        tolerances: Tolerances,
-        options: InteriorPointOptions,
-    ) -> None:
-        self.best: tuple[float, Iterate, dict[str, float]] = np.inf, start, {}
-        #: Whether the load factor hardly changed in the step to the best iterate, or from it.
-        self.settled = False
-        self._best_is_last = False
-        self._tolerances = tolerances
-        self._options = options
-        self._typical = options.small_factor * kkt.scales.load_factor
-        self._errors: list[float] = []
-        self._since_exact = 0
-        self._last = np.inf, 1.0, 1.0  # load factor, its change, products
-
-    def ended(self, now: Iterate, sizes: dict[str, float]) -> bool:
-        """Whether an iterate is good enough, or the method has stalled."""
+        sizes = kkt.sizes(now, residual)
         error = float(np.max(list(sizes.values())))  # nan where any is nan
-        _log.debug("    %2d  %.12g  %s", len(self._errors), now.load_factor, sizes)
-        exact = error <= self._tolerances.residual
-        settled = self._change(now.load_factor) <= self._options.settled
-        better = error < self.best[0] or exact
-        if better:
-            self.best = error, now, sizes
-            self.settled = settled
-        elif self._best_is_last:
-            self.settled = self.settled or settled
-        self._best_is_last = better
+        _log.debug("    %2d  %.12g  %s", step, now.load_factor, sizes)
+        # The rest of the load factor's change is to the last one as that is to the one before, or
+        # as the products are.
+        allowed = tolerances.load_factor * (abs(now.load_factor) + typical)
+        change = abs(now.load_factor - last)
+        products = sizes["complementarity"]
+        falls = max(products / last_products, change / last_change if last_change else 0.0)
+        quiet = anything or change <= SETTLED * allowed
+        at_rest = anything or change * min(falls, 1.0) <= allowed
+        last, last_change, last_products = now.load_factor, change, products
+        exact = error <= asked
+        if error < reached or exact:
+            best = now
+            best_sizes = sizes
+            reached = error
+            settled = quiet
+            best_is_last = True
+        else:
+            settled = settled or (best_is_last and quiet)
+            best_is_last = False
+        since_exact += reached <= asked
         # Equilibrium loses digits while springs are stiff: it does not tell progress.
         joints = max(size for name, size in sizes.items() if name != "equilibrium")
-        self._errors.append(float(np.nan_to_num(min([joints, *self._errors[-1:]]), nan=np.inf)))
-        at_rest = self._at_rest(now.load_factor, sizes["complementarity"])
-        if exact and at_rest:
-            return True
-        if self.best[0] <= self._tolerances.residual:
-            self._since_exact += 1
-            if self._since_exact > self._options.resting:
-                return True
-        errors = self._errors
-        window = self._options.window
+        errors.append(float(np.nan_to_num(min([joints, *errors[-1:]]), nan=np.inf)))
+        window = options.window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
-        return stalled or not np.isfinite(error)
-
-    def check(self, steps: int) -> None:
-        """Raise `SolverError` if the best iterate after so many steps is not good enough."""
-        reached = self.best[0]
-        asked = self._tolerances.residual
-        if not reached <= max(asked, self._options.acceptable):
-            raise SolverError(
-                f"interior point: residual {reached:.1e} after {steps} steps, asked {asked:.1e}"
-            )
-        if reached > asked and not self.settled:
-            raise SolverError(f"interior point: load factor not settled after {steps} steps")
-
-    def _change(self, factor: float) -> float:
-        """Change of the load factor since the iterate before, in units of the one allowed."""
-        if self._tolerances.load_factor == np.inf:
-            return 0.0
-        allowed = self._tolerances.load_factor * (abs(factor) + self._typical)
-        return abs(factor - self._last[0]) / allowed if allowed else np.inf
-
-    def _at_rest(self, factor: float, products: float) -> bool:
-        """Whether the rest of the load factor's change is small.
-
-        It is to the last change as that is to the one before, or as the products are.
-        """
-        last, moved_before, products_before = self._last
-        moved = abs(factor - last)
-        falls = max(products / products_before, moved / moved_before if moved_before else 0.0)
-        self._last = factor, moved, products
-        allowed = self._tolerances.load_factor
-        return bool(
-            allowed == np.inf or moved * min(falls, 1.0) <= allowed * (abs(factor) + self._typical)
+        if (exact and at_rest) or since_exact > RESTING or stalled or not np.isfinite(error):
+            break
+        if step == options.max_steps:
+            break
+        try:
+            now = next_iterate(kkt, now, residual, LEAST * asked)
+        except SolverError as failure:
+            _log.debug("    %s", failure)
+            break
+    if not reached <= max(asked, options.acceptable):
+        raise SolverError(
+            f"interior point: residual {reached:.1e} after {step} steps, asked {asked:.1e}"
         )
+    if reached > asked and not settled:
+        raise SolverError(f"interior point: load factor not settled after {step} steps")
+    return Solution(kkt.state(best), best_sizes, step)
 
 
-def next_iterate(
-    kkt: PerturbedKKT, now: Iterate, residual: Residual, least: float, options: InteriorPointOptions
-) -> Iterate:
+def next_iterate(kkt: PerturbedKKT, now: Iterate, residual: Residual, least: float) -> Iterate:
     """The iterate one predictor-corrector step on.
 
     The corrector takes the second-order part of the whole predictor from the products, of which
@@ -225,7 +184,7 @@ def next_iterate(
     none = np.zeros_like(now.y)
     (step,) = linear.directions([(residual, -products)])
     towards = step.positive / now.positive
-    (part,) = _lengths(kkt, towards[None], options)
+    (part,) = _lengths(kkt, towards[None])
     second = kkt.products(step)
     here = kkt.total(products)
     ahead = (1.0 - part) * here + part**2 * kkt.total(second)
@@ -233,20 +192,20 @@ def next_iterate(
     target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
     rest = Residual(np.zeros_like(now.u), none, none, 0.0)
     (corrector,) = linear.directions([(rest, target - second)])
-    weights = np.linspace(1.0, min(part, 1.0) ** 2, options.weights)
+    weights = np.linspace(1.0, min(part, 1.0) ** 2, WEIGHTS)
     ratios = towards + weights[:, None] * (corrector.positive / now.positive)
-    lengths = _lengths(kkt, ratios, options)
+    lengths = _lengths(kkt, ratios)
     longest = int(np.argmax(lengths))
     length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
-    if length < options.short:
+    if length < SHORT:
         (step,) = linear.directions([(residual, here / kkt.count - products)])
-        length = float(_lengths(kkt, (step.positive / now.positive)[None], options)[0])
-    return now.moved(min(1.0, options.step_fraction * length), step)
+        length = float(_lengths(kkt, (step.positive / now.positive)[None])[0])
+    return now.moved(min(1.0, STEP_FRACTION * length), step)
 
 
-def _lengths(kkt: PerturbedKKT, ratios: Array, options: InteriorPointOptions) -> Array:
+def _lengths(kkt: PerturbedKKT, ratios: Array) -> Array:
     """Longest steps, at most 1 / step fraction, for directions relative to the iterate."""
     largest = np.max(-ratios, axis=1, initial=0.0)
     kkt.problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    return np.asarray(1.0 / np.maximum(largest, options.step_fraction))
+    return np.asarray(1.0 / np.maximum(largest, STEP_FRACTION))

@@ -122,7 +122,15 @@ class DelassusOperator(Closing):
         self._last = problem.comm.rank == problem.comm.size - 1
         self._programs: dict[tuple[int, ...], tuple[Integers, BoundQP]] = {}
         with Owner() as owner:
-            self._solver = _factored(problem.stiffness.matrix, rho, owner)
+            stiffness = owner.own(problem.stiffness.matrix.copy())
+            stiffness.shift(rho)
+            stiffness.setOption(PETSc.Mat.Option.SPD, True)
+            self._solver = owner.own(PETSc.KSP().create(stiffness.comm))
+            self._solver.setType(PETSc.KSP.Type.PREONLY)
+            self._solver.getPC().setType(PETSc.PC.Type.CHOLESKY)
+            self._solver.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+            self._solver.setOperators(stiffness)
+            self._solver.getPC().setUp()
             self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
             self.matrix = SparseMap(self._assembled(points))
             owner.callback(self.matrix.close)
@@ -376,7 +384,11 @@ class JointForceSolver(Closing):
         Raises:
             SolverError: If neither the tolerance nor what is acceptable is reached.
         """
-        state = self._within(start, bound, work)
+        problem = self._problem
+        u = start.displacement * (work / problem.dot(problem.live, start.displacement))
+        shear = np.clip(start.shear, -bound, bound)
+        pressure = np.maximum(start.pressure, 0.0)
+        state = State(u, start.elastic, start.load_factor, pressure, shear, work)
         best: tuple[float, State, dict[str, float]] = np.inf, state, {}
         errors: list[float] = []
         level = 0
@@ -414,17 +426,15 @@ class JointForceSolver(Closing):
             level = min(level + 1, len(HOLDS) - 1)
         return level, min(change, last, joints + residuals["equilibrium"])
 
-    def _within(self, start: State, bound: Array, work: float) -> State:
-        """A state with forces within bounds, at the work asked for."""
-        u = start.displacement * (work / self._problem.dot(self._problem.live, start.displacement))
-        pressure = np.maximum(start.pressure, 0.0)
-        shear = np.clip(start.shear, -bound, bound)
-        return State(u, start.elastic, start.load_factor, pressure, shear, work)
-
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
         size = scales.displacement
-        operator = self._operator(HOLDS[level] * scales.force / size)
+        rho = HOLDS[level] * scales.force / size
+        if rho not in self._operators:
+            operator = DelassusOperator(self._problem, self._points, rho)
+            self._operators[rho] = self._owner.enter_context(operator)
+            self.factorizations += 1
+        operator = self._operators[rho]
         none = np.full_like(bound, np.inf)
         held = operator.join(near.pressure, near.shear, near.load_factor)
         right, alone = operator.right(near.displacement, held, near.work)
@@ -434,14 +444,6 @@ class JointForceSolver(Closing):
         pressure, shear, factor = operator.split(x)
         state = self._problem.state(operator.displacement(x, alone), factor, pressure, shear)
         return replace(state, work=near.work)
-
-    def _operator(self, rho: float) -> DelassusOperator:
-        """A + D."""
-        if rho not in self._operators:
-            operator = DelassusOperator(self._problem, self._points, rho)
-            self._operators[rho] = self._owner.enter_context(operator)
-            self.factorizations += 1
-        return self._operators[rho]
 
 
 def _places(sides: Integers) -> tuple[Integers, Integers]:
@@ -462,21 +464,6 @@ def _places(sides: Integers) -> tuple[Integers, Integers]:
     table = np.full((body.max(initial=-1) + 1, place.max(initial=-1) + 1), -1)
     table[body, place[held]] = held // 2
     return place.reshape(-1, 2), table
-
-
-def _factored(stiffness: PETSc.Mat, rho: float, owner: Owner) -> PETSc.KSP:
-    """Solver with K + rho I."""
-    with Owner() as local:
-        matrix = local.own(stiffness.copy())
-        matrix.shift(rho)
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
-        solver = owner.own(PETSc.KSP().create(matrix.comm))
-        solver.setType(PETSc.KSP.Type.PREONLY)
-        solver.getPC().setType(PETSc.PC.Type.CHOLESKY)
-        solver.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        solver.setOperators(matrix)
-        solver.getPC().setUp()
-        return solver
 
 
 def _one_side(points: JointPoints, side: int, stiffness: PETSc.Mat) -> PETSc.Mat:

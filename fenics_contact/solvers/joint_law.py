@@ -98,15 +98,6 @@ class PointLaws:
         none = np.zeros_like(self.friction)
         return replace(self, friction=none, strength=self.pull, dilatancy=none)
 
-    def at_most(self, friction: float) -> PointLaws:
-        """Laws with coefficients of friction of at most so much."""
-        dilatancy = np.minimum(self.dilatancy, friction)
-        return replace(self, friction=np.minimum(self.friction, friction), dilatancy=dilatancy)
-
-    def times(self, part: float) -> PointLaws:
-        """Laws with a part of the friction that depends on pressure."""
-        return replace(self, friction=part * self.friction, dilatancy=part * self.dilatancy)
-
     @property
     def origins(self) -> Array:
         """Openings and slips at which the joints are as drawn, m, shape (2, points)."""
@@ -234,12 +225,7 @@ class LinearLaws:
     """
 
     def __init__(
-        self,
-        law: Structure,
-        at: Slacks,
-        compliance: Array,
-        largest: float,
-        unit: float,
+        self, law: Structure, at: Slacks, compliance: Array, largest: float, unit: float
     ) -> None:
         """Linearise.
 
@@ -253,10 +239,9 @@ class LinearLaws:
         count = len(at.y)
         springs = np.empty((7, count))
         shares = np.empty((3, count))
-        names = "y", "pressure", "s1", "s2", "z1", "z2"
-        slacks = {name: getattr(at, name) for name in names}
-        given = {"law": law, "unit": unit, "compliance": compliance}
-        self._linear = structure("linear", **given, **slacks, k=springs, shares=shares)
+        slacks = {name: getattr(at, name) for name in ("y", "pressure", "s1", "s2", "z1", "z2")}
+        given = {"law": law, "unit": unit, "compliance": compliance, "k": springs}
+        self._linear = structure("linear", **given, **slacks, shares=shares)
         call("linearize", self._linear, largest)
         self.springs = springs[:5]
 

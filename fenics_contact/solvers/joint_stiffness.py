@@ -9,8 +9,8 @@ springs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -30,29 +30,18 @@ SYMMETRIC = PETSc.PC.Type.CHOLESKY
 GENERAL = PETSc.PC.Type.LU
 
 
-@dataclass(frozen=True)
-class MumpsOptions:
-    """Settings of MUMPS for `GENERAL` factorisations.
-
-    A is nearly symmetric with springs of very different size on its diagonal. Off-diagonal pivots
-    would cancel digits that plain elimination keeps, and plain elimination needs no scaling.
-
-    Attributes:
-        plain: No pivoting, no scaling, no permutation; the determinant is asked for.
-        smallest_pivot: Least pivot, in units of the mean diagonal of K. A smaller one is rounding
-            next to a mechanism; the work of the live load limits the mechanism.
-        minimum_fill: MUMPS' number of that ordering, which is quicker to find than the default.
-        at_once: Right-hand sides that are solved for at once.
-        minimum_fill_up_to: Unknowns up to which it is used; beyond the default needs less memory.
-    """
-
-    plain: Mapping[str, float] = field(
-        default_factory=lambda: {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1}
-    )
-    smallest_pivot: float = 1e-20
-    minimum_fill: int = 2
-    minimum_fill_up_to: int = 100_000
-    at_once: int = 64
+#: MUMPS for `GENERAL` factorisations: no pivoting, no scaling, no permutation, the determinant, and
+#: so many right-hand sides at once. A is nearly symmetric with springs of very different size on
+#: its diagonal: off-diagonal pivots would cancel digits that plain elimination keeps, and plain
+#: elimination needs no scaling.
+PLAIN = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1, "icntl_27": 64}
+#: Least pivot, in units of the mean diagonal of K. A smaller one is rounding next to a mechanism;
+#: the work of the live load limits the mechanism.
+SMALLEST_PIVOT = 1e-20
+#: MUMPS' number of the minimum fill ordering, which is quicker to find than the default, and the
+#: unknowns up to which it is used; beyond the default needs less memory.
+MINIMUM_FILL = 2
+MINIMUM_FILL_UP_TO = 100_000
 
 
 @dataclass(frozen=True)
@@ -122,56 +111,33 @@ class JointRows:
         return spread
 
 
-@dataclass(frozen=True)
 class _Entries:
     """Entries of A on one rank, where the springs are added without a search for their places.
 
     Attributes:
-        comm: Of A, one rank.
-        size: Of A.
-        block: Unknowns in a row that are coupled alike, and equations.
-        start: Where every row begins among the entries.
-        columns: Of the entries.
-        elastic: Entries of K.
-        values: Entries of A.
-        places: Places of what springs add by sets of rows, -1: none.
+        matrix: A; it reads and writes these entries.
     """
 
-    comm: Any
-    size: tuple[int, int]
-    block: tuple[int, int]
-    start: npt.NDArray[np.integer]
-    columns: npt.NDArray[np.integer]
-    elastic: Array
-    values: Array
-    places: list[npt.NDArray[np.int64]]
-
-    @classmethod
-    def of(cls, elastic: PETSc.Mat, rows: Sequence[JointRows]) -> _Entries:
+    def __init__(self, elastic: PETSc.Mat, rows: Sequence[JointRows]) -> None:
         """Entries with the sparsity of K, which has places for all springs."""
-        start, columns, values = elastic.getValuesCSR()
+        start, columns, self._elastic = elastic.getValuesCSR()
+        self._values = self._elastic.copy()
         size = elastic.getSize()
         first = np.repeat(np.arange(size[0], dtype=np.int64) * size[1], np.diff(start))
-        places = []
+        self._places = []  # of what springs add by sets of rows, -1: none
         for some in rows:
             row, column = some.dofs[:, :, None].astype(np.int64), some.dofs[:, None, :]
             place = np.searchsorted(first + columns, row * size[1] + column)
-            places.append(np.where((row >= 0) & (column >= 0), place, -1))
-        layout = elastic.comm, size, elastic.getBlockSizes()
-        return cls(*layout, start, columns, values, values.copy(), places)
-
-    def matrix(self) -> PETSc.Mat:
-        """A matrix that reads and writes these entries; blocks help MUMPS to order the unknowns."""
-        csr = self.start, self.columns, self.values
-        made = PETSc.Mat().createAIJWithArrays(self.size, csr, comm=self.comm)
-        made.setBlockSizes(*self.block)
-        return made
+            self._places.append(np.where((row >= 0) & (column >= 0), place, -1))
+        csr = start, columns, self._values
+        self.matrix = PETSc.Mat().createAIJWithArrays(size, csr, comm=elastic.comm)
+        self.matrix.setBlockSizes(*elastic.getBlockSizes())  # help MUMPS to order the unknowns
 
     def set(self, blocks: Sequence[Array]) -> None:
         """Add what springs add to K."""
-        self.values[:] = self.elastic
-        for place, added in zip(self.places, blocks, strict=True):
-            call("add_at", place.size, place, added, self.values)
+        self._values[:] = self._elastic
+        for place, added in zip(self._places, blocks, strict=True):
+            call("add_at", place.size, place, added, self._values)
 
 
 class JointStiffness(Closing):
@@ -183,12 +149,7 @@ class JointStiffness(Closing):
     """
 
     def __init__(
-        self,
-        stiffness: SparseMap,
-        rows: Sequence[JointRows],
-        kind: str,
-        tally: Tally,
-        options: MumpsOptions | None = None,
+        self, stiffness: SparseMap, rows: Sequence[JointRows], kind: str, tally: Tally
     ) -> None:
         """Lay out A; it is analysed with the first factor.
 
@@ -197,20 +158,18 @@ class JointStiffness(Closing):
             rows: Joint rows, one set of points after the other.
             kind: `SYMMETRIC` or `GENERAL`.
             tally: Counts the factorisations.
-            options: Of MUMPS.
         """
         self.tally = tally
         self._kind = kind
         self._rows = list(rows)
-        self._options = options or MumpsOptions()
         diagonal = stiffness.diagonal()
         total, size = stiffness.comm.allreduce(np.array([diagonal.sum(), len(diagonal)]))
         self.mean_diagonal = float(total / size)
         self._owner = Owner()
         self._elastic = self._owner.own(self._with_spring_pattern(stiffness.matrix))
         alone = self._elastic.comm.size == 1
-        self._entries = _Entries.of(self._elastic, self._rows) if alone else None
-        made = self._entries.matrix() if self._entries else self._elastic.duplicate()
+        self._entries = _Entries(self._elastic, self._rows) if alone else None
+        made = self._entries.matrix if self._entries else self._elastic.duplicate()
         self._matrix = self._owner.own(made)
         self._vectors = [self._owner.own(vector) for vector in self._matrix.createVecs()]
         self._dense: dict[int, list[PETSc.Mat]] = {}
@@ -259,13 +218,12 @@ class JointStiffness(Closing):
         preconditioner.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         solver.setOperators(self._matrix)
         if self._kind == GENERAL:
-            options = self._options
-            pivot = np.nan_to_num(options.smallest_pivot * self.mean_diagonal)  # PETSc 3.22 checks
-            values = {**options.plain, "cntl_4": float(pivot), "icntl_27": options.at_once}
-            small = self._matrix.getSize()[0] <= options.minimum_fill_up_to
+            pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
+            values = {**PLAIN, "cntl_4": float(pivot)}
+            small = self._matrix.getSize()[0] <= MINIMUM_FILL_UP_TO
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:
-                values["icntl_7"] = options.minimum_fill
+                values["icntl_7"] = MINIMUM_FILL
             solver.setOptionsPrefix(prefix)
             table = PETSc.Options(prefix)  # PETSc overwrites orderings set in other ways
             for name, value in values.items():
@@ -273,11 +231,7 @@ class JointStiffness(Closing):
         return solver
 
     def _blocks(
-        self,
-        normal: Array,
-        tangential: Array,
-        coupling: Array | None = None,
-        dilation: Array | None = None,
+        self, normal: Array, tangential: Array, coupling: Array | None, dilation: Array | None
     ) -> list[Array]:
         """What springs add to A by sets of rows and groups, on the dofs of each group."""
         made = []
@@ -309,17 +263,11 @@ class JointStiffness(Closing):
         springs = PETSc.Mat().createAIJ(stiffness.getSizes(), nnz=(most, most), comm=stiffness.comm)
         springs.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         zero = np.zeros(sum(len(rows.place) for rows in self._rows))
-        self._add(springs, self._blocks(zero, zero))
+        self._add(springs, self._blocks(zero, zero, None, None))
         padded = stiffness.copy()
         padded.axpy(1.0, springs, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         springs.destroy()
         return padded
-
-    def _dense_pair(self, count: int) -> list[PETSc.Mat]:
-        """Dense matrices for so many right-hand sides and solutions."""
-        if count not in self._dense:
-            self._dense[count] = [self._owner.own(self._new_dense(count)) for _ in "bx"]
-        return self._dense[count]
 
     def _new_dense(self, count: int) -> PETSc.Mat:
         """Dense matrix with rows as those of A and so many columns, all on rank 0."""
@@ -369,7 +317,11 @@ class Factor:
         if len(rights) == 1:
             return [self.solve(rights[0])]
         matrix = self._factor_matrix()
-        right, solution = self._stiffness._dense_pair(len(rights))
+        made = self._stiffness
+        count = len(rights)
+        if count not in made._dense:
+            made._dense[count] = [made._owner.own(made._new_dense(count)) for _ in "bx"]
+        right, solution = made._dense[count]
         for column, values in enumerate(rights):
             right.getDenseArray()[:, column] = values
         matrix.matSolve(right, solution)

@@ -36,6 +36,9 @@ from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 #: Least distance of shear from its bound, in units of the bound, at a state from elsewhere.
 COLD = 1e-9
 
+#: Points whose given bound is below this part of the typical force transmit no shear.
+NO_FRICTION = 1e-12
+
 
 @dataclass(frozen=True)
 class KKTOptions:
@@ -46,8 +49,6 @@ class KKTOptions:
             cancel digits.
         sliding_spring: Spring that resists steps, not slip, at points without friction, in units
             of force over displacement: without it blocks on frictionless joints have no stiffness.
-        no_friction: Points whose given bound is below this part of the typical force transmit no
-            shear.
         cancellation: A direction is solved for once more if its two parts are larger than their
             sum by this factor: its digits have cancelled.
         equilibrium_weight: Of the equilibrium residual. Stiff springs cancel some of its digits
@@ -56,7 +57,6 @@ class KKTOptions:
 
     largest_spring: float = 1e10
     sliding_spring: float = 1e-8
-    no_friction: float = 1e-12
     cancellation: float = 10.0
     equilibrium_weight: float = 1e-3
 
@@ -140,7 +140,7 @@ class PerturbedKKT:
     ) -> PerturbedKKT:
         """The conditions with given friction g."""
         law = problem.law.with_given(bound)
-        least = KKTOptions.no_friction * scales.force
+        least = NO_FRICTION * scales.force
         return cls(problem, stiffness, scales, work, load_factor, law, least)
 
     @cached_property
