@@ -34,7 +34,6 @@ class CertificateOptions:
     """Numbers of the certificate.
 
     Attributes:
-        rounds: Pairs of programs at most.
         slack: Strength added for the mode, in units of the typical force.
         near: Products at the start of (a), in units of those of the elastic state.
         far: Products at the start of (b), likewise.
@@ -44,7 +43,6 @@ class CertificateOptions:
         most: by no more.
     """
 
-    rounds: int = 3
     slack: float = 1e-7
     near: float = 10.0
     far: float = 100.0
@@ -93,58 +91,38 @@ class FaceState:
 
 @dataclass(frozen=True)
 class Certifier:
-    """Programs (a) and (b) of one model, to a gap that is asked for."""
+    """Programs (a) and (b) of one model."""
 
     model: FaceModel
     equations: Equations
-    asked: float
     sign: float = 1.0
     options: CertificateOptions = OPTIONS
 
-    def near(self, elastic: Iterate, work: float, rounds: int) -> tuple[FaceState | None, float]:
-        """The best state near an elastic one under some work; the limit with its strengths.
+    def near(self, elastic: Iterate, work: float) -> tuple[FaceState | None, float]:
+        """A state near an elastic one under some work; the limit with its strengths.
 
         The second is nan if none was found.
         """
-        model = self.model
-        size = model.size(elastic.load_factor)
+        size = self.model.size(elastic.load_factor)
         moves = np.clip(self.options.moves * elastic.gap, self.options.least, self.options.most)
         box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
-        start = _scaled(elastic, 1.0 / work)
-        mu = max(start.mu, 1e-6 * size / model.shape[0]) * self.options.far
-        best: FaceState | None = None
-        limit = np.nan
-        current = elastic
-        for round_ in range(rounds):
-            mode = self.mode(current.force, start if round_ == 0 else None)
-            if mode is None:
-                break
-            if round_ == 0:
-                limit = mode.load_factor
-            state = self.least_gap(current, mode.motion, mu, box)
-            state = state or self.least_gap(None, mode.motion)
-            if state is not None and (best is None or state.gap < best.gap):
-                best = state
-            if state is None or (best is not None and best.gap < self.asked):
-                break
-            current = state.iterate
-            mu = self._next_mu(best, size)
-        return best, limit
+        start = replace(
+            elastic,
+            motion=elastic.motion / work,
+            duals=tuple(dual / work for dual in elastic.duals),
+            mu=elastic.mu / work,
+        )
+        mode = self.mode(elastic.force, start)
+        if mode is None:
+            return None, np.nan
+        mu = max(start.mu, 1e-6 * size / self.model.shape[0]) * self.options.far
+        state = self.least_gap(elastic, mode.motion, mu, box)
+        return state or self.least_gap(None, mode.motion), mode.load_factor
 
-    def of(self, force: Array, rounds: int | None = None) -> FaceState | None:
-        """The best state that pairs of programs lead to from the strengths of some forces."""
-        best: FaceState | None = None
-        for _ in range(rounds or self.options.rounds):
-            mode = self.mode(force)
-            state = None if mode is None else self.least_gap(None, mode.motion)
-            if state is None:
-                break
-            if best is None or state.gap < best.gap:
-                best = state
-            if best.gap < self.asked:
-                break
-            force = state.force
-        return best
+    def of(self, force: Array) -> FaceState | None:
+        """The state of least gap for the mode of the strengths of some forces."""
+        mode = self.mode(force)
+        return None if mode is None else self.least_gap(None, mode.motion)
 
     def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
@@ -236,19 +214,3 @@ class Certifier:
         if model.shears == 1:
             return (np.hstack([opening, np.maximum(-shear, 0.0), np.maximum(shear, 0.0)]),)
         return opening, np.hstack([slip[:, None], shear])
-
-    def _next_mu(self, best: FaceState | None, size: float) -> float:
-        units = self.model.shape[0]
-        if best is None or not np.isfinite(best.gap):
-            return 1e-3 * size / units
-        return max(best.gap, 1e-6) * size / (4 * units) * self.options.near
-
-
-def _scaled(iterate: Iterate, factor: float) -> Iterate:
-    """Motions and multipliers of an iterate times a factor."""
-    return replace(
-        iterate,
-        motion=factor * iterate.motion,
-        duals=tuple(factor * dual for dual in iterate.duals),
-        mu=factor * iterate.mu,
-    )

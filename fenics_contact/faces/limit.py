@@ -6,9 +6,9 @@ associated; one solve with it suffices on most structures. Else the friction bou
 
     c + theta (F - D) N + (1 - theta) (F - D) N_k,   N_k the pressing forces of the step before,
 
-and theta is small enough for these steps to converge. Every iterate that is near enough is handed
-to the certificate; the best state with its proved gap is the result. Where none is good enough,
-the best one's load factor is let free, and then the associative limit is the start.
+and theta = 1/2 is small enough for these steps to converge. Every iterate that is near enough is
+handed to the certificate; the best state with its proved gap is the result. Where none is good
+enough, the best one's load factor is let free, and then the associative limit is the start.
 """
 
 from __future__ import annotations
@@ -39,10 +39,9 @@ class LimitOptions:
         far: above it by this part of its size, at most
         works: times.
         first: Relative gap of the elastic state with Coulomb's law.
-        lost: Gap above which that is no start for anything.
         rough: Gap below which an iterate is a state.
-        thetas: What is tried in turn.
-        steps: Of each at most.
+        theta: Part of Coulomb's law in the steps that follow.
+        steps: At most.
         gap: Relative gap of each.
         tried: Part of the dissipation that the bound misses, from which the certificate is tried.
         settled: Part below which more steps do not help.
@@ -56,9 +55,8 @@ class LimitOptions:
     far: float = 0.02
     works: int = 3
     first: float = 1e-2
-    lost: float = 3.0
     rough: float = 0.1
-    thetas: tuple[float, ...] = (0.5, 0.8, 0.3)
+    theta: float = 0.5
     steps: int = 10
     gap: float = 3e-2
     tried: float = 5e-2
@@ -108,18 +106,13 @@ class FaceSearch:
         self._effort = effort
         self._check_stop = check_stop
         self._options = options
-        self._certifier = Certifier(model, self.equations, asked)
+        self._certifier = Certifier(model, self.equations)
 
     def run(self) -> FaceState | None:
         """Search until a state has the gap asked for; the best one."""
         state, work = self._with_coulomb(self.work)
         if not self._found:
-            lost = state.gap >= self._options.lost
-            pressed = self.dead_forces if lost else self.model.normal(np.maximum(state.force, 0.0))
-            for theta in self._options.thetas:
-                pressed = self._with_given_part(theta, pressed, work)
-                if self._found or self.is_spent:
-                    break
+            self._with_given_part(self.model.normal(np.maximum(state.force, 0.0)), work)
         if not self._found and self.best is not None:
             self._check_stop()
             found = self._certifier.of(self.best.force)
@@ -139,9 +132,8 @@ class FaceSearch:
             return
         for sign in (1.0, -1.0):
             self._check_stop()
-            certifier = Certifier(self.model, self.equations, self._asked, sign)
-            rounds = 1 if self.is_spent or sign < 0.0 else None
-            found = certifier.of(upper.force, rounds)
+            certifier = Certifier(self.model, self.equations, sign)
+            found = certifier.of(upper.force)
             size = self.model.size(upper.load_factor)
             least = upper.load_factor - self._options.reached * size
             if sign < 0.0 and found is not None and found.load_factor < least:
@@ -176,8 +168,6 @@ class FaceSearch:
         for again in range(options.works):
             work *= options.growth if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
-            if state.gap > options.lost:
-                break
             limit = self._certified("Coulomb's law", state, work)
             below = limit - state.load_factor > options.far * model.size(state.load_factor)
             if self._found or self.is_spent or not (state.gap < options.rough and below):
@@ -190,22 +180,27 @@ class FaceSearch:
         response = elastic_response(self.model, self.equations)
         return self.model.normal(np.maximum(response.dead_force, 0.0))
 
-    def _with_given_part(self, theta: float, pressed: Array, work: float) -> Array:
-        """Steps with a part of the bound given; the pressing forces that they end with."""
-        options, model = self._options, self.model
+    def _with_given_part(self, pressed: Array, work: float) -> None:
+        """Steps with a part of the bound given, from some pressing forces."""
+        options = self._options
+        model = self.model
+        theta = options.theta
         for _ in range(options.steps):
             if self.is_spent:
                 break
             state = self.elastic(theta, pressed, work, options.gap)
             own = np.maximum(model.normal(state.force), 0.0)
-            missed = self._missed(theta, state, own - pressed, work)
+            slip = np.linalg.norm(model.relative(state.motion)[:, model.pressing :], axis=1)
+            # Work of friction by which the bound differs from the state's own, over lambda W.
+            change = model.free_friction * np.abs(own - pressed)
+            missed = (1.0 - theta) * float(np.sum(change * slip))
+            missed /= work * model.size(state.load_factor)
             near = state.gap < options.rough
             pressed = own if near else 0.5 * (pressed + own)
             if near and missed < options.tried:
                 self._certified(f"theta {theta:g}", state, work)
                 if self._found or missed < options.settled:
                     break
-        return pressed
 
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:
         """The elastic state under a work, with a part theta of Coulomb's law and the rest given."""
@@ -222,18 +217,10 @@ class FaceSearch:
         )
         return solve(program, tolerances=Tolerances(gap, 1e-5, 1e-3))
 
-    def _missed(self, theta: float, state: Iterate, change: Array, work: float) -> float:
-        """Work of friction by which the bound differs from the state's own, over lambda W."""
-        model = self.model
-        relative = model.relative(state.motion)
-        slip = np.linalg.norm(relative[:, model.pressing :], axis=1)
-        lost = (1.0 - theta) * float(np.sum(model.free_friction * np.abs(change) * slip))
-        return lost / (work * model.size(state.load_factor))
-
     def _certified(self, name: str, state: Iterate, work: float) -> float:
         """Hand a state to the certificate; the limit with its strengths."""
         self._check_stop()
-        found, limit = self._certifier.near(state, work, 1)
+        found, limit = self._certifier.near(state, work)
         self._take(name, state.load_factor, found)
         return limit
 

@@ -28,7 +28,7 @@ class LowestOptions:
         gap: eps, relative; the load factor stands when it changes by less.
         allowed: Gap of a state at most.
         pairs: At most.
-        rough: Relative gap of elastic states to start from, and of certified states near them.
+        rough: Relative gap of elastic states to start from, and of certified states next to them.
         settled: Change of pressing forces, relative, below which a start's steps end.
         usual: Factorisations of one start at most, after which no other program is begun, and
         asked: where the user asks for the lowest state.
@@ -62,7 +62,7 @@ def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceStat
         Stopped: If the search is to end.
     """
     theta, part, steps = start
-    certifier = Certifier(search.model, search.equations, OPTIONS.rough)
+    certifier = Certifier(search.model, search.equations)
     pressed = part * search.dead_forces
     settled = False
     for step in range(steps):
@@ -72,7 +72,10 @@ def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceStat
         pressed = own
         if not (step == 0 or settled or step == steps - 1):
             continue
-        first, _ = certifier.near(state, search.work, 2)
+        first, _ = certifier.near(state, search.work)
+        if first is not None and first.gap > OPTIONS.rough:
+            again = certifier.of(first.force)
+            first = again if again is not None and again.gap < first.gap else first
         found = None if first is None else lowered(search, certifier, first)
         if found is not None and found.gap <= OPTIONS.allowed:
             return found

@@ -23,14 +23,6 @@ def inside(cone: object, size: int, seed: int) -> np.ndarray:
     return points
 
 
-def jordan(cone: object, v: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """The product v o w."""
-    if isinstance(cone, Positive):
-        return v * w
-    first = np.sum(v * w, axis=1, keepdims=True)
-    return np.hstack([first, v[:, :1] * w[:, 1:] + w[:, :1] * v[:, 1:]])
-
-
 def inverse_square(scaled: object, size: int) -> np.ndarray:
     """W^-2 by its action on the unit vectors, shape (units, size, size)."""
     units = [np.tile(axis, (UNITS, 1)) for axis in np.eye(size)]
@@ -63,16 +55,6 @@ def test_scaling_is_a_sum_of_squares(cone, size):
 
 
 @cones
-def test_products_are_those_of_the_scaled_point(cone, size):
-    """Summed, or in the first component of a disc, they are s . z."""
-    slack, dual = inside(cone, size, 5), inside(cone, size, 6)
-    products = cone.scaled(slack, dual).products
-    expected = np.sum(slack * dual, axis=1)
-    found = products.sum(axis=1) if isinstance(cone, Positive) else products[:, 0]
-    assert found == pytest.approx(expected, rel=1e-7)
-
-
-@cones
 def test_a_step_changes_the_products_as_wished(cone, size):
     """With dz = V - W^-2 ds, l o (W^-1 ds + W dz) is the change, whatever ds is."""
     scaled = cone.scaled(inside(cone, size, 7), inside(cone, size, 8))
@@ -82,14 +64,6 @@ def test_a_step_changes_the_products_as_wished(cone, size):
     scale = np.abs(scaled.stretch(ds)).max(axis=1, keepdims=True)
     missed = (scaled.linear(ds, dz) - change) / np.maximum(1.0, scale)
     assert np.abs(missed).max() < 1e-5
-
-
-@cones
-def test_second_order_of_products(cone, size):
-    """(W^-1 ds) o (W dz) for ds = s and dz = z is l o l."""
-    slack, dual = inside(cone, size, 10), inside(cone, size, 11)
-    scaled = cone.scaled(slack, dual)
-    assert scaled.cross(slack, dual) == pytest.approx(scaled.products, rel=1e-6, abs=1e-8)
 
 
 def is_inside(cone: object, point: np.ndarray) -> bool:
@@ -126,21 +100,3 @@ def test_longest_step_against_bisection(cone, size):
     assert cone.longest(places[1:2], steps[1:2]) == pytest.approx(1.0, rel=1e-6)
     whole = min(bisected(cone, *pair) for pair in zip(places, steps, strict=True))
     assert cone.longest(places, steps) == pytest.approx(whole, rel=1e-6)
-
-
-@cones
-def test_margin_is_zero_on_the_boundary(cone, size):
-    places = inside(cone, size, 14)
-    assert np.all(cone.margin(places) > 0.0)
-    edge = places.copy()
-    edge[:, 0] = 0.0 if isinstance(cone, Positive) else np.linalg.norm(places[:, 1:], axis=1)
-    assert cone.margin(edge) == pytest.approx(np.zeros(UNITS), abs=1e-12)
-
-
-@cones
-def test_raised_multipliers_are_inside_with_large_products(cone, size):
-    slack, dual = inside(cone, size, 15), 1e-6 * inside(cone, size, 16)
-    raised = cone.raised(slack, dual, 1e-2)
-    assert np.all(cone.margin(raised) > 0.0)
-    assert cone.margin(jordan(cone, slack, raised)).min() >= 1e-2 * (1.0 - 1e-6)
-    assert cone.raised(slack, 1e6 * dual, 0.0) == pytest.approx(1e6 * dual)

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from fenics_contact import EdgeForce, Load, Material, Scene
+from fenics_contact import Load, Material
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
@@ -128,36 +127,3 @@ def test_arches(name, strength, expected):
     assert found.load_factor == pytest.approx(expected, abs=6e-6)
     independent = crushing_blocks(*voussoirs(*ARCHES[name]), strength, 1e4)
     assert found.load_factor == pytest.approx(independent, rel=1e-5)
-
-
-def two_rings(count: int, strength: float) -> Scene:
-    """Two rings of voussoirs on each other, span 4 m, rise 1 m, 0.25 m thick; a wheel of 1 kN."""
-    span, rise, thickness = 4.0, 1.0, 0.25
-    radius = (span**2 / 4.0 + rise**2) / (2.0 * rise)
-    half = math.asin(0.5 * span / radius)
-    angle = 0.5 * np.pi - np.linspace(-half, half, count + 1)
-    ray = np.column_stack([np.cos(angle), np.sin(angle)])
-    edges = [(radius + 0.5 * thickness * k) * ray for k in range(3)]
-    blocks = [
-        [low[k + 1], low[k], high[k], high[k + 1]]
-        for low, high in pairwise(edges)
-        for k in range(count)
-    ]
-    ends = [(edges[0][k], edges[-1][k]) for k in (0, -1)]
-    stone = Material(5e9, 0.2, 2000.0, strength)
-    wheel = Load(force={"wheel": EdgeForce((0.0, -1e3), -1.0)})
-    parts = {"materials": {"default": stone}, "live": wheel}
-    return outlined(blocks, coulomb(0.6), 0.12, groups={"base": ends}, **parts).scene(1)
-
-
-@pytest.mark.parametrize("strength", [1e6, 3e5])
-@pytest.mark.parametrize(
-    "count",
-    [
-        pytest.param(count, marks=[pytest.mark.slow] * (count not in (3, 7, 20)))
-        for count in range(3, 21)
-    ],
-)
-def test_two_rings_that_crush(count, strength):
-    found = certified(planar_faces(two_rings(count, strength)).model)
-    assert found.load_factor > 0.0

@@ -14,10 +14,9 @@ import pytest
 
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
-from tests.bank import BANK, TRILITH
+from tests.bank import BANK
 from tests.boxes import box_model, box_wall, coursed, extruded
 from tests.second_solver import limit, misses, own_limit
 
@@ -38,18 +37,6 @@ def state(name: str, d: int) -> FaceState:
     found = FaceSearch(wall(name, d), GAP).run()
     assert found is not None
     return found
-
-
-@cache
-def interval(name: str) -> tuple[float, float]:
-    """The lowest state found in the plane, less what its gap leaves open, and nothing above."""
-    model = wall(name, 2)
-    lowest = min(
-        found.load_factor * (1.0 - 2.5 * found.gap)
-        for start in STARTS.values()
-        if (found := lowest_from(FaceSearch(model, 1e-4), start)) is not None
-    )
-    return lowest, limit(model, model.strength, model.friction)
 
 
 def load_factor(model: FaceModel) -> float:
@@ -76,14 +63,6 @@ def test_nothing_with_the_strengths_of_a_state_carries_more(name, d):
     own = own_limit(wall(name, d), found)
     assert own == pytest.approx(found.upper, rel=1e-6)
     assert found.load_factor <= own * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "d"), [pytest.param(*one, marks=[pytest.mark.slow] * ("x" in one[0])) for one in WALLS]
-)
-def test_load_factors_are_in_the_interval_of_the_plane(name, d):
-    lower, upper = interval(name)
-    assert lower <= state(name, d).load_factor <= upper
 
 
 @pytest.mark.parametrize("name", SMALL)
@@ -139,23 +118,3 @@ def test_stack_slides_or_tilts(d, friction, expected):
     """Five blocks of 0.5 x 0.2: min(F, 0.5 / (5 x 0.2))."""
     parts = (extruded(part, None if d == 2 else 0.3) for part in coursed([[1.0]] * 5, (0.5, 0.2)))
     assert load_factor(box_model(*parts, friction)) == pytest.approx(expected, rel=1e-5)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize(("friction", "expected"), [(0.1, 0.1), (0.7, 0.3)])
-def test_trilith_slides_or_tilts(d, friction, expected):
-    """Posts of 0.3 x 1 below a beam: min(F, 0.3)."""
-    depth = None if d == 2 else 0.5
-    corners = np.array(TRILITH)
-    outlines = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    ground = np.array([[[-1.0, -1.0], [2.3, 0.0]]])
-    model = box_model(extruded(outlines, depth), extruded(ground, depth), friction)
-    assert load_factor(model) == pytest.approx(expected, rel=1e-5)
-
-
-@pytest.mark.parametrize("name", ["W1", "W2", "4x6"])
-def test_free_wall_pushed_across_tilts_as_a_whole(name):
-    """Thickness 0.4 m over the height."""
-    height = {"W1": 6 * 0.175, "W2": 10 * 0.175, "4x6": 6 * 0.2}[name]
-    model = box_wall(name, 0.65, 3, push=(0.0, 1.0, 0.0))
-    assert load_factor(model) == pytest.approx(0.4 / height, rel=1e-5)

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from fenics_contact import JointLaw, limit_load
-from fenics_contact.collapse.least_forces import least_forces
-from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.results.certificate import certify
-from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import Variant, coulomb, tresca, wall_recipe
 from tests.helpers import dense
 
@@ -66,20 +60,6 @@ def test_nodes_are_loaded_alike_by_less(solved):
     assert size(least(result), whole.joints) < size(raw, whole.joints)
 
 
-@pytest.mark.mpi
-def test_the_certificate_passes_with_least_forces(solved):
-    result, whole, _ = solved
-    end, mine = result.positive, whole.operators.points
-    values = end.joints
-    state = replace(end.state, pressure=values.normal_force[mine], shear=values.shear_force[mine])
-    bonded = whole.bonded(GENERAL)
-    case = LoadCase.of(whole, bonded, 1.0, GENERAL, lambda step: None)
-    scales = case.scales_at(max(abs(state.work), case.bonded_work), state.load_factor)
-    certificate = certify(case.problem, state, end.mode, scales, end.load_factor, mine)
-    assert not certificate.failures
-    assert certificate.kinematic_factor == pytest.approx(end.certificate.kinematic_factor, rel=1e-7)
-
-
 def moved(result):
     """Points that have opened or slipped, or do so in the collapse mode."""
     values = result.positive.joints
@@ -124,11 +104,3 @@ def test_no_admissible_forces_are_less(solved):
     best = linprog(gradient / scale, laws, slack, rows, np.zeros(len(rows)), (-1.0, 1.0))
     assert best.status == 0
     assert best.fun > -1e-6
-
-
-def test_least_forces_again_change_nothing(solved):
-    result, whole, _ = solved
-    again = least_forces(whole, result.positive.joints)
-    assert again.normal_force == pytest.approx(
-        result.positive.joints.normal_force, abs=1e-9 * again.normal_force.max()
-    )

@@ -82,14 +82,3 @@ def test_weights_over_thirty_powers_of_ten(m, count):
             for j in range(m):
                 error = abs(Fraction(found[k, i, j]) - exact[i][j])
                 assert error <= Fraction(1e-12) * largest
-
-
-def test_elimination_loses_what_the_sum_keeps():
-    """The same kind of matrix by numpy, so that the test above is no trifle."""
-    vectors = np.array([[[1.0, 1.0], [1.0, 2.0]]])
-    weights = np.array([[1e15, 1e-15]])
-    exact = float(exact_inverse(vectors[0], weights[0])[0][0])
-    found = Springs(vectors, vectors).inverse(weights)[0, 0, 0]
-    assert found == pytest.approx(exact, rel=1e-14)
-    matrix = summed(vectors, vectors, weights)[0]
-    assert abs(np.linalg.det(matrix) - 1.0) > 0.1  # it is 1
