@@ -99,62 +99,29 @@ def facade(
     require(storeys >= 1 and bays >= 1, "facade: give at least one storey and one bay")
     require(min(sizes) > 0.0 <= sill, "facade: sizes must be positive, sill 0 or more")
     parts = _Parts()
-    storey = _Storey(bays, opening, pier, block, sill)
+    length, height = block
+    step = opening[0] + pier
+    total = bays * step + pier
+    starts = step * np.arange(bays + 1)  # left ends of the piers
+    bearing = min(0.5 * length, pier / 3.0)
+    lintels = [(x + pier - bearing, x + step + bearing) for x in starts[:-1].tolist()]
+    ends = [0.0, *itertools.chain(*lintels), total]
     low = 0.0
     for _ in range(storeys):
-        low = storey.drawn(parts, low)
-    return parts.framed(_box((0.0, storey.length), (0.0, low)))
-
-
-@dataclass(frozen=True)
-class _Storey:
-    """A storey of a facade; attributes as arguments of `facade`."""
-
-    bays: int
-    opening: Pair
-    pier: float
-    block: Pair
-    sill: float
-
-    @property
-    def step(self) -> float:
-        """From one pier to the next, m."""
-        return self.opening[0] + self.pier
-
-    @property
-    def length(self) -> float:
-        """Of the facade, m."""
-        return self.bays * self.step + self.pier
-
-    @property
-    def starts(self) -> Array:
-        """Left ends of the piers, m, shape (bays + 1,)."""
-        return self.step * np.arange(self.bays + 1)
-
-    def drawn(self, parts: _Parts, low: float) -> float:
-        """Draw the storey from a level up, m; returns the level of its top."""
-        length, height = self.block
-        levels = _levels(low, self.sill, height)
+        levels = _levels(low, sill, height)
         for k, y in enumerate(itertools.pairwise(levels)):
-            parts.course("spandrels", (0.0, self.length), y, length, k % 2)
-        levels = _levels(levels[-1], self.opening[1], height)
+            parts.course("spandrels", (0.0, total), y, length, k % 2)
+        levels = _levels(levels[-1], opening[1], height)
         for k, y in enumerate(itertools.pairwise(levels)):
-            for start in self.starts.tolist():
-                parts.course("piers", (start, start + self.pier), y, length, k % 2)
+            for start in starts.tolist():
+                parts.course("piers", (start, start + pier), y, length, k % 2)
         floor = levels[-1] + height
-        self._draw_lintels(parts, (levels[-1], floor))
-        joints = [0.0, *(self.starts[1:-1] + 0.5 * self.pier), self.length]
-        parts.row("floors", joints, (floor, floor + height))
-        return floor + height
-
-    def _draw_lintels(self, parts: _Parts, y: Pair) -> None:
-        """Draw the course of the lintels between two levels, with the piers beside them."""
-        bearing = min(0.5 * self.block[0], self.pier / 3.0)
-        piers = self.starts[:-1].tolist()
-        lintels = [(x + self.pier - bearing, x + self.step + bearing) for x in piers]
-        ends = [0.0, *itertools.chain(*lintels), self.length]
-        parts.add("lintels", *[_box(x, y) for x in lintels])
-        parts.add("piers", *[_box(x, y) for x in zip(ends[::2], ends[1::2], strict=True)])
+        beside = zip(ends[::2], ends[1::2], strict=True)  # piers beside the lintels
+        parts.add("lintels", *[_box(x, (levels[-1], floor)) for x in lintels])
+        parts.add("piers", *[_box(x, (levels[-1], floor)) for x in beside])
+        low = floor + height
+        parts.row("floors", [0.0, *(starts[1:-1] + 0.5 * pier), total], (floor, low))
+    return parts.framed(_box((0.0, total), (0.0, low)))
 
 
 def _levels(low: float, height: float, course: float) -> list[float]:
@@ -212,87 +179,50 @@ def bridge(
         parts: The other sizes.
     """
     parts = parts or BridgeParts()
-    _check_bridge((span, rise, ring), (voussoirs, spans), parts)
-    curves = _ring_curves(span, rise, ring * np.arange(parts.rings + 1), voussoirs)
-    road = float(curves[-1][:, 1].max()) + parts.cover
-    drawn = _Parts()
-    wide, high = parts.pier
-    for k in range(spans):
-        _arch(drawn, [np.add(curve, (k * (span + wide), 0.0)) for curve in curves], road)
-    _piers(drawn, (span, spans), curves[-1][0], parts.pier, road)
-    ends = (-wide, spans * (span + wide))
-    top_level = road + parts.parapet
-    if parts.parapet > 0.0:
-        drawn.course("parapets", ends, (road, top_level), 2.0 * parts.parapet, 0)
-    return drawn.framed(_box(ends, (-high, top_level)))
-
-
-def _check_bridge(sizes: tuple[float, float, float], counts: Pair, parts: BridgeParts) -> None:
-    span, rise, ring = sizes
-    require(min(*counts, parts.rings) >= 1, "bridge: give one of each part at least")
+    require(min(voussoirs, spans, parts.rings) >= 1, "bridge: give one of each part at least")
     require(0.0 < rise <= 0.5 * span and ring > 0.0, "bridge: 0 < rise <= span / 2, and ring > 0")
     require(parts.cover > 0.0, "bridge: the cover must be positive")
     require(parts.parapet >= 0.0, "bridge: the parapet must be 0 or more")
     require(parts.pier[1] >= 0.0, "bridge: the height of piers must be 0 or more")
-
-
-def _ring_curves(span: float, rise: float, above: Array, voussoirs: int) -> list[Array]:
-    """Corners of voussoirs along the intrados and so much above it, shape (voussoirs + 1, 2)."""
     radius = 0.5 * (0.25 * span**2 / rise + rise)
     half = np.arctan2(0.5 * span, radius - rise)
     angles = np.linspace(-half, half, voussoirs + 1)
     ray = np.column_stack([np.sin(angles), np.cos(angles)])
-    return [(radius + one) * ray + (0.5 * span, rise - radius) for one in above]
-
-
-def _arch(drawn: _Parts, curves: list[Array], road: float) -> None:
-    """Rings between curves, each of shape (points, 2), from below; spandrels up to the road."""
-    for low, high in itertools.pairwise(curves):
-        drawn.add("voussoirs", *blocks_between(low, high))
-    above = np.column_stack([curves[-1][:, 0], np.full(len(curves[-1]), road)])
-    drawn.add("spandrels", *blocks_between(curves[-1], above))
-    drawn.side("intrados", *itertools.pairwise(curves[0]))
-    drawn.side("springings", *[(curves[0][k], curves[-1][k]) for k in (0, -1)])
-    for curve in curves[1:-1]:
-        drawn.side("rings", *itertools.pairwise(curve))
-
-
-def _piers(
-    drawn: _Parts, spans: tuple[float, int], springing: Array, pier: Pair, road: float
-) -> None:
-    """The piers and abutments of a bridge.
-
-    `spans` are the clear width of an arch, m, and their number; `springing` is the outer end of the
-    first arch, `pier` the width and height of a pier, m.
-    """
-    span, count = spans
-    wide, high = pier
-    reach = -float(springing[0])
-    least = 2.0 * reach if count > 1 else reach
+    centre = (0.5 * span, rise - radius)
+    curves = [(radius + above) * ray + centre for above in ring * np.arange(parts.rings + 1)]
+    road = float(curves[-1][:, 1].max()) + parts.cover
+    drawn = _Parts()
+    wide, high = parts.pier
+    for k in range(spans):
+        arches = [np.add(curve, (k * (span + wide), 0.0)) for curve in curves]
+        for lower, upper in itertools.pairwise(arches):
+            drawn.add("voussoirs", *blocks_between(lower, upper))
+        above = np.column_stack([arches[-1][:, 0], np.full(voussoirs + 1, road)])
+        drawn.add("spandrels", *blocks_between(arches[-1], above))
+        drawn.side("intrados", *itertools.pairwise(arches[0]))
+        drawn.side("springings", *[(arches[0][k], arches[-1][k]) for k in (0, -1)])
+        for curve in arches[1:-1]:
+            drawn.side("rings", *itertools.pairwise(curve))
+    reach, level = (abs(float(x)) for x in curves[-1][0])  # of the rings onto the pier
+    least = 2.0 * reach if spans > 1 else reach
     require(wide >= least, f"bridge: piers must be {least:.4g} m wide, for the springings")
-    for k in range(count + 1):
+    for k in range(spans + 1):
         right = k * (span + wide)
-        foot = right - wide, right
-        top = foot[0] + (reach if k > 0 else 0.0), right - (reach if k < count else 0.0)
-        _pier(drawn, foot, top, (-high, float(springing[1]), road))
-
-
-def _pier(drawn: _Parts, foot: Pair, top: Pair, levels: tuple[float, float, float]) -> None:
-    """A pier of courses up to y = 0, the skewback on it, and the spandrel from there to the road.
-
-    `foot` and `top` are the sides of the pier and of the upper end of the skewback; `levels` are
-    those of the ground, of that end, and of the road, m.
-    """
-    ground, level, road = levels
-    wide = foot[1] - foot[0]
-    courses = itertools.pairwise(_levels(ground, -ground, 0.5 * wide))
-    drawn.add("piers", *[_box(foot, y) for y in courses])
-    tip = top[1] - top[0] <= 1e-9 * wide  # no room for a spandrel
-    if level > 1e-9 * wide:  # else a semicircle, which needs none
-        upper = [(top[1], level), (top[0], level)]
-        drawn.add("skewbacks", [(foot[0], 0.0), (foot[1], 0.0), *upper[: 1 if tip else 2]])
-    if not tip:
-        drawn.add("spandrels", _box(top, (level, road)))
+        left = right - wide
+        top = left + (reach if k > 0 else 0.0), right - (reach if k < spans else 0.0)
+        courses = itertools.pairwise(_levels(-high, high, 0.5 * wide))
+        drawn.add("piers", *[_box((left, right), y) for y in courses])
+        tip = top[1] - top[0] <= 1e-9 * wide  # no room for a spandrel
+        if level > 1e-9 * wide:  # else a semicircle, which needs no skewback
+            upper_end = [(top[1], level), (top[0], level)][: 1 if tip else 2]
+            drawn.add("skewbacks", [(left, 0.0), (right, 0.0), *upper_end])
+        if not tip:
+            drawn.add("spandrels", _box(top, (level, road)))
+    sides = (-wide, spans * (span + wide))
+    top_level = road + parts.parapet
+    if parts.parapet > 0.0:
+        drawn.course("parapets", sides, (road, top_level), 2.0 * parts.parapet, 0)
+    return drawn.framed(_box(sides, (-high, top_level)))
 
 
 @checked

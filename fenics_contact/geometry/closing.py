@@ -92,7 +92,11 @@ class Mortar:
         outlines = [o if outline_area(o) >= 0.0 else o[::-1] for o in outlines]
         near = COINCIDENT * float(np.ptp(np.concatenate(outlines), axis=0).max())
         every = cls(outlines, near, *_stretches(outlines, near, LIMITS.reach * size))
-        every = every._only(every._seen())
+        # No third stone may lie between the sides of a stretch: points across its middle.
+        first, second = every.points.mean(axis=2).transpose(1, 0, 2)
+        points = np.concatenate([first + at * (second - first) for at in (0.25, 0.5, 0.75)])
+        between = (inside_outlines(points, outlines) >= 0).reshape(3, -1).any(axis=0)
+        every = every._only((every.thickness <= 4.0 * near) | ~between)
         if every.length[every.open].sum() < LIMITS.share * every.length.sum():
             every = every._only(every.thickness <= LIMITS.few * size)
         return every._only(every.thickness <= LIMITS.wide * every.usual + near)
@@ -100,13 +104,6 @@ class Mortar:
     def _only(self, some: Flags) -> Mortar:
         names = "blocks", "points", "place", "gap"
         return replace(self, **{name: getattr(self, name)[some] for name in names})
-
-    def _seen(self) -> Flags:
-        """Stretches with no third stone between their sides, by points across their middles."""
-        first, second = self.points.mean(axis=2).transpose(1, 0, 2)
-        points = np.concatenate([first + at * (second - first) for at in (0.25, 0.5, 0.75)])
-        inside = inside_outlines(points, self.outlines) >= 0
-        return (self.thickness <= 4.0 * self.near) | ~inside.reshape(3, -1).any(axis=0)
 
     @cached_property
     def thickness(self) -> Array:
@@ -215,29 +212,26 @@ class ClosedJoints:
         """Close the joints that were found."""
         self._mortar = mortar
         self._count = 2 * len(mortar.blocks)
-        self._turns = np.arange(self._count)
-        self._stretch, side = np.divmod(self._turns, 2)
+        turns = np.arange(self._count)
+        self._stretch, side = np.divmod(turns, 2)
         self._gap = mortar.gap[self._stretch, 1 - side]
         own = [np.stack([side, 1 - side], axis=1), self._stretch[:, None], side[:, None]]
         self._place = mortar.place[own[1], own[2], own[0]]  # where its stone comes and leaves
         self._own = mortar.points[own[1], own[2], own[0]]
-        self._around = self._turns_of_stones(mortar.blocks.ravel())
+        stone = mortar.blocks.ravel()
+        order = np.lexsort([self._place.mean(axis=1), stone])
+        around = np.split(order, np.flatnonzero(np.diff(stone[order])) + 1)
+        self._around = {int(stone[some[0]]): some for some in around if len(some)}
         self._after = np.empty(self._count, dtype=np.int64)
-        for turns in self._around.values():
-            self._after[turns] = np.roll(turns, -1)
+        for some in self._around.values():
+            self._after[some] = np.roll(some, -1)
         self._before = np.argsort(self._after)
         self._first = np.cumsum([0, *map(len, mortar.outlines)])
-        self._paths = [self._path(turn) for turn in self._turns.tolist()]
-        self._pocket = connected(np.column_stack([self._turns, self._after ^ 1]), self._count)
+        self._paths = [self._path(turn) for turn in range(self._count)]
+        self._pocket = connected(np.column_stack([turns, self._after ^ 1]), self._count)
         self._is_point, self._joint = self._joints()
         self._kept = self._without_flat_joints()
         self.outlines = [self._grown(stone) for stone in range(len(mortar.outlines))]
-
-    def _turns_of_stones(self, stone: Indices) -> dict[int, Indices]:
-        """Turns in their order around every stone that has some."""
-        order = np.lexsort([self._place.mean(axis=1), stone])
-        parts = np.split(order, np.flatnonzero(np.diff(stone[order])) + 1)
-        return {int(stone[part[0]]): part for part in parts if len(part)}
 
     def _path(self, turn: int) -> Array:
         """Own outline from a turn to the next stretch, shape (points, 2).
@@ -264,7 +258,7 @@ class ClosedJoints:
     def _joints(self) -> tuple[Flags, Array]:
         """Which turns are at pockets that become points, and where joints end at every turn."""
         mortar = self._mortar
-        middle = mortar.points.mean(axis=1)[self._stretch, 1 - self._turns % 2]
+        middle = mortar.points.mean(axis=1)[self._stretch, 1 - np.arange(self._count) % 2]
         points = np.concatenate([middle, *self._paths])
         lengths = [len(path) for path in self._paths]
         label = np.concatenate([self._pocket, np.repeat(self._pocket, lengths)])
@@ -285,7 +279,9 @@ class ClosedJoints:
         is_point = width <= LIMITS.pocket * thick + 10.0 * mortar.near
         is_point[outside] = False
         starts = np.array([path[0] for path in self._paths]).reshape(-1, 2)
-        ends = np.array([self._paths[k][-1] for k in self._before[self._turns ^ 1]]).reshape(-1, 2)
+        ends = np.array(
+            [self._paths[k][-1] for k in self._before[np.arange(self._count) ^ 1]]
+        ).reshape(-1, 2)
         of_turn = is_point[self._pocket]
         return of_turn, np.where(of_turn[:, None], crossing[self._pocket], 0.5 * (starts + ends))
 
@@ -295,7 +291,9 @@ class ClosedJoints:
 
         inner = self._is_point & (np.bincount(self._pocket)[self._pocket] == 2)
         kept = np.ones(self._count, dtype=bool)
-        for turn in np.flatnonzero(inner & ~inner[self._before] & (self._turns % 2 == 0)).tolist():
+        for turn in np.flatnonzero(
+            inner & ~inner[self._before] & (np.arange(self._count) % 2 == 0)
+        ).tolist():
             chain = [turn ^ 1, turn]
             while inner[chain[-1]]:
                 chain.append(int(self._after[chain[-1]]))
@@ -312,19 +310,17 @@ class ClosedJoints:
         rows: list[Array] = []
         for turn in self._around[stone].tolist():
             rows += [self._joint[k] for k in (turn ^ 1, turn) if self._kept[k]]
-            if not self._is_point[turn]:
-                rows += self._outside(turn)
+            if self._is_point[turn]:
+                continue
+            # Corners of the stone's own outline from here to the next stretch.
+            following = self._after[turn]
+            own = [self._joint[turn], *self._paths[turn], self._joint[following ^ 1]]
+            for at, gap in ((1, self._gap[turn]), (-2, self._gap[following ^ 1])):
+                if len(own) > 2 and _off(*own[at - 1 : at + 2 or None]) <= LIMITS.straight * gap:
+                    del own[at]
+            rows += own[1:-1]
         outline = _without_twins(np.array(rows))
         return outline[1:] if np.array_equal(outline[0], outline[-1]) else outline
-
-    def _outside(self, turn: int) -> list[Array]:
-        """Corners of a stone's own outline from a turn to the next stretch."""
-        following = self._after[turn]
-        rows = [self._joint[turn], *self._paths[turn], self._joint[following ^ 1]]
-        for at, gap in ((1, self._gap[turn]), (-2, self._gap[following ^ 1])):
-            if len(rows) > 2 and _off(*rows[at - 1 : at + 2 or None]) <= LIMITS.straight * gap:
-                del rows[at]
-        return rows[1:-1]
 
     def moved(self, points: Array) -> Array:
         """Points, shape (points, 2), of which those on stretches are where these have moved."""

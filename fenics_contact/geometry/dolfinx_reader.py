@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx.mesh import Mesh
 
 from fenics_contact import compat
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.gmsh_reader import CELL_TYPES, GmshContents
 
-Indices = npt.NDArray[np.int64]
 #: Names by number of a tag, or by dimension and number.
 TagNames = Mapping[Any, str]
 
@@ -40,36 +38,10 @@ def contents(
     Raises:
         InputError: On all ranks, if this is not a planar mesh, its tags or their names.
     """
-    _check_mesh(domain, source)
-    comm = domain.comm
-    with raised_together(comm):
-        _check_tags(domain, cell_tags, "cell_tags", 2)
-        _check_tags(domain, facet_tags, "facet_tags", 1)
-    tagged = {2: _cells(domain, cell_tags), 1: _facets(domain, facet_tags)}
-    _check_all_tagged(domain, cell_tags)
-    mine = {dim: set(values.tolist()) for dim, (_, values) in tagged.items()}
-    everywhere = comm.allgather(mine)
-    numbers = {dim: sorted(set().union(*(part[dim] for part in everywhere))) for dim in mine}
-    groups = _named(names, numbers)
-    points = domain.geometry.x[: domain.geometry.index_map().size_local]
-    parts = comm.gather((tagged, points)) or [(tagged, points)]  # only rank 0 makes blocks of them
-    kind = _KINDS[domain.topology.cell_type.name]
-    elements = []
-    for dim, of_gmsh in ((1, _LINE), (2, kind)):
-        ends, values = (np.concatenate([part[0][dim][k] for part in parts]) for k in (0, 1))
-        for number in numbers[dim]:
-            flat = ends[values == number].ravel().astype(np.uint64)
-            elements.append((dim, [number], of_gmsh, flat))
-    coordinates = np.concatenate([part[1] for part in parts])
-    nodes = np.arange(len(coordinates), dtype=np.uint64)
-    return GmshContents(groups, nodes, coordinates, elements, {})
-
-
-def _check_mesh(domain: Any, source: str) -> None:
-    """Refuse what is not a mesh of straight planar cells; alike on all ranks."""
     if not isinstance(domain, Mesh):
         raise InputError(f"mesh = {type(domain).__name__} must be a dolfinx.mesh.Mesh")
-    cell = domain.topology.cell_type.name
+    topology = domain.topology
+    cell = topology.cell_type.name
     dim = domain.geometry.dim
     if cell not in _KINDS:
         known = " or ".join(_KINDS)
@@ -80,6 +52,50 @@ def _check_mesh(domain: Any, source: str) -> None:
     degree = domain.geometry.cmap.degree
     if degree != 1:
         raise InputError(f"{source} has curved cells of degree {degree}; make it of degree 1")
+    comm = domain.comm
+    with raised_together(comm):
+        _check_tags(domain, cell_tags, "cell_tags", 2)
+        _check_tags(domain, facet_tags, "facet_tags", 1)
+
+    nodes = compat.geometry_dofs(domain)
+    owned = topology.index_map(2).size_local
+    mine = cell_tags.indices < owned
+    untagged = comm.allreduce(owned - len(np.unique(cell_tags.indices[mine])))
+    if untagged:
+        raise InputError(f"cell_tags: {untagged} cells have no tag; give every cell one")
+    for dims in ((1, 0), (2, 0)):
+        topology.create_connectivity(*dims)
+    vertices = topology.connectivity(2, 0).array.reshape(nodes.shape)
+    node = np.zeros(int(vertices.max(initial=-1)) + 1, dtype=np.int32)
+    node[vertices] = nodes
+    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[facet_tags.indices]
+    index_map = domain.geometry.index_map()
+    tagged = {}  # nodes, by their numbers on all ranks, and tags
+    for number, some, values in (
+        (2, nodes[:, _ROUND[cell]][cell_tags.indices[mine]], cell_tags.values[mine]),
+        (1, node[ends], facet_tags.values),
+    ):
+        everywhere = index_map.local_to_global(some.ravel().astype(np.int32))
+        tagged[number] = (
+            np.reshape(everywhere, some.shape).astype(np.int64),
+            values.astype(np.int64),
+        )
+
+    sets = comm.allgather({dim: set(values.tolist()) for dim, (_, values) in tagged.items()})
+    numbers = {dim: sorted(set().union(*(part[dim] for part in sets))) for dim in tagged}
+    groups = _named(names, numbers)
+    points = domain.geometry.x[: index_map.size_local]
+    parts = comm.gather((tagged, points)) or [(tagged, points)]  # only rank 0 makes blocks of them
+    elements = []
+    for dim, of_gmsh in ((1, _LINE), (2, _KINDS[cell])):
+        table, tags = (np.concatenate([part[0][dim][k] for part in parts]) for k in (0, 1))
+        for number in numbers[dim]:
+            flat = table[tags == number].ravel().astype(np.uint64)
+            elements.append((dim, [number], of_gmsh, flat))
+    coordinates = np.concatenate([part[1] for part in parts])
+    return GmshContents(
+        groups, np.arange(len(coordinates), dtype=np.uint64), coordinates, elements, {}
+    )
 
 
 def _check_tags(domain: Any, tags: Any, name: str, dim: int) -> None:
@@ -97,41 +113,6 @@ def _check_tags(domain: Any, tags: Any, name: str, dim: int) -> None:
         raise InputError(f"{name} are those of another mesh; make them with meshtags of this one")
     if not np.issubdtype(tags.values.dtype, np.integer):
         raise InputError(f"{name} has tags of type {tags.values.dtype}; give whole numbers (int32)")
-
-
-def _check_all_tagged(domain: Any, tags: Any) -> None:
-    """Refuse cells without a tag. Collective."""
-    owned = domain.topology.index_map(2).size_local
-    mine = np.unique(tags.indices[tags.indices < owned])
-    untagged = domain.comm.allreduce(owned - len(mine))
-    if untagged:
-        raise InputError(f"cell_tags: {untagged} cells have no tag; give every cell one")
-
-
-def _global(domain: Any, nodes: Any) -> Indices:
-    """Numbers on all ranks of this rank's geometry nodes."""
-    numbers = domain.geometry.index_map().local_to_global(nodes.ravel().astype(np.int32))
-    return np.asarray(numbers, dtype=np.int64).reshape(nodes.shape)
-
-
-def _cells(domain: Any, tags: Any) -> tuple[Indices, Indices]:
-    """Nodes, going round, of the tagged cells that this rank owns, and their numbers."""
-    mine = tags.indices < domain.topology.index_map(2).size_local
-    nodes = compat.geometry_dofs(domain)[:, _ROUND[domain.topology.cell_type.name]]
-    return _global(domain, nodes[tags.indices[mine]]), tags.values[mine].astype(np.int64)
-
-
-def _facets(domain: Any, tags: Any) -> tuple[Indices, Indices]:
-    """Nodes at the ends of this rank's tagged facets, and their numbers. Collective."""
-    topology = domain.topology
-    nodes = compat.geometry_dofs(domain)
-    for dims in ((1, 0), (2, 0)):
-        topology.create_connectivity(*dims)
-    vertices = topology.connectivity(2, 0).array.reshape(nodes.shape)
-    node = np.zeros(int(vertices.max(initial=-1)) + 1, dtype=np.int32)
-    node[vertices] = nodes
-    ends = topology.connectivity(1, 0).array.reshape(-1, 2)[tags.indices]
-    return _global(domain, node[ends]), tags.values.astype(np.int64)
 
 
 def _named(names: TagNames, numbers: Mapping[int, list[int]]) -> dict[tuple[int, int], str | None]:

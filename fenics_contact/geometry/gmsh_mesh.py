@@ -166,10 +166,23 @@ def mesh_of(found: GmshContents, source: str) -> GmshMesh:
     if not cell_names:
         problem = "has no two-dimensional physical group; put the blocks' surfaces into one"
         raise InputError(f"{source} {problem}")
-    cell_name, nodes, groups_of_cells, surface = _cells(found, source)
+    by_entity = list(_elements(found, 2))
+    kinds = {kind for _, kind, _ in by_entity}
+    if not kinds:
+        raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
+    if len(kinds) > 1 or not kinds <= set(CELL_TYPES):
+        listed = ", ".join(found.kinds[kind] for kind in sorted(kinds))
+        raise InputError(
+            f"{source} has cells of kind {listed}; mesh it with straight triangles only, or with"
+            " straight quadrilaterals only"
+        )
+    cell_name, width = CELL_TYPES[kinds.pop()]
+    counts = [len(flat) // width for *_, flat in by_entity]
+    surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
+    of_entity, cell_sets = _numbered(groups for groups, *_ in by_entity)
     used, flat = np.unique(nodes, return_inverse=True)
     facets, facet_groups, facet_sets = _facets(found, used)
-    cell_groups, cell_sets = _numbered(groups_of_cells)
     if not np.all(np.isin(used, found.tags)):
         raise InputError(f"{source} has cells with nodes that it lacks; save it again as .msh")
     order = np.argsort(found.tags)
@@ -179,7 +192,7 @@ def mesh_of(found: GmshContents, source: str) -> GmshMesh:
     cells = anticlockwise(points, flat.reshape(nodes.shape), source)
     tags = facets, facet_groups, cell_sets, facet_sets, cell_names, facet_names
     surfaces = len(np.unique(surface))
-    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, cell_groups, surface)
+    return GmshMesh(source, *tags, surfaces, cell_name, points, cells, of_entity[surface], surface)
 
 
 def _numbered(groups: Iterable[Names]) -> tuple[Labels, tuple[Names, ...]]:
@@ -194,26 +207,6 @@ def _elements(found: GmshContents, dim: int) -> Iterator[tuple[Names, int, Tags]
     for dimension, tags, kind, flat in found.elements:
         if dimension == dim:
             yield frozenset(str(found.groups[dim, tag]) for tag in tags), kind, flat
-
-
-def _cells(found: GmshContents, source: str) -> tuple[str, Tags, list[Names], Labels]:
-    """Cell name, nodes of the cells, their groups and surfaces."""
-    by_entity = list(_elements(found, 2))
-    kinds = {kind for _, kind, _ in by_entity}
-    if not kinds:
-        raise InputError(f"{source} has no cells in its two-dimensional groups; mesh it first")
-    if len(kinds) > 1 or not kinds <= set(CELL_TYPES):
-        listed = ", ".join(found.kinds[kind] for kind in sorted(kinds))
-        raise InputError(
-            f"{source} has cells of kind {listed}; mesh it with straight triangles only, or with"
-            " straight quadrilaterals only"
-        )
-    name, width = CELL_TYPES[kinds.pop()]
-    counts = [len(flat) // width for *_, flat in by_entity]
-    groups = [by_entity[k][0] for k, count in enumerate(counts) for _ in range(count)]
-    surface = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
-    nodes = np.concatenate([flat for *_, flat in by_entity]).reshape(-1, width)
-    return name, nodes, groups, surface
 
 
 def _facets(found: GmshContents, used: Tags) -> tuple[Indices, Labels, tuple[Names, ...]]:

@@ -22,22 +22,10 @@ from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.toml_tables import from_table, read_toml
 from fenics_contact.scene.units import UNITS, Units
 
-#: Values that strings can have, by name of their key.
-CHOICES = {
-    "law": ("coulomb", "tresca", "frictionless"),
-    "opened": ("kept", "lost"),
-    "blocks": BLOCKS,
-    "supports": ("fixed", "roller"),
-    "profile": ("uniform", "triangular"),
-    "plane.state": ("strain", "stress"),
-    "method": ("auto", "fixed-point", "monolithic", "splitting", "active-set"),
-    "direction": ("positive", "negative", "both"),
-    "control": ("work", "load"),
-    "slip": ("stress-free", "load-steps"),
-    "states": ("first", "lowest"),
-    "engine": ("auto", "path", "faces"),
-    "formats": ("png", "svg", "pdf"),
-}
+#: Values that strings of tables can have, by name of their key.
+SUPPORTS = ("fixed", "roller")
+PLANE = ("strain", "stress")
+FORMATS = ("png", "svg", "pdf")
 
 #: Methods that solve for joint forces within given bounds.
 BY_JOINT_FORCES = ("splitting", "active-set")
@@ -97,15 +85,14 @@ def _require_pair(name: str, value: Sequence[float]) -> None:
         _require_size(name, component)
 
 
-def _require_choice(name: str, value: str, kind: str = "") -> None:
-    known = CHOICES[kind or name]
+def _require_choice(name: str, value: str, known: Sequence[str]) -> None:
     require(value in known, f"{name} = '{value}' must be one of {', '.join(known)}")
 
 
 def _require_profile(name: str, value: tuple[tuple[float, float], ...] | str) -> None:
     """Refuse a profile over the height that is neither a known word nor a table."""
     if isinstance(value, str):
-        _require_choice(name, value)
+        _require_choice(name, value, ("uniform", "triangular"))
         return
     count = len(value)
     few = f"profile has {count} pairs [height, factor]; give 2 to {MOST_HEIGHTS}"
@@ -149,6 +136,11 @@ _FINITE = _rule(math.isfinite, "must be a finite number (m)")
 def _ruled(rule: Rule, default: Any = MISSING) -> Any:
     """A field whose values, if not None, keep to a rule."""
     return field(default=default, metadata={"rule": rule})
+
+
+def _one_of(*known: str) -> Any:
+    """A field with one of these texts, by default the first."""
+    return _ruled(lambda name, value: _require_choice(name, value, known), known[0])
 
 
 @dataclass(frozen=True)
@@ -202,7 +194,7 @@ class JointLaw(_Checked):
             a collapse.
     """
 
-    law: str = _ruled(_require_choice, "coulomb")
+    law: str = _one_of("coulomb", "tresca", "frictionless")
     friction: float | None = _ruled(_NOT_NEGATIVE, None)
     bound: float | None = _ruled(_NOT_NEGATIVE, None)
     cohesion: float = _ruled(_NOT_NEGATIVE, 0.0)
@@ -210,7 +202,7 @@ class JointLaw(_Checked):
     gap: float = _ruled(_NOT_NEGATIVE, 0.0)
     dilatancy: float = _ruled(_rule(lambda v: 0.0 <= v < 90.0, "must lie in 0 ... 90 degrees"), 0.0)
     tensile_strength: float = _ruled(_NOT_NEGATIVE, 0.0)
-    opened: str = _ruled(_require_choice, "kept")
+    opened: str = _one_of("kept", "lost")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -462,18 +454,18 @@ class SolveOptions(_Checked):
             says more about them.
     """
 
-    method: str = _ruled(_require_choice, "auto")
-    direction: str = _ruled(_require_choice, "positive")
+    method: str = _one_of("auto", "fixed-point", "monolithic", "splitting", "active-set")
+    direction: str = _one_of("positive", "negative", "both")
     tolerance: float = _ruled(_within(1e-12, 0.1, "must lie between 1e-12 and 0.1"), 1e-6)
-    control: str = _ruled(_require_choice, "work")
-    slip: str = _ruled(_require_choice, "stress-free")
-    states: str = _ruled(_require_choice, "first")
+    control: str = _one_of("work", "load")
+    slip: str = _one_of("stress-free", "load-steps")
+    states: str = _one_of("first", "lowest")
     lowest: bool | None = None
     error: bool | None = None
     accuracy: float | None = _ruled(_within(1e-6, 0.5, "must lie between 1e-6 and 0.5"), None)
     peak: bool | None = None
     time: float | None = _ruled(_rule(lambda v: 0.0 < v < math.inf, "must be positive (s)"), None)
-    engine: str = _ruled(_require_choice, "auto")
+    engine: str = _one_of("auto", "path", "faces")
     gap: float | None = _ruled(_rule(lambda v: 0.0 < v <= 0.1, "must lie in 0 ... 0.1"), None)
     fast: bool = False
 
@@ -524,7 +516,7 @@ class OutputOptions(_Checked):
         known = ", ".join(f"{name} ({units})" for name, units in UNITS.items())
         require(self.units in UNITS, f"units = '{self.units}' must be one of {known}")
         for name in self.formats:
-            _require_choice("formats", name)
+            _require_choice("formats", name, FORMATS)
         require(len(self.formats) > 0, "formats is empty; use pictures = false for no pictures")
 
 
@@ -597,7 +589,7 @@ class Scene(_Shared):
 
     def __post_init__(self) -> None:
         check_types(self)
-        _require_choice("plane.state", self.plane)
+        _require_choice("plane.state", self.plane, PLANE)
         wide = self.thickness
         problem = f"plane.thickness = {wide} must be a number above 0 (m); leave it out for 1 m"
         require(wide is None or 0.0 < wide < math.inf, problem)
@@ -606,7 +598,7 @@ class Scene(_Shared):
         long = f"title has {len(self.title)} characters; give at most {LONGEST_TITLE}"
         require(len(self.title) <= LONGEST_TITLE, long)
         for name, kind in self.supports.items():
-            _require_choice(f"supports.{name}", kind, "supports")
+            _require_choice(f"supports.{name}", kind, SUPPORTS)
         for name, law in self.foundations.items():
             needless = "takes no gap; rigid ground is where the edge is"
             require(law.gap == 0.0, f"foundations.{name} {needless}")
@@ -839,7 +831,7 @@ class _MeshTable:
     blocks: str = "connected"
 
     def __post_init__(self) -> None:
-        _require_choice("blocks", self.blocks)
+        _require_choice("blocks", self.blocks, BLOCKS)
         require(bool(self.file), 'file is missing; name the gmsh file, [mesh] file = "wall.msh"')
 
 
