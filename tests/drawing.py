@@ -26,6 +26,12 @@ def rotation(angle: float) -> Array:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def area(outline: npt.ArrayLike) -> float:
+    """Area of a polygon by its corners."""
+    x, y = np.asarray(outline).T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
 def turned(points: npt.ArrayLike, degrees: float) -> Array:
     """Points turned anticlockwise about the origin."""
     return np.asarray(points, dtype=float) @ rotation(np.radians(degrees)).T

@@ -13,12 +13,8 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.gmsh_mesh import bodies_of_cells, extract
 from fenics_contact.geometry.planar_cells import check_apart
+from tests.drawing import area
 from tests.helpers import cell_areas, coulomb, group_lengths, on_ground
-
-
-def area(corners) -> float:
-    x, y = np.asarray(corners).T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 def areas(drawing) -> dict[str, float]:

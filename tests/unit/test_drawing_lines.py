@@ -9,56 +9,18 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.drawing import LayerRoles, read_dxf
+from fenics_contact.drawing import read_dxf
 from tests.drawing import rectangle
 
 ezdxf = pytest.importorskip("ezdxf")
 
 
+from tests.sheet import Sheet, areas, said  # noqa: E402 (needs ezdxf)
+
+
 @pytest.fixture
 def sheet(tmp_path):
-    """A new drawing in m, and what is read of it."""
     return Sheet(tmp_path / "drawing.dxf")
-
-
-class Sheet:
-    """A drawing to be drawn on and read."""
-
-    def __init__(self, path) -> None:
-        self.path = path
-        self.document = ezdxf.new("R2010", units=6)
-        self.space = self.document.modelspace()
-
-    def box(self, x0, y0, x1, y1, layer="STONE"):
-        corners = rectangle(x0, y0, x1, y1)
-        self.space.add_lwpolyline(corners, close=True, dxfattribs={"layer": layer})
-
-    def lines(self, *pairs, layer="JOINTS"):
-        for start, end in pairs:
-            self.space.add_line(start, end, dxfattribs={"layer": layer})
-
-    def grid(self, xs, ys, layer="JOINTS"):
-        """Lines through all of the extent."""
-        self.lines(*(((xs[0], y), (xs[-1], y)) for y in ys), layer=layer)
-        self.lines(*(((x, ys[0]), (x, ys[-1])) for x in xs), layer=layer)
-
-    def read(self, **roles):
-        self.document.saveas(self.path)
-        return read_dxf(self.path, roles=LayerRoles(**{k: [v] for k, v in roles.items()}))
-
-
-def areas(contents) -> list[float]:
-    """Areas of the blocks, ascending."""
-    found = []
-    for block in contents.drawing.blocks:
-        x, y = block.T
-        found.append(0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))))
-    return sorted(found)
-
-
-def said(contents, *texts) -> bool:
-    """Whether notes have all these texts."""
-    return all(text in "\n".join(contents.notes) for text in texts)
 
 
 # ---- faces between lines

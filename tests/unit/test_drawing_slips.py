@@ -8,49 +8,23 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.drawing import LayerRoles, read_dxf
+from fenics_contact.drawing import read_dxf
 from tests.drawing import rectangle
 
 ezdxf = pytest.importorskip("ezdxf")
 
 from tests.mutated_drawings import Pen, wall  # noqa: E402 (needs ezdxf)
-
-
-class Sheet:
-    """A drawing in mm to be drawn on and read."""
-
-    def __init__(self, path, unit=4) -> None:
-        self.path = path
-        self.document = ezdxf.new("R2010", units=unit)
-        self.space = self.document.modelspace()
-
-    def lines(self, *pairs, layer="JOINTS"):
-        for start, end in pairs:
-            self.space.add_line(start, end, dxfattribs={"layer": layer})
-
-    def polyline(self, corners, layer="STONE", close=True):
-        self.space.add_lwpolyline(corners, close=close, dxfattribs={"layer": layer})
-
-    def read(self, snap=0.0, **roles):
-        self.document.saveas(self.path)
-        layers = LayerRoles(**{role: [name] for role, name in roles.items()})
-        return read_dxf(self.path, roles=layers, snap=snap)
+from tests.sheet import Sheet, areas, said  # noqa: E402
 
 
 @pytest.fixture
 def sheet(tmp_path):
-    return Sheet(tmp_path / "drawing.dxf")
+    return Sheet(tmp_path / "drawing.dxf", 4)
 
 
 def count(contents) -> tuple[int, int]:
     """Blocks and openings."""
     return len(contents.drawing.blocks), len(contents.voids)
-
-
-def areas(contents) -> list[float]:
-    """Areas of the blocks, m2, ascending."""
-    x_y = [block.T for block in contents.drawing.blocks]
-    return sorted(0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) for x, y in x_y)
 
 
 # ---- ends of lines
@@ -173,7 +147,7 @@ def test_polyline_ends_where_it_comes_back(name, sheet):
     sheet.polyline(OVER[name], close=False)
     contents = sheet.read()
     assert areas(contents) == pytest.approx([0.4, 0.5])
-    assert "1 polylines on layer 'STONE' go around and on" in "\n".join(contents.notes)
+    assert said(contents, "1 polylines on layer 'STONE' go around and on")
     assert set(contents.drawing.groups) == {"base"}
 
 
@@ -183,7 +157,7 @@ def test_polyline_that_goes_on_to_another_stone_is_named(sheet):
     sheet.polyline([*ring, (0, 900), (1000, 900), (1000, 500)], close=False)
     contents = sheet.read()
     assert areas(contents) == pytest.approx([0.5])
-    assert "an open polyline on layer 'STONE' is no block" in "\n".join(contents.notes)
+    assert said(contents, "an open polyline on layer 'STONE' is no block")
 
 
 def test_every_open_polyline_on_a_layer_of_blocks_is_named(sheet):
@@ -208,7 +182,7 @@ def test_stone_drawn_twice_is_taken_once(again, sheet):
         sheet.polyline(corners)
     contents = sheet.read()
     assert areas(contents) == pytest.approx([0.4, 0.5])
-    assert "a block on layer STONE is drawn twice" in "\n".join(contents.notes)
+    assert said(contents, "a block on layer STONE is drawn twice")
     assert len(contents.marks) == 1
 
 

@@ -19,7 +19,7 @@ from fenics_contact.geometry.gmsh_mesh import (
 from fenics_contact.geometry.gmsh_reader import ReadLimits, read
 from fenics_contact.geometry.mesh import BODY_IMBALANCE, ranks_of_bodies
 from fenics_contact.meshing import model_from_arrays, polygons, wall
-from tests.helpers import Drawing, grid_blocks, mesh_of, rectangle
+from tests.helpers import Drawing, mesh_of, rectangle
 
 SQUARE = rectangle(0.0, 0.0, 1.0, 1.0)
 ONE_CELL = {"blocks": [[0, 1, 2, 3]]}
@@ -56,13 +56,6 @@ def test_bodies_are_connected_cells_numbered_by_first_cell():
     body = np.empty(4, dtype=int)
     body[np.concatenate([part[0] for part in parts])] = np.concatenate([part[1] for part in parts])
     assert body.tolist() == [0, 1, 0, 1]
-
-
-def test_touching_blocks_with_nodes_of_their_own_are_two_bodies():
-    assert (
-        mesh_of(grid_blocks(((0, 0), (1, 1), (1, 1)), ((1, 0), (1, 1), (1, 1))).model()).body_count
-        == 2
-    )
 
 
 def test_cells_that_share_a_facet_are_one_body_across_groups():
@@ -129,12 +122,6 @@ def test_surfaces_that_touch_are_one_body_unless_they_are_blocks():
         assert len(bodies_by_place(mesh)) == count
     with pytest.raises(InputError, match="blocks = 'all' must be one of connected, surfaces"):
         BlockMesh.from_model(model, MPI.COMM_WORLD, "all")
-
-
-def test_one_node_in_common_is_split():
-    points = [*SQUARE, (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
-    model = model_from_arrays(points, {"low": [[0, 1, 2, 3]], "high": [[2, 4, 5, 6]]}, {})
-    assert BlockMesh.from_model(model, MPI.COMM_WORLD, "surfaces").body_count == 2
 
 
 def test_group_without_name_goes_by_its_number():
