@@ -256,35 +256,31 @@ def polygons(
     halved = {"SubdivisionAlgorithm": 1, "RecombineAll": 1} if quadrilaterals else {}
     with gmsh_session(MeshSizeMax=sizes.max(), **halved) as gmsh:
         model = _new_model(gmsh, "polygons")
-        _draw(model, divided, names, groups, sizes, near)
-        model.mesh.generate(2)
-    return model
-
-
-def _draw(
-    model: Any, blocks: Polygons, names: Sequence[str], groups: Segments, sizes: Array, near: float
-) -> None:
-    """Draw blocks as surfaces, in the groups `names`, with their sides on segments in `groups`."""
-    geo = model.geo
-    surfaces: dict[str, list[int]] = {name: [] for name in names}
-    sides: list[int] = []
-    for block, block_name, size in zip(blocks, names, sizes, strict=True):
-        points = [geo.addPoint(x, y, 0.0) for x, y in block]
-        ends = np.roll(block, -1, axis=0)
-        lines = [geo.addLine(a, b) for a, b in zip(points, [*points[1:], points[0]], strict=True)]
-        for line, length in zip(lines, np.linalg.norm(ends - block, axis=1), strict=True):
+        geo = model.geo
+        surfaces: dict[str, list[int]] = {name: [] for name in names}
+        sides: list[int] = []
+        for block, name, length in zip(divided, names, sizes, strict=True):
+            points = [geo.addPoint(x, y, 0.0) for x, y in block]
+            ends = zip(points, [*points[1:], points[0]], strict=True)
+            lines = [geo.addLine(*pair) for pair in ends]
+            along = np.linalg.norm(np.roll(block, -1, axis=0) - block, axis=1)
             # Both blocks of a joint must come to the same number, whatever their rounding.
-            geo.mesh.setTransfiniteCurve(line, max(1, int(np.ceil(length / size - 1e-6))) + 1)
-        surfaces[block_name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
-        sides += lines
-    geo.synchronize()
-    found = sides_on(blocks, groups, near)
-    on_group = {name: np.array(sides)[on].tolist() for name, on in found.items()}
-    for dim, members in ((2, surfaces), (1, on_group)):
-        for name, tags in members.items():
+            counts = np.maximum(1, np.ceil(along / length - 1e-6).astype(int)) + 1
+            for line, count in zip(lines, counts.tolist(), strict=True):
+                geo.mesh.setTransfiniteCurve(line, count)
+            surfaces[name].append(geo.addPlaneSurface([geo.addCurveLoop(lines)]))
+            sides += lines
+        geo.synchronize()
+        on = {name: np.array(sides)[of] for name, of in sides_on(divided, groups, near).items()}
+        for dim, name, tags in (
+            *((2, name, tags) for name, tags in surfaces.items()),
+            *((1, name, tags.tolist()) for name, tags in on.items()),
+        ):
             if not tags:
                 raise InputError(f"polygons: no side of a block lies on group '{name}'")
             model.setPhysicalName(dim, model.addPhysicalGroup(dim, tags), name)
+        model.mesh.generate(2)
+    return model
 
 
 @checked

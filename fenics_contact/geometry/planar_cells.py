@@ -106,7 +106,17 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
     size = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2).max(axis=1)
     low = corners.min(axis=1)
     high = corners.max(axis=1)
-    outer, height = _outline(points, cells)
+    ends = sides_of(cells)
+    key = np.sort(ends, axis=1) @ [len(points), 1]
+    _, side, count = np.unique(key, return_inverse=True, return_counts=True)
+    free = np.flatnonzero(count[side] == 1)  # at the outline of a body
+    along = points[ends[free, 1]] - points[ends[free, 0]]
+    normal = np.column_stack([along[:, 1], -along[:, 0]])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    heights = np.zeros(len(ends))  # twice those of the arcs
+    heights[free] = 2.0 * np.abs(arc_heights(points[ends[free]], ends[free], normal))
+    height = heights.reshape(cells.shape).max(axis=1)
+    outer = np.isin(cells, ends[free]).any(axis=1)
     rim = np.flatnonzero(outer)
     inside = np.flatnonzero(~outer)
     _, one_of_each = np.unique(body[rim], return_index=True)
@@ -123,22 +133,6 @@ def check_apart(points: Array, cells: Indices, body: npt.NDArray[np.int32], sour
                 x, y = corners[[one[bad[0]], two[bad[0]]]].mean(axis=(0, 1))
                 place = f"blocks overlap at ({x:g}, {y:g})"
                 raise InputError(f"{source}: {place}; draw them side by side")
-
-
-def _outline(points: Array, cells: Indices) -> tuple[Flags, Array]:
-    """Which cells have a node at their body's outline, and twice the heights of their arcs, m."""
-    ends = sides_of(cells)
-    key = np.sort(ends, axis=1) @ [len(points), 1]
-    _, side, count = np.unique(key, return_inverse=True, return_counts=True)
-    free = np.flatnonzero(count[side] == 1)
-    outside = np.zeros(len(points), dtype=bool)
-    outside[ends[free]] = True
-    along = points[ends[free, 1]] - points[ends[free, 0]]
-    normal = np.column_stack([along[:, 1], -along[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    height = np.zeros(len(ends))
-    height[free] = np.abs(arc_heights(points[ends[free]], ends[free], normal))
-    return outside[cells].any(axis=1), 2.0 * height.reshape(cells.shape).max(axis=1)
 
 
 def arc_heights(points: Array, nodes: Indices, normal: Array) -> Array:

@@ -110,10 +110,25 @@ class _Sides:
 
 def _closed(table: _Sides, cells: Flags) -> Flags:
     """Sides to cut: all of the marked cells, and those that follow, shape (sides,)."""
+    from scipy.spatial import cKDTree
+
     comm = table.domain.comm
     topology = table.domain.topology
     exterior = np.asarray(exterior_facet_indices(topology), dtype=np.int64)
-    opposite, mine = _opposite(table.points[exterior], comm)
+    # Of every side at boundaries, all ranks in a row, that which coincides with it, or itself.
+    ends = table.points[exterior]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    parts = comm.allgather(np.column_stack([ends.mean(axis=1), length]))
+    sides = np.concatenate(parts)
+    near = COINCIDING * sides[:, 2]
+    one, other = cKDTree(sides).query_pairs(near.max(initial=0.0), output_type="ndarray").T
+    apart = np.linalg.norm(sides[one] - sides[other], axis=1)
+    close = apart <= np.minimum(near[one], near[other])
+    opposite = np.arange(len(sides))
+    opposite[one[close]] = other[close]
+    opposite[other[close]] = one[close]
+    first = sum(map(len, parts[: comm.rank]))
+    mine = slice(first, first + len(length))
     on_boundaries = np.zeros(len(opposite), dtype=bool)
     cut = np.zeros(len(table.ends), dtype=bool)
     cut[table.of_cell[cells]] = True
@@ -126,26 +141,6 @@ def _closed(table: _Sides, cells: Flags) -> Flags:
         cut[exterior] |= on_boundaries[opposite[mine]]
         if not comm.allreduce(bool(np.any(cut != before)), MPI.LOR):
             return cut
-
-
-def _opposite(ends: Array, comm: MPI.Comm) -> tuple[Indices, slice]:
-    """For every side at boundaries, all ranks in a row, that which coincides with it, or itself.
-
-    And which are this rank's, with these ends.
-    """
-    from scipy.spatial import cKDTree
-
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    parts = comm.allgather(np.column_stack([ends.mean(axis=1), length]))
-    sides = np.concatenate(parts)
-    near = COINCIDING * sides[:, 2]
-    one, other = cKDTree(sides).query_pairs(near.max(initial=0.0), output_type="ndarray").T
-    apart = np.linalg.norm(sides[one] - sides[other], axis=1)
-    close = apart <= np.minimum(near[one], near[other])
-    opposite = np.arange(len(sides))
-    opposite[one[close]], opposite[other[close]] = other[close], one[close]
-    first = sum(map(len, parts[: comm.rank]))
-    return opposite, slice(first, first + len(length))
 
 
 def _node_numbers(domain: Any, more: int) -> tuple[Indices, Array, int]:

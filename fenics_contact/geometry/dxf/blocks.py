@@ -397,9 +397,9 @@ class _Reading:
                 if not (inside and on_lines(edges, rings, self.near).all()):
                     text = f"an open polyline on layer '{layer}' is no block: close it if it is one"
                     self.marks.append((chain[0], text))
-        self.marks += doubts.small_blocks(self.blocks, self.names)
-        self.notes += doubts.large_blocks(self.blocks, self.names)
-        self.notes += doubts.doubtful_unit(self.blocks, found.unit, found.unit_given)
+        small, notes = doubts.doubtful_sizes(self.blocks, self.names, found.unit, found.unit_given)
+        self.marks += small
+        self.notes += notes
 
     def _groups(self, drawing: Drawing, scale: float) -> tuple[Segments, dict[str, float]]:
         """Groups of the lines on which sides of blocks lie, or the lowest level; their lengths, m.

@@ -95,45 +95,48 @@ def free_ends(faces: Faces, blocks: list[Array], near: float, stub: float) -> It
         yield end, "a line ends within a block, which it does not divide: extend it"
 
 
-def doubtful_unit(blocks: Sequence[Array], unit: str, given: bool) -> Iterator[str]:
-    """A warning where blocks are no stones in the unit, or the file says inch, as if not set."""
-    width = float(np.sqrt(np.median([abs(outline_area(block)) for block in blocks])))
-    size = width * UNITS[unit]
-    if SIZES[0] <= size <= SIZES[1] and (given or unit != "in"):
-        return
-    likely = [
-        f"--unit {name} makes it {width * metres:.3g} m"
-        for name, metres in UNITS.items()
-        if name != unit and USUAL[0] <= width * metres <= USUAL[1]
-    ]
-    yield (
-        f"warning: is the unit {unit}? The median block is {size:.3g} m wide (the root of its"
-        f" area); {', '.join(likely) or 'if not, give --unit'}"
-    )
+def doubtful_sizes(
+    blocks: Sequence[Array], names: Sequence[str], unit: str, given: bool
+) -> tuple[list[Doubt], list[str]]:
+    """Blocks much smaller than most; warnings on layers of large ones, and on the unit.
 
-
-def small_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[Doubt]:
-    """Blocks that are much smaller than most."""
+    Args:
+        blocks: Outlines.
+        names: Their layers.
+        unit: Of the drawing.
+        given: Whether the user gave it; a file that says inch may not have set it.
+    """
     areas = np.array([abs(outline_area(block)) for block in blocks])
-    for k in np.flatnonzero(areas < SMALL * np.median(areas)).tolist():
-        yield (
+    median = float(np.median(areas))
+    small = [
+        (
             inner_points([blocks[k]])[0],
             f"a block on layer '{names[k]}' has less than a thousandth of the median area: a sliver"
             " between lines that do not meet?",
         )
-
-
-def large_blocks(blocks: Sequence[Array], names: Sequence[str]) -> Iterator[str]:
-    """Warnings on layers of blocks so large that they may be openings."""
-    areas = np.array([abs(outline_area(block)) for block in blocks])
-    median = float(np.median(areas))
+        for k in np.flatnonzero(areas < SMALL * median).tolist()
+    ]
+    notes = []
     for name, count in Counter(names).items():
         large = areas[np.array(names) == name].mean() / median
         if large > LARGE and count < 0.5 * len(names):
-            yield (
+            notes.append(
                 f"warning: the {count} blocks on layer '{name}' are {large:.1f} times as large as"
                 f" the median; if they are openings, give --voids {name}"
             )
+    width = float(np.sqrt(median))
+    size = width * UNITS[unit]
+    if not SIZES[0] <= size <= SIZES[1] or (unit == "in" and not given):
+        likely = [
+            f"--unit {name} makes it {width * metres:.3g} m"
+            for name, metres in UNITS.items()
+            if name != unit and USUAL[0] <= width * metres <= USUAL[1]
+        ]
+        notes.append(
+            f"warning: is the unit {unit}? The median block is {size:.3g} m wide (the root of its"
+            f" area); {', '.join(likely) or 'if not, give --unit'}"
+        )
+    return small, notes
 
 
 def openings_over_blocks(
