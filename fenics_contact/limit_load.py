@@ -11,12 +11,12 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.answers.asking import KINDS, answered, of_curve, ordered
+from fenics_contact.answers.asking import answered, of_curve
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
@@ -50,7 +50,7 @@ from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.bounds import LimitBounds, rounded, signed
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
 from fenics_contact.results.plan import skipped, skipped_iterations
-from fenics_contact.results.result import NOT_KNOWN, Answer, Collapse, Result, known_bounds
+from fenics_contact.results.result import NOT_KNOWN, Collapse, Result, known_bounds
 from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
@@ -67,8 +67,6 @@ CURVE_SOLVE = 10.0
 
 class LimitLoad(Result, Pictured):
     """Result of `limit_load`, with its fields and files."""
-
-    kinds: ClassVar[tuple[type[Answer], ...]] = KINDS
 
     @property
     def mode(self) -> fem.Function | None:
@@ -339,7 +337,7 @@ def limit_load_of(
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
         nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
-        return _result(discretization, dict.fromkeys(_asked(scene), ordered(nothing)), seconds)
+        return _result(discretization, dict.fromkeys(_asked(scene), nothing), seconds)
 
 
 def _asked(scene: Scene) -> tuple[str, ...]:

@@ -4,37 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from importlib import import_module
+from pkgutil import iter_modules
 
-from fenics_contact.answers.hinges import HingesAnswer
-from fenics_contact.answers.lowest import LowestAnswer
-from fenics_contact.answers.peak import PeakAnswer
+from fenics_contact import answers
 from fenics_contact.answers.question import Asked, Question
-from fenics_contact.answers.range import RangeAnswer
-from fenics_contact.answers.seismic import SeismicAnswer
-from fenics_contact.collapse.face_collapse import CrushingAnswer
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.torn import TornAnswer
 from fenics_contact.errors import Stopped
 from fenics_contact.results.result import Answer, Collapse
 
-#: All answers that are looked for, in their order: the first may lead to another collapse.
-ANSWERS: tuple[type[Asked], ...] = (
-    *(LowestAnswer, PeakAnswer),
-    *(RangeAnswer, HingesAnswer),
-    SeismicAnswer,
-)
+for _file in iter_modules(answers.__path__):  # each has its kind of answer
+    import_module(f"{answers.__name__}.{_file.name}")
 
-#: All answers that a result may have, as they are told; laws that depend on the state have theirs.
-KINDS: tuple[type[Answer], ...] = (
-    CrushingAnswer,
-    TornAnswer,
-    PeakAnswer,
-    LowestAnswer,
-    RangeAnswer,
-    HingesAnswer,
-    SeismicAnswer,
-)
+
+def kinds() -> list[type[Asked]]:
+    """Kinds of answers that are looked for: what may lead to another collapse comes first."""
+    found = [kind for kind in Answer.kinds.values() if issubclass(kind, Asked)]
+    return sorted(found, key=lambda kind: not kind.may_replace)
 
 
 def answered(
@@ -56,7 +42,7 @@ def answered(
     ends = dict(found)
     made = next(iter(cases.values())).discretization
     options = made.scene.solve
-    for kind in ANSWERS:
+    for kind in kinds():
         if not kind.is_asked(options):
             continue
         start = time.perf_counter()
@@ -66,7 +52,7 @@ def answered(
             ends[name] = asked(kind, Question(cases[name], end, cost))
         if kind.seconds:
             seconds[kind.seconds] = time.perf_counter() - start
-    return {name: ordered(end) for name, end in ends.items()}
+    return ends
 
 
 def asked(kind: type[Asked], question: Question) -> Collapse:
@@ -85,18 +71,13 @@ def asked(kind: type[Asked], question: Question) -> Collapse:
                 answer, end = kind.run(question)
         except Stopped as stop:
             answer = kind.not_known(str(stop))
-    return end.with_answer(kind.name, answer)
+    return end if answer is None else end.with_answer(answer)
 
 
 def of_curve(case: LoadCase, end: Collapse, cost: float) -> Collapse:
     """A collapse with the answers that a capacity curve needs, at any cost."""
-    for kind in ANSWERS:
+    for kind in kinds():
         known = end.answers.get(kind.name)
         if kind.of_curve and known is not None and known.value.status == "not_known":
             end = asked(kind, Question(case, end, cost, by_curve=True))
     return end
-
-
-def ordered(end: Collapse) -> Collapse:
-    """A collapse with all answers in their order; None where there is none."""
-    return replace(end, answers={kind.name: end.answers.get(kind.name) for kind in KINDS})

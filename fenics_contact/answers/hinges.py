@@ -27,7 +27,10 @@ class HingesAnswer(Asked):
     value: HingeLengths
     name = key = "hinges"
     seconds = "error"
+    place = 6
     begins = "estimate of the error"
+    option = "error by the mesh estimated"
+    by_default = "yes, within a limit of work"
     of_path = True
     #: With other hinges other points tear; slip that is measured from the step before is no data.
     unless = ((Question.loses_strength, ""), (_by_load_steps, ""))

@@ -50,7 +50,11 @@ class LowestAnswer(Asked):
 
     value: Lowest
     name = key = seconds = "lowest"
+    place = 4
     begins = "second opinion on the collapse"
+    option = "lower collapse states looked for"
+    by_default = "yes"
+    may_replace = True
     unless = (
         (Question.loses_strength, TEARS),
         (Question.by_rising_load, BY_LOAD),

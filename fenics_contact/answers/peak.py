@@ -55,7 +55,10 @@ class PeakAnswer(Asked):
 
     value: Peak
     name = key = seconds = "peak"
+    place = 3
     begins = "peak of the loading path"
+    option = "peak of the loading path looked for"
+    by_default = "yes, within a limit of work"
     of_path = of_curve = True
     unless = (
         (Question.by_faces, NO_PATH),

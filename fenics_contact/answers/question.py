@@ -1,6 +1,6 @@
 """What is asked of a collapse: the interface of all answers that are looked for.
 
-A new answer is a class derived from `Asked`, in a file of its own, and a line in `asking.ANSWERS`.
+A new answer is a class derived from `Asked`, in a file of its own in this folder.
 """
 
 from __future__ import annotations
@@ -69,15 +69,14 @@ class Asked(Answer):
     """An answer that is looked for once a collapse is found.
 
     Class attributes besides those of `Answer`:
-        begins: Said as the search begins; empty: it takes no time.
-        seconds: Key of the time it takes.
+        may_replace: Whether another collapse may take the place of the one that is asked of; it is
+            asked before the others then.
         unless: Reasons why it is not known, by what holds of the question; an empty reason leaves
             the answer out.
         of_curve: Whether it is asked again, at any cost, where a capacity curve is traced.
     """
 
-    begins: ClassVar[str] = ""
-    seconds: ClassVar[str] = ""
+    may_replace: ClassVar[bool] = False
     unless: ClassVar[tuple[tuple[Callable[[Question], bool], str], ...]] = ()
     of_curve: ClassVar[bool] = False
 

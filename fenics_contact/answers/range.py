@@ -74,6 +74,7 @@ class RangeAnswer(Asked):
 
     value: MechanismRange
     name = key = seconds = "range"
+    place = 5
 
     @classmethod
     def is_asked(cls, options: SolveOptions) -> bool:

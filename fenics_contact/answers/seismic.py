@@ -63,6 +63,7 @@ class SeismicAnswer(Asked):
 
     value: SeismicCheck
     name = key = "seismic"
+    place = 7
     by_direction = True
 
     @classmethod

@@ -64,6 +64,7 @@ class CrushingAnswer(Answer):
     value: tuple[CrushedPlace, ...]
     name = "crushed"
     key = "crushing"
+    place = 1
 
     def record(self) -> Any:
         """All places."""
@@ -200,9 +201,8 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
     )
     if not case.blocks.crushes:
         return end
-    crushing = CrushingAnswer(_crushed(faces, state.force))
     inside = f"{end.inside} and the compressive strengths"
-    return replace(end.with_answer(CrushingAnswer.name, crushing), inside=inside)
+    return replace(end.with_answer(CrushingAnswer(_crushed(faces, state.force))), inside=inside)
 
 
 def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor: float) -> State:

@@ -378,7 +378,7 @@ def capacity_curve(
         works = works[: max(found, default=0)]
     none = (CapacityPoint(math.nan, work / unit, work, converged=False) for work in works)
     curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
-    for answer in filter(None, end.answers.values()):
+    for answer in end.answers.values():
         if (carried := getattr(answer.value, "state", None)) is not None:
             curve.append(_capacity_point(case, carried))
     return sorted(curve, key=lambda point: point.work)

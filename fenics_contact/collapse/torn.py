@@ -64,6 +64,7 @@ class TornAnswer(Answer):
 
     value: Torn
     name = key = "torn"
+    place = 2
     changes_blocks = True
 
     def record(self) -> Any:
@@ -130,4 +131,4 @@ def _about(case: LoadCase, torn: Flags, whole: float) -> Torn:
 
 
 def _with(end: Collapse, torn: Torn) -> Collapse:
-    return end.with_answer(TornAnswer.name, TornAnswer(torn))
+    return end.with_answer(TornAnswer(torn))

@@ -35,7 +35,7 @@ from fenics_contact.output.view import View, caption_of, motion_record, view_of
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.motions import mechanism
 from fenics_contact.results.named_arrays import tie_arrays
-from fenics_contact.results.result import Collapse, Result, Table
+from fenics_contact.results.result import Answer, Collapse, Result, Table
 from fenics_contact.scene.units import Units, rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.
@@ -213,7 +213,7 @@ def result_record(result: Result) -> Record:
         "gap": None,
         "error_estimate": None,
         "residuals": None,
-        **{kind.key: None for kind in result.kinds},
+        **{kind.key: None for kind in Answer.kinds.values()},
         "ties": [],
         "capacity": vars(result.curve_end) if result.curve_end else None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
@@ -233,6 +233,11 @@ def result_record(result: Result) -> Record:
         "directions": directions,
         "warnings": [*layout.warnings, *result.contradictions, *_other_warnings(result)],
         "skipped": list(result.skipped),
+        "words": {
+            kind.seconds: [kind.option, kind.by_default, kind.begins]
+            for kind in Answer.kinds.values()
+            if kind.seconds
+        },
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
@@ -242,7 +247,7 @@ def result_record(result: Result) -> Record:
 def _by_direction(result: Result) -> Record:
     """Answers that result.json holds by direction, of all limits."""
     record: Record = {}
-    for kind in result.kinds:
+    for kind in Answer.kinds.values():
         if kind.by_direction:
             found = {n: end.answers.get(kind.name) for n, end in result.ends.items()}
             limits = {n: one for n, one in found.items() if result.ends[n].status == "limit"}
@@ -280,7 +285,10 @@ def _tables(end: Collapse, units: Units) -> list[Record]:
     """Tables of the report: of the load factor, then of answers with a title."""
     answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
     rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
-    return [vars(Table(rows)), *(vars(table) for table in answers if table.title)]
+    return [
+        vars(Table(rows)),
+        *(vars(table) for table in answers if table.title and (table.rows or table.note)),
+    ]
 
 
 def _collapse_record(result: Result, collapse: Collapse) -> Record:
@@ -306,7 +314,7 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
     if certificate is not None:
         record |= _certificate_record(certificate, result.layout.joints)
     record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
-    for kind in result.kinds:
+    for kind in Answer.kinds.values():
         if not kind.by_direction:
             answer = collapse.answers.get(kind.name)
             record[kind.key] = answer and answer.record()

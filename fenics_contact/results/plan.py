@@ -26,7 +26,7 @@ def skipped(scene: Scene) -> tuple[str, ...]:
         "live tractions: none given": not scene.live.traction,
         "live body force: none given": not any(scene.live.body),
         f"{other} direction: solve.direction = '{direction}'": direction != "both",
-        "estimate of the error, peak, second opinion: solve.fast = true": scene.solve.fast,
+        "all but the load factor and its bracket: solve.fast = true": scene.solve.fast,
         "load steps: joints that crush have no loading path": (
             scene.crushes and scene.solve.control == "load"
         ),

@@ -79,16 +79,33 @@ class Answer(ABC):
     """
 
     value: Any
+    #: All kinds by name, in the order of their places.
+    kinds: ClassVar[dict[str, type[Answer]]] = {}
+    #: Where it stands among answers as they are told.
+    place: ClassVar[int]
     #: Attribute of a collapse, and of a result, that is this value.
     name: ClassVar[str]
     #: Key of result.json.
     key: ClassVar[str]
+    #: Said as the search begins; empty: it takes no time.
+    begins: ClassVar[str] = ""
+    #: Key of the time that it takes, and of the option that asks for it.
+    seconds: ClassVar[str] = ""
+    #: What that option is, and what it means to leave it out, in words.
+    option: ClassVar[str] = ""
+    by_default: ClassVar[str] = ""
     #: Whether only the loading path tells: nothing is said beside a proof by joint faces.
     of_path: ClassVar[bool] = False
     #: Whether results hold and write the values of limits by direction.
     by_direction: ClassVar[bool] = False
     #: Whether it has changed the blocks that the bracket is of.
     changes_blocks: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        """A kind with a name is one of all kinds."""
+        if "name" in vars(cls):
+            known = {**Answer.kinds, cls.name: cls}
+            Answer.kinds = dict(sorted(known.items(), key=lambda item: item[1].place))
 
     @abstractmethod
     def record(self) -> Any:
@@ -142,7 +159,7 @@ class Collapse:
         inside: What joint forces are proved to be inside of, in words.
         searched: What was searched for, in words; empty for a collapse that a load leads to.
         answers: What is known beside the load factor, by name; the values are attributes too:
-            `collapse.answers["name"].value` is `collapse.name`. None where nothing was asked.
+            `collapse.answers["name"].value` is `collapse.name`, None where nothing was asked.
         sign: Of the live load: load factors have it, the program's bounds do not.
     """
 
@@ -168,31 +185,30 @@ class Collapse:
     asked: float = math.inf
     inside: str = "the friction cone"
     searched: str = ""
-    answers: Mapping[str, Answer | None] = field(default_factory=dict)
+    answers: Mapping[str, Answer] = field(default_factory=dict)
     sign: LoadFactor = 1.0
 
     def __getattr__(self, name: str) -> Any:
         """The value of an answer."""
-        answers = self.__dict__.get("answers", {})
-        if name not in answers:
+        if name not in Answer.kinds:
             raise AttributeError(f"a collapse has no '{name}'")
-        answer = answers[name]
+        answer = self.answers.get(name)
         return None if answer is None else answer.value
 
-    def with_answer(self, name: str, answer: Answer | None) -> Collapse:
-        """With one answer more, or in place of another one."""
-        return replace(self, answers={**self.answers, name: answer})
+    def with_answer(self, answer: Answer) -> Collapse:
+        """With one answer more, or in place of another one of its kind."""
+        known = {**self.answers, answer.name: answer}
+        return replace(self, answers={name: known[name] for name in Answer.kinds if name in known})
 
     @property
     def told(self) -> list[Answer]:
         """The answers that say something of this collapse."""
-        found = filter(None, self.answers.values())
-        return [one for one in found if not (one.of_path and self.proof)]
+        return [one for one in self.answers.values() if not (one.of_path and self.proof)]
 
     @property
     def changes_blocks(self) -> bool:
         """Whether its bracket is that of blocks that have changed on the way to it."""
-        return any(one is not None and one.changes_blocks for one in self.answers.values())
+        return any(one.changes_blocks for one in self.answers.values())
 
     def table(self) -> Table:
         """Load factor, bracket, and the gap or what is proved. Collective."""
@@ -309,7 +325,7 @@ class Collapse:
 
     def with_errors_in_bracket(self) -> Collapse:
         """With answers that know of the bracket. Collective."""
-        answers = {name: one and one.in_bracket(self) for name, one in self.answers.items()}
+        answers = {name: one.in_bracket(self) for name, one in self.answers.items()}
         return replace(self, answers=answers)
 
 
@@ -396,8 +412,6 @@ class Result:
     passes: tuple[Pass, ...] = ()
     inaccurate: str = ""
     stopped: str = ""
-    #: Answers that are looked for.
-    kinds: ClassVar[tuple[type[Answer], ...]] = ()
 
     def __repr__(self) -> str:
         title = repr(self.scene.title) if self.scene.title else ""
@@ -542,7 +556,7 @@ class Result:
 
         None where it was not asked for. Of answers by direction those of all limits, by direction.
         """
-        for kind in self.kinds:
+        for kind in Answer.kinds.values():
             if name in (kind.name, kind.key):
                 found = {n: end.answers.get(kind.name) for n, end in self.ends.items()}
                 if kind.by_direction:

@@ -294,7 +294,12 @@ def computation(content: Content) -> Iterator[str]:
     mesh = record["mesh"]
     iterations = record["iterations"]
     yield heading("Appendix: how it was computed")
-    rows = [(KEYS.get(key, key), _option(key, scene["solve"])) for key in scene["solve"]]
+    words = record["words"]
+    keys = KEYS | {name: option for name, (option, _, _) in words.items() if option}
+    left_out = LEFT_OUT | {name: default for name, (_, default, _) in words.items() if default}
+    phases = PHASES | {name: begins for name, (_, _, begins) in words.items() if begins}
+    options = scene["solve"]
+    rows = [(keys.get(key, key), _option(key, options, left_out)) for key in options]
     rows += [("method of the state reported", value_text(record["method"]))]
     rows += [(MEANING[key], mesh[key]) for key in ("cells", "dofs", "joint_points")]
     rows += [("degree of the displacements", scene["degree"])]
@@ -303,7 +308,7 @@ def computation(content: Content) -> Iterator[str]:
     rows += [("processes (MPI ranks)", record["ranks"]), ("date (UTC)", record["date"])]
     yield table(rows)
     seconds = record["seconds"].items()
-    times = [(PHASES.get(name, name), f"{value:.3g} s") for name, value in seconds]
+    times = [(phases.get(name, name), f"{value:.3g} s") for name, value in seconds]
     yield table(times, title="Times")
     yield from _tried(record)
     if record["skipped"]:
@@ -313,11 +318,11 @@ def computation(content: Content) -> Iterator[str]:
     yield table([(k, version or "not known") for k, version in named.items()], title="Versions")
 
 
-def _option(key: str, options: Record) -> str:
+def _option(key: str, options: Record, left_out: Mapping[str, str]) -> str:
     """The value of a key of `solve`, or what leaving it out means."""
-    if options[key] is not None or key not in LEFT_OUT:
+    if options[key] is not None or key not in left_out:
         return value_text(options[key])
-    return "no" if options.get("fast") and LEFT_OUT[key] != "none" else LEFT_OUT[key]
+    return "no" if options.get("fast") and left_out[key] != "none" else left_out[key]
 
 
 def _tried(record: Record) -> Iterator[str]:

@@ -52,7 +52,7 @@ RESIDUALS: Mapping[str, tuple[str, str]] = {
     "crushing": ("compressive strength", "No joint carries more than its strength."),
 }
 
-KEYS: Mapping[str, str] = {
+KEYS: dict[str, str] = {
     "materials": "Materials",
     "joints": "Laws of the joints between blocks",
     "foundations": "Laws on rigid ground",
@@ -77,19 +77,13 @@ KEYS: Mapping[str, str] = {
     "engine": "what finds the load factor",
     "gap": "gap asked for, relative",
     "states": "collapse state reported",
-    "lowest": "lower collapse states looked for",
-    "error": "error by the mesh estimated",
-    "peak": "peak of the loading path looked for",
     "accuracy": "accuracy wished",
     "time": "limit of time",
     "fast": "the load factor and its bracket alone",
 }
 
 #: What options mean that are left out.
-LEFT_OUT: Mapping[str, str] = {
-    "lowest": "yes",
-    "error": "yes, within a limit of work",
-    "peak": "yes, within a limit of work",
+LEFT_OUT: dict[str, str] = {
     "accuracy": "none",
     "time": "none",
     "gap": "1e-3, from 1 000 blocks on 5e-3",
@@ -103,16 +97,13 @@ MEANING: Mapping[str, str] = {
     "factorizations": "factorisations",
 }
 
-PHASES: Mapping[str, str] = {
+PHASES: dict[str, str] = {
     "read": "reading the scene",
     "compile": "compiling the forms",
     "assemble": "assembling",
     "bonded": "one elastic solve with closed joints",
     "bounds": "bracket",
     "solve": "finding the collapse",
-    "peak": "looking for the peak",
-    "lowest": "search for a lower collapse state",
-    "error": "error by the mesh",
     "capacity": "capacity curve",
     "write": "writing files",
     "total": "all, without writing",

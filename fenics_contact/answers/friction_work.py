@@ -1,0 +1,55 @@
+"""The work that friction takes up in the collapse, by group of joints.
+
+The live load does work 1 on the mode v. Friction takes up, at every joint point, the shear force
+times the slip: |r_T| |B_T v|. Summed up by group and divided by the sum it says which joints the
+collapse load hangs on; with given friction bounds it says the same of these.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+
+from fenics_contact.answers.question import Asked, Question
+from fenics_contact.results.result import Collapse, Table
+from fenics_contact.scene.units import Units
+
+
+class FrictionWork(Asked):
+    """Parts of the friction's work by name of the group, the largest first; their sum is 1."""
+
+    value: dict[str, float]
+    name = key = "friction_work"
+    place = 8
+
+    @classmethod
+    def run(cls, question: Question) -> tuple[Self | None, Collapse]:
+        """The parts; None where nothing slides."""
+        joints = question.case.discretization.joints.without_ties()
+        values = question.end.joints
+        if values is None:
+            return None, question.end
+        count = joints.joint_count
+        work = np.abs(values.shear_force * values.slip_rate)[:count]
+        of_group = np.bincount(joints.law, work, len(joints.names))
+        if of_group.sum() <= 0.0:
+            return None, question.end
+        part = of_group / of_group.sum()
+        order = np.argsort(-part, kind="stable")
+        return cls({joints.names[k]: float(part[k]) for k in order if part[k] > 0.0}), question.end
+
+    def record(self) -> Any:
+        """The parts."""
+        return dict(self.value)
+
+    def lines(self, end: Collapse, units: Units) -> list[str]:
+        """The parts of all groups, where there are several."""
+        parts = ", ".join(f"{name} {100.0 * part:.3g} %" for name, part in self.value.items())
+        return [f"work of friction: {parts}"] if len(self.value) > 1 else []
+
+    def table(self, end: Collapse, units: Units) -> Table:
+        """The same for the report."""
+        rows = [(name, f"{100.0 * part:.3g} %") for name, part in self.value.items()]
+        title = "Work of friction in the collapse, by joints"
+        return Table(rows if len(rows) > 1 else [], title)
