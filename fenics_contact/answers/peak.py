@@ -12,27 +12,15 @@ from typing import Any, Self
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.load_control import OPTIONS as RISING
-from fenics_contact.collapse.load_control import raised_path
-from fenics_contact.collapse.peak import (
-    ABOVE,
-    CLIMB,
-    NOT_ASKED,
-    TOO_DEAR,
-    Above,
-    Limits,
-    find_peak,
-    peak_of,
-)
+from fenics_contact.collapse.peak import ABOVE, OPTIONS, Above, find_peak
 from fenics_contact.collapse.service_state import service_state
-from fenics_contact.collapse.strategy import strategy_of
-from fenics_contact.errors import SolverError
 from fenics_contact.results.bounds import alike
 from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.units import Units
 
 #: Why it is not known.
-NOT_REACHED = "a load that rises step by step does not reach the collapse"
+NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
 FAST = "solve.fast = true leaves it out"
 NO_PATH = "the loading path was not followed to its end"
 TEARS = "what joints carry before they tear depends on the way of the load"
@@ -85,16 +73,14 @@ class PeakAnswer(Asked):
         work = 0.0 if end.state is None else end.state.work
         above = Above(end.load_factor, end.size, work)
         if end.path is not None:
-            return cls(peak_of(end.path, above)), end
-        at_any_cost = question.by_curve or question.options.peak
-        cost = question.cost
-        limits = Limits.asked(cost) if at_any_cost else Limits.usual(cost, case.block_count)
-        tolerance = question.options.tolerance
-        way = case.record.rise_on_modes
-        peak = find_peak(case.unrecorded, above, tolerance, limits, way)
-        if at_any_cost:
-            more = _beyond if peak.status == "found" else _raised
-            peak = more(question.unrecorded, above, peak, limits)
+            last = end.path.steps[-1]
+            carried = end.path.lower, end.path.upper, last.work, last.displacement
+            found = above(end.path.lower) > ABOVE
+            return cls(Peak("found", *carried) if found else Peak("none")), end
+        at_any_cost = question.by_curve or bool(question.options.peak)
+        peak = find_peak(case, above, question.cost, at_any_cost)
+        if at_any_cost and peak.status == "found":
+            peak = _beyond(question.unrecorded, above, peak)
         return cls(peak), end
 
     def record(self) -> Any:
@@ -138,36 +124,15 @@ class PeakAnswer(Asked):
         return Table([(f"{name}, at least", text)])
 
 
-def _beyond(question: Question, above: Above, found: Peak, limits: Limits) -> Peak:
+def _beyond(question: Question, above: Above, found: Peak) -> Peak:
     """A peak with the next load factor, if `equilibrium()` finds no state there either.
 
     Its search is taken to its end, which may cost as much as a load that rises to a collapse.
     """
     case = question.case
-    target = found.load_factor + CLIMB.beyond * above.size
+    target = found.load_factor + 5.0 * OPTIONS.accuracy * above.size
     effort = case.discretization.effort
     with effort.at_most(RISING.cost):
         state = service_state(case, target)
         tried = state.status != "equilibrium" and effort.left >= 1.0
     return replace(found, not_found_at=target) if tried else found
-
-
-def _raised(question: Question, above: Above, before: Peak, limits: Limits) -> Peak:
-    """The peak of a load that rises step by step, where another search has not found one.
-
-    The block modes that it follows do not have every peak of the structure. This costs hundreds of
-    factorisations.
-    """
-    case = question.case
-    scene = case.discretization.scene
-    with case.discretization.effort.at_most(limits.found):
-        try:
-            path = raised_path(case, strategy_of(scene), scene.solve)
-        except SolverError as error:
-            return replace(before, status="not_known", reason=str(error))
-    found = peak_of(path, above)
-    if found.status == "none" and not above(path.upper) <= ABOVE:
-        return Peak("not_known", reason=TOO_DEAR)  # more may be carried
-    if found.status == "none" and above(path.lower) < -ABOVE:
-        return Peak("not_known", reason=NOT_REACHED)
-    return found

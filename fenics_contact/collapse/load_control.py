@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, Task
-from fenics_contact.collapse.strategy import Strategy, next_to, states_along_rising_work
+from fenics_contact.collapse.loading_path import LoadingPath
+from fenics_contact.collapse.strategy import Strategy, next_to, rising_mu, to_end
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped
 from fenics_contact.results.bounds import signed
@@ -370,7 +371,7 @@ def capacity_curve(
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     found: dict[int, CapacityPoint] = {}
     try:
-        for number, state in states_along_rising_work(task, works):
+        for number, state in _states_at(task, works):
             found[number] = _capacity_point(case, state)
             monitor(number, points, found[number])
     except Stopped as stop:
@@ -382,6 +383,19 @@ def capacity_curve(
         if (carried := getattr(answer.value, "state", None)) is not None:
             curve.append(_capacity_point(case, carried))
     return sorted(curve, key=lambda point: point.work)
+
+
+def _states_at(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
+    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
+    path = LoadingPath(replace(task, case=task.case.unrecorded))
+    point = path.begin(min(task.case.bonded_work, works[0]), rising_mu(task))
+    for number, work in enumerate(works, 1):
+        try:
+            *_, end = path.points(point, work)
+            point = end.point
+            yield number, to_end(replace(task, work=work), end.state, point.mu).state
+        except SolverError as error:
+            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
 
 
 def _capacity_point(case: LoadCase, state: State) -> CapacityPoint:

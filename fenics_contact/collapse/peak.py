@@ -8,15 +8,15 @@ two changes of contact the structure is linear, so lambda(T) is made of straight
 
 and a peak is where the slope changes its sign, or where the path turns back.
 
-1. Where the path that led to the collapse is known, with larger products than here, these are taken
-   to zero at some of its states: if none is above the collapse then, there is no peak.
+1. The path on block modes that led to the collapse has load factors with products zero, to first
+   order. If none is above the collapse, there is no peak.
 2. No state is above the associative program of rigid blocks (D.C. Drucker, J. Appl. Mech. 21
-   (1954) 71): where the collapse reaches it there is no peak. Else the path is followed on block
-   modes with small products, settled at rising works, and where the tangent at one of these
-   crosses the collapse before the next: a peak may be narrow.
-3. A point above the collapse is finished with products zero. If it stays there, the path of the
-   structure is followed from there until it has fallen or turned back. From the highest point the
-   products go to zero, and slopes on both sides lead to the summit.
+   (1954) 71): where the collapse reaches it there is none. Else the path of block modes is followed
+   with small products.
+3. Where that is above the collapse, the structure's path is followed from a point before, with
+   smaller and smaller products, until it has fallen or turned back. The highest point is settled,
+   and tangents on both sides lead to the summit. Where a state has a slightly higher load factor
+   the climb goes on there, over small dips.
 
 The peak depends on stiffness and mesh, and a path may have several: it is a lower bound of what
 the model carries.
@@ -26,36 +26,22 @@ from __future__ import annotations
 
 import logging
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.collapse.collapse_mode import rates
 from fenics_contact.collapse.load_case import LoadCase, Task
-from fenics_contact.collapse.record import Way
-from fenics_contact.collapse.strategy import (
-    WarmStart,
-    at_work,
-    coulomb_equilibrium,
-    falling,
-    next_to,
-    rising,
-    rising_mu,
-)
+from fenics_contact.collapse.loading_path import LoadingPath
+from fenics_contact.collapse.record import PathSample, Sample
+from fenics_contact.collapse.strategy import WarmStart, at_work, coulomb_equilibrium, next_to
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import TOLERANCES, state_residuals
-from fenics_contact.results.history import LoadPath, Peak
+from fenics_contact.results.history import Peak
 from fenics_contact.solvers.arclength import ArclengthOptions, PathPoint
-from fenics_contact.solvers.block_modes import BlockModes
-from fenics_contact.solvers.interior_point import (
-    InteriorPointOptions,
-    Tolerances,
-    solve_interior_point,
-)
-from fenics_contact.solvers.joint_stiffness import GENERAL, JointStiffness
-from fenics_contact.solvers.kkt import PerturbedKKT
+from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
+from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
@@ -66,35 +52,8 @@ ABOVE = 2e-3
 #: Why a peak is not known, for people.
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
 OTHER_METHOD = "this method does not look for it; solve.method = 'auto' does"
-NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
 FELL = "the load factor fell on the way to the collapse: more may have been carried"
 MODES_ONLY = "block modes carry more than the collapse, and the structure was not found to"
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Most cost of the search, in units of one factorisation of the structure.
-
-    Attributes:
-        seen: Until something above the collapse was seen on block modes.
-        found: In all.
-    """
-
-    seen: float
-    found: float
-
-    @classmethod
-    def usual(cls, solve: float, blocks: int = 1) -> Limits:
-        """Limits where the peak was not asked for, by the cost of the collapse and the blocks."""
-        seen, found = OPTIONS.usual
-        part = min(1.0, OPTIONS.few / blocks)
-        return cls(part * seen * solve, found * solve)
-
-    @classmethod
-    def asked(cls, solve: float) -> Limits:
-        """Limits where the peak was asked for, by the cost of the collapse."""
-        seen, found = OPTIONS.asked
-        return cls(seen * solve, found * solve)
 
 
 @dataclass(frozen=True)
@@ -102,107 +61,50 @@ class PeakOptions:
     """Numbers of the search.
 
     Attributes:
-        usual: Limits on the cost until something is seen, and in all, in units of that of the
-            collapse.
+        usual: Most cost until something is seen, and in all, in units of that of the collapse.
         asked: The same where the peak was asked for.
-        products: On the way, in units of force times elastic displacement; the second if the path
-            is lost with the first. Larger ones round the path off.
-        least: From where the interior point method takes them to zero.
-        apart: Ratio of works at which the path is settled.
-        first: First work, in units of that of the bonded structure at the collapse's load factor:
-            nothing is stiffer than this, and joints are open by then; and in units of the bonded
-            work at least.
-        past: The path of block modes may end on its plateau from this multiple of the onset's work.
-        last: It ends at this multiple of the bonded work, or of the onset's, whichever is more.
-        promising: Tangents are followed to where they are higher than the collapse by this,
-            relative.
-        before: If that is before this part of the next work.
+        many: Blocks from which on more than the path to the collapse is looked at only if asked.
+        dip: Where the load factor of that path, with its larger products, fell by this, relative,
+            block modes do not tell that there is no peak.
         another: A path that ends so far from the collapse, relative, ends on another one.
-        dip: Where the load factor of the path to the collapse, with its larger products, fell by
-            this, relative, block modes do not tell that there is no peak.
+        on_modes: Products on block modes, in units of force times elastic displacement; the second
+            where the path is lost with the first.
+        on_structure: Those on the structure. The first is nearer to block modes.
         fallen: A summit is passed where the path has fallen by this, relative.
-        finish: When the interior point method stops with products zero.
-        few: Blocks from which on the first limit is smaller, in proportion: steps on block modes
-            then take longer, and the path has more of them.
+        accuracy: Of the load factor at a summit, relative; a dip of the path is stepped over to a
+            load factor that is higher by five times this.
+        states: Most states that are settled on the way to a summit.
     """
 
-    usual: tuple[float, float] = (0.5, 5.0)
+    usual: tuple[float, float] = (1.5, 10.0)
     asked: tuple[float, float] = (20.0, 50.0)
-    products: tuple[float, ...] = (3e-4, 1e-3)
-    apart: float = 1.8
-    least: float = 3e-6
-    first: tuple[float, float] = (1.5, 0.1)
-    past: float = 1.05
-    last: tuple[float, float] = (300.0, 2.0)
-    promising: float = 4e-3
-    before: float = 0.9
-    another: float = 2e-2
+    many: int = 380
     dip: float = 5e-2
-    fallen: float = 5e-3
-    finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
-    )
-    few: int = 100
-
-
-#: How exact states of block modes are that tell whether the path is above the collapse.
-NEARLY = Tolerances(1e-5, 1e-3)
-BRIEF = InteriorPointOptions(max_steps=12, window=4, acceptable=1e-4)
-
-#: How exact states are on the climb, and when the interior point method gives one up.
-ROUGH = Tolerances(1e-9, 1e-6)
-LONG = InteriorPointOptions(max_steps=20, window=8, acceptable=1e-7)
-SHORT = InteriorPointOptions(max_steps=12, window=5, acceptable=1e-7)
-
-
-@dataclass(frozen=True)
-class ClimbOptions:
-    """Numbers of the climb on the structure.
-
-    Attributes:
-        first: First step to more work, relative: a path may turn back there.
-        back: First step to less work, relative.
-        growth: Steps grow by this factor.
-        accuracy: Of the load factor at the summit, relative.
-        inside: Part of an interval that a new work keeps from its ends.
-        beyond: The next load factor at which equilibrium is looked for is higher by this, relative.
-        dips: Dips of the path that are stepped over so at most.
-        products: Of the first iterate at other work, in units of force times elastic displacement
-            and of the relative change of the work.
-        least: Such products at least.
-        way: Products of the path of the structure, in units of force times elastic displacement.
-        far: Largest step of the work along the path of the structure, relative.
-        small: Products with which it is followed once more, from before its summit.
-        closer: Largest steps then; the second if the path turns back, to get nearer.
-        fallen: It is then past its summit where it has fallen by this, relative.
-        level: Points of one height differ by less than this, relative.
-        at_summit: How a state is found where tangents of that path meet.
-        before_it: How one is found at the last point before, if there is none.
-        next_load: How one is found at a prescribed load factor: nothing is tried from afar.
-    """
-
-    first: float = 0.01
-    back: float = 0.05
-    growth: float = 4.0
+    another: float = 2e-2
+    on_modes: tuple[float, float] = (3e-4, 1e-3)
+    on_structure: tuple[float, float] = (1e-4, 1e-5)
+    fallen: float = 2e-3
     accuracy: float = 1e-4
-    inside: float = 0.02
-    beyond: float = 5e-4
-    dips: int = 8
-    products: float = 0.1
-    least: float = 3e-4
-    way: float = 1e-4
-    far: float = 0.3
-    closer: tuple[float, ...] = (0.15, 0.04)
-    small: float = 1e-5
-    fallen: float = 1e-3
-    level: float = 1e-4
-    at_summit: WarmStart = field(default_factory=lambda: WarmStart((3e-5,), (), ROUGH, SHORT))
-    before_it: WarmStart = field(default_factory=lambda: WarmStart((3e-5, 3e-3), (), ROUGH, LONG))
-    next_load: WarmStart = field(default_factory=lambda: WarmStart((3e-4,), (), ROUGH, SHORT))
+    states: int = 16
 
 
 OPTIONS = PeakOptions()
-CLIMB = ClimbOptions()
+
+#: Phase of the path to the collapse on block modes.
+ON_THE_WAY = "block modes, rising work"
+
+#: Steps of the work: peaks are narrow. The structure is followed for a short way only.
+ON_MODES = ArclengthOptions(largest_change=0.8)
+SHORT = ArclengthOptions(patience=15)
+ON_STRUCTURE = replace(SHORT, largest_change=0.15)
+
+#: States are found soon or not at all, from products that fit the way to them.
+STATE = WarmStart(
+    (3e-4,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(12, window=5, acceptable=1e-7)
+)
+FIRST = replace(
+    STATE, products=(3e-5, 3e-3), options=replace(STATE.options, max_steps=20, window=8)
+)
 
 
 @dataclass(frozen=True)
@@ -223,503 +125,269 @@ class Above:
         """How much higher a load factor is, relative."""
         return (load_factor - self.load_factor) / self.size
 
-    def last_work(self, case: LoadCase) -> float:
-        """Work at which a path is on its plateau, as far as it is worth looking."""
-        of_bonded, of_onset = OPTIONS.last
-        return max(of_bonded * case.bonded_work, of_onset * self.work)
 
-
-def peak_of(path: LoadPath, above: Above) -> Peak:
-    """What a path of load control carries, if that is above the collapse."""
-    last = path.steps[-1]
-    if above(path.lower) <= ABOVE:
-        return Peak("none")
-    return Peak("found", path.lower, path.upper, last.work, last.displacement)
-
-
-def find_peak(
-    case: LoadCase, above: Above, tolerance: float, limits: Limits, way: Way | None = None
-) -> Peak:
+def find_peak(case: LoadCase, above: Above, cost: float, at_any_cost: bool = False) -> Peak:
     """The peak of the loading path of a load case with Coulomb friction.
 
     Args:
-        case: The load case.
+        case: The load case; its record has the path of block modes to the collapse, if known.
         above: Its collapse.
-        tolerance: On load factors, relative.
-        limits: On the cost.
-        way: The path of block modes to the collapse, with larger products; None: not known.
+        cost: Of the collapse, in units of one factorisation of the structure.
+        at_any_cost: Whether hundreds of factorisations may be made, and the path of the structure
+            itself is followed where block modes have no peak.
     """
     if case.kind != GENERAL:
         return Peak("not_known", reason=OTHER_METHOD)
-    fell = way is not None and way.fallen > OPTIONS.dip * above.size
-    none = Peak("not_known", reason=FELL) if fell else Peak("none")
-    below = way is not None and _stays_below(case, above, way, limits)
-    if below and not fell:
-        return none
-    case = replace(case, monitor=lambda step: None)
+    risen = case.record.risen
+    path = np.array([one.load_factor for one in case.record.trace if one.phase == ON_THE_WAY])
+    fell = np.max(np.maximum.accumulate(path) - path, initial=0.0) > OPTIONS.dip * above.size
+    stays_below = _stays_below(risen, above)
+    if stays_below and not (fell or at_any_cost):
+        return Peak("none")
+    upper = case.blocks.limit()
+    if upper is not None and above(upper) <= ABOVE:
+        return Peak("none")
+    search = _Search(case, above, math.inf if upper is None else upper)
     effort = case.discretization.effort
-    begun = effort.spent
-    try:
-        upper = case.blocks.limit()
-        upper = math.inf if upper is None else upper
-        if above(upper) <= ABOVE:
-            return Peak("none")
-        with effort.at_most(limits.seen):
-            seed = None if below else _seed(case, above)
-        if seed is None:
-            return none
-        with effort.at_most(limits.found - (effort.spent - begun)):
-            return _Summit(case, above, tolerance, upper).peak(seed)
-    except EffortError:
-        return Peak("not_known", reason=TOO_DEAR)
-    except SolverError as error:
-        return Peak("not_known", reason=str(error))
-
-
-@dataclass(frozen=True)
-class _OnPath(ABC):
-    """A point of a path, and d(lambda)/dT there."""
-
-    slope: float
-
-    @property
-    @abstractmethod
-    def work(self) -> float:
-        """T, N m per metre of thickness."""
-
-    @property
-    @abstractmethod
-    def load_factor(self) -> float:
-        """The load factor."""
-
-    def tangent(self, work: float) -> float:
-        """Load factor on the tangent."""
-        return self.load_factor + self.slope * (work - self.work)
-
-    def meets(self, right: _OnPath) -> float:
-        """Work in between at which the tangents meet; that of the right point if they do not."""
-        if self.slope <= right.slope:
-            return right.work
-        gap = right.tangent(self.work) - self.load_factor
-        return min(max(self.work + gap / (self.slope - right.slope), self.work), right.work)
-
-
-# ---- on block modes
-
-
-def _stays_below(case: LoadCase, above: Above, way: Way, limits: Limits) -> bool:
-    """Whether a path of block modes, known with larger products, stays below the collapse."""
-    if len(way.states) < 2 or not above(way.last) >= -OPTIONS.another:
-        return False  # nothing was seen of it, or it led elsewhere
-    try:
-        with case.discretization.effort.at_most(limits.seen):
-            return all(height <= ABOVE for height in _heights(case, above, way))
-    except SolverError as error:
-        _log.info("  peak: %s", error)
-        return False
-
-
-def _heights(case: LoadCase, above: Above, way: Way) -> Iterator[float]:
-    """How much higher than the collapse the states of a way are with products zero, relative.
-
-    They end on the plateau, which lasts: past the onset the collapse goes on as it is. There alone
-    the interior point method takes products to zero; before, it may lead past a narrow peak.
-    """
-    modes = case.discretization.block_modes.changed(case.problem)
-    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
-    for state in way.states[1:]:  # the first is where the path begins
-        scales = case.scales_at(state.work, above.load_factor)
-        kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, state.work)
-        mu = rising_mu(Task(case, state.work, scales, tolerance=1e-6))
-        height = above(_load_factor(kkt, state, mu))
-        past_onset = state.work >= above.work
-        if past_onset and height > ABOVE:
-            settled = solve_interior_point(kkt, state, mu, NEARLY, BRIEF)
-            height = above(settled.state.load_factor)
-        if past_onset and abs(height) <= OPTIONS.another:
-            return
-        yield height
-
-
-def _load_factor(kkt: PerturbedKKT, state: State, mu: float) -> float:
-    """Load factor of a state on a path with products zero, to first order: one Newton step.
-
-    With products it is lower where joints open, and higher on the plateau.
-    """
-    now = kkt.on_central_path(state, mu)
-    (step,) = kkt.linearize(now).directions([(kkt.residual(now), -kkt.products(now))])
-    return state.load_factor + step.load_factor
-
-
-def _seed(case: LoadCase, above: Above) -> State | None:
-    """A state on the way that block modes have above the collapse; None: no state.
-
-    Raises:
-        EffortError: If that takes too long.
-        SolverError: If the path is lost, or ends elsewhere.
-    """
-    modes = case.discretization.block_modes.changed(case.problem)
-    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
-    for products in OPTIONS.products:
-        path = _ModesPath(case, modes, stiffness, above, products)
+    seen, found = OPTIONS.asked if at_any_cost else OPTIONS.usual
+    if case.block_count >= OPTIONS.many and not at_any_cost:
+        seen = 0.0
+    seen_at = effort.spent + seen * cost
+    found_at = effort.spent + found * cost
+    none = Peak("not_known", reason=FELL) if fell else Peak("none")
+    tries = [] if stays_below else [(True, products) for products in OPTIONS.on_modes]
+    if at_any_cost:
+        tries.append((False, OPTIONS.on_structure[0]))
+    peak = none
+    for on_modes, products in tries:
         try:
-            return path.first_above()
+            with effort.at_most(seen_at - effort.spent):
+                points = search.seen(products, on_modes)
+            if points:
+                with effort.at_most(found_at - effort.spent):
+                    return search.peak(points)
+            peak = none if on_modes else Peak("none")
+            if not at_any_cost:
+                return peak
+        except EffortError:
+            return Peak("not_known", reason=TOO_DEAR)
         except SolverError as error:
-            case.discretization.effort.require(1.0)
-            failed = error
-    raise failed
+            _log.info("  peak: %s", error)
+            peak = Peak("not_known", reason=str(error))
+    return peak
+
+
+def _stays_below(samples: Sequence[PathSample], above: Above) -> bool:
+    """Whether a path of block modes to the collapse, with products zero, is never above it.
+
+    It ends on the plateau, which lasts: past the onset the collapse goes on as it is.
+    """
+    if len(samples) < 3 or above(samples[-1].load_factor) < -OPTIONS.another:
+        return False  # nothing was seen of it, or it led elsewhere
+    for sample in samples[1:]:
+        height = above(sample.level)
+        if sample.work >= above.work and abs(height) <= OPTIONS.another:
+            return True
+        if height > ABOVE:
+            return False
+    return True
 
 
 @dataclass(frozen=True)
-class _Sample(_OnPath):
-    """A point on a path with small products."""
-
-    point: PathPoint
-
-    @property
-    def work(self) -> float:
-        return self.point.work
-
-    @property
-    def load_factor(self) -> float:
-        return self.point.iterate.load_factor
-
-
-class _ModesPath:
-    """The loading path of the block modes, with small products."""
-
-    def __init__(
-        self,
-        case: LoadCase,
-        modes: BlockModes,
-        stiffness: JointStiffness,
-        above: Above,
-        products: float,
-    ) -> None:
-        self._case = case
-        self._modes = modes
-        self._above = above
-        last = above.last_work(case)
-        scales = case.scales_at(last)
-        self._task = Task(case, last, scales, tolerance=1e-6)
-        self._mu = self._task.mu(products)
-        self._kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, scales, last)
-        self._path = rising(self._kkt, factored=self._note)
-        self._passed: list[_Sample] = []
-
-    def first_above(self) -> State | None:
-        """A state before the first one above the collapse that stays there with products zero.
-
-        It is on the path, as one of the structure; None if nothing is above.
-
-        Raises:
-            SolverError: If the path is lost, or ends at another collapse state.
-        """
-        bias, last = 0.0, None
-        for before, last in self._rise():
-            seen = self._above(last.iterate.load_factor)
-            if seen <= ABOVE + bias:
-                continue
-            left = self._above(self._finished(last).load_factor)
-            _log.info("  peak: %.4g above the collapse, %.4g with products 0", seen, left)
-            if left > ABOVE:
-                return self._modes.prolonged(before.state)
-            bias = seen - left
-        if last is None or abs(self._above(last.iterate.load_factor)) <= OPTIONS.another + bias:
-            return None
-        if abs(self._above(self._finished(last).load_factor)) > OPTIONS.another:
-            raise SolverError("the path of block modes ends at another collapse state")
-        return None
-
-    def _rise(self) -> Iterator[tuple[PathPoint, PathPoint]]:
-        """Points at rising works up to the plateau, each with one before it.
-
-        A path that goes on as at one point may be above the collapse before the next: there it is
-        settled, too.
-        """
-        unit = self._case.bonded_work
-        ends = self._above
-        factor, least = OPTIONS.first
-        work = max(factor * ends.load_factor / self._case.scales.load_factor, least) * unit
-        start = self._modes.restricted(self._case.bonded_state(work))
-        point = self._path.follow(self._path.begin(start, self._mu), work)
-        yield point, point
-        while work < self._task.work:
-            work *= OPTIONS.apart
-            self._passed.clear()
-            after = self._path.follow(point, work)
-            crossing = self._crossing(self._passed[0], after)
-            if crossing is not None:
-                yield point, crossing
-            yield point, after
-            level = [abs(ends(p.iterate.load_factor)) <= ABOVE for p in (point, after)]
-            if all(level) or (level[1] and work > OPTIONS.past * ends.work):
-                return
-            point = after
-
-    def _note(self, point: PathPoint, rate: float) -> None:
-        """Take note of a point on the way, and of d(lambda)/ds there."""
-        self._passed.append(_Sample(rate / point.work, point))
-
-    def _crossing(self, left: _Sample, after: PathPoint) -> PathPoint | None:
-        """The point at which the tangent at one point crosses the collapse well before another."""
-        promising = self._above.load_factor + OPTIONS.promising * self._above.size
-        highest = max(left.load_factor, after.iterate.load_factor)
-        if highest > promising or left.tangent(OPTIONS.before * after.work) <= promising:
-            return None
-        work = left.work + (promising - left.load_factor) / left.slope
-        return self._path.follow(left.point, work)
-
-    def _finished(self, point: PathPoint) -> State:
-        """The state with products zero at the work of a point."""
-        kkt = replace(self._kkt, work=point.work)
-        path = falling(kkt)
-        mu = self._task.mu(OPTIONS.least)
-        point = path.follow(path.begin(point.state, point.mu), mu)
-        tolerances = self._task.tolerances
-        return solve_interior_point(kkt, point.state, mu, tolerances, OPTIONS.finish).state
-
-
-# ---- on the structure
-
-
-@dataclass(frozen=True)
-class _Point(_OnPath):
-    """A verified state of the structure, and its rate of displacements du/dT."""
+class _Settled(Sample):
+    """A verified state of the structure with products zero, and its rate du/dT."""
 
     rate: Array
-    state: State
-
-    @property
-    def work(self) -> float:
-        return self.state.work
-
-    @property
-    def load_factor(self) -> float:
-        return self.state.load_factor
 
 
-@dataclass(frozen=True)
-class _Beyond:
-    """Work at which the path is past its summit, and the state there if it is still on the path."""
-
-    work: float
-    point: _Point | None = None
-
-
-class _Way:
-    """Points along a path, which is left where it has fallen or turned back.
-
-    Attributes:
-        points: On the way, with their slopes.
-        turned: Whether the path turned back.
-    """
-
-    def __init__(self, size: float, fallen: float) -> None:
-        """Take load factors relative to a size, and as fallen by such a part."""
-        self._size = size
-        self._fallen = fallen
-        self.points: list[_Sample] = []
-        self.turned, self._rate = False, 0.0
-
-    def factored(self, point: PathPoint, rate: float) -> None:
-        """Take note of d(lambda)/ds at a point."""
-        self._rate = rate
-
-    def passed(self, point: PathPoint) -> None:
-        """Take note of a point that is on the path."""
-        self.points.append(_Sample(self._rate / point.work, point))
-        highest = self.points[self._highest]
-        fallen = highest.load_factor - self.points[-1].load_factor
-        self.turned = point.work < highest.work and fallen > 0.0
-        if self.turned or fallen > self._fallen * self._size:
-            raise SolverError("the path has fallen")
-
-    @property
-    def _highest(self) -> int:
-        """Number of the first of the highest points."""
-        level = max(point.load_factor for point in self.points) - CLIMB.level * self._size
-        return next(i for i, point in enumerate(self.points) if point.load_factor >= level)
-
-    @property
-    def before(self) -> PathPoint:
-        """The last rising point with less work than those past the highest one."""
-        place = self._highest + 1
-        least = min((point.work for point in self.points[place:]), default=math.inf)
-        rising = [p.point for p in self.points[:place] if p.slope > 0.0 and p.work < least]
-        return rising[-1] if rising else self.points[0].point
-
-    @property
-    def highest(self) -> PathPoint:
-        """The first of the highest points."""
-        return self.points[self._highest].point
-
-    @property
-    def summit(self) -> tuple[PathPoint, float]:
-        """A point next to the highest one, and the work at which tangents on both sides meet."""
-        place = self._highest
-        highest = self.points[place]
-        if self.turned:
-            return highest.point, highest.work
-        left, *right = self.points[max(place - (highest.slope <= 0.0), 0) :][:2]
-        if not right or not left.slope > 0.0 > right[0].slope or left.work >= right[0].work:
-            return highest.point, highest.work
-        return left.point, left.meets(right[0])
-
-
-class _Summit:
-    """The highest point of the path of the structure next to a state.
+class _Search:
+    """The search for the highest point of one path, on block modes and then on the structure.
 
     Attributes:
         best: The highest verified state so far; None if there is none.
     """
 
-    def __init__(self, case: LoadCase, above: Above, tolerance: float, upper: float) -> None:
-        self._case = case
+    def __init__(self, case: LoadCase, above: Above, upper: float) -> None:
+        self.case = replace(case.unrecorded, monitor=lambda step: None)
         self._above = above
-        self._tolerance = tolerance
         self._upper = upper
-        self._effort = case.discretization.effort
-        self.best: State | None = None
-
-    def peak(self, seed: State) -> Peak:
-        """The peak next to a state that the block modes have above the collapse."""
-        try:
-            self._climb_from(self._begun(seed))
-        except SolverError as error:
-            if not self._found:
-                raise
-            _log.info("  peak: %s", error)
-        if self.best is None or not self._found:
-            return Peak("not_known", reason=MODES_ONLY)
-        state = self.best
-        work = self._case.written(state).work
-        moved = work / self._case.problem.sum(np.abs(self._case.problem.live))
-        return Peak("found", state.load_factor, work=work, displacement_m=moved, state=state)
-
-    @property
-    def _found(self) -> bool:
-        return self.best is not None and self._above(self.best.load_factor) > ABOVE
-
-    def _climb_from(self, point: _Point) -> None:
-        """Climb to the summit, over small dips."""
-        for _ in range(CLIMB.dips):
-            best = self._summit(point)
-            target = best.load_factor + CLIMB.beyond * self._above.size
-            if not self._found or target >= self._upper:
-                return
-            point = self._at_load(best, target)
-
-    def _summit(self, start: _Point) -> _Point:
-        """The highest point next to one, by the slopes on both sides."""
-        left, right = self._sides(start)
-        best = max(start, left, key=lambda point: point.load_factor)
-        step = CLIMB.first
-        while (work := self._next_work(left, right, best, step)) is not None:
-            step *= CLIMB.growth
-            try:
-                new = self._at(work, left)
-            except SolverError:
-                self._effort.require(1.0)
-                right = _Beyond(work)
-                continue
-            best = max(best, new, key=lambda point: point.load_factor)
-            if new.slope > 0.0 and new.load_factor >= left.load_factor:
-                left = new
-            else:  # with a slope above 0 it is on another piece of the path, past a fold
-                right = _Beyond(work, new if new.slope <= 0.0 else None)
-        return best
-
-    def _sides(self, start: _Point) -> tuple[_Point, _Beyond | None]:
-        """A rising point on the left of the summit, and one past it if `start` is."""
-        left = start
-        right = None
-        step = CLIMB.back
-        flat = CLIMB.accuracy * self._above.size
-        while left.slope <= 0.0 and left.tangent(0.0) > left.load_factor + flat:
-            right = _Beyond(left.work, left)
-            left = self._at(left.work * (1.0 - step), left)
-            step = CLIMB.growth * step
-        return left, right
-
-    def _next_work(
-        self, left: _Point, right: _Beyond | None, best: _Point, step: float
-    ) -> float | None:
-        """Where to look next for something higher; None if there is nothing."""
-        least = best.load_factor + CLIMB.accuracy * self._above.size
-        if right is None:
-            work = (1.0 + step) * left.work
-            return work if left.tangent(2.0 * left.work) > least else None
-        width = right.work - left.work
-        if right.point is None:
-            return left.work + 0.5 * width if left.tangent(right.work) > least else None
-        work = left.meets(right.point)
-        inside = CLIMB.inside * width
-        if left.tangent(work) <= least:
-            return None
-        return min(max(work, left.work + inside), right.work - inside)
-
-    def _begun(self, seed: State) -> _Point:
-        """The state next to the summit of the path with small products, from the seed."""
-        task = self._task(seed.work)
-        start = rising(task.kkt).begin(seed, task.mu(CLIMB.way))
-        start = rising(task.kkt).follow(start, seed.work)
-        start = self._way(task, start, CLIMB.far, OPTIONS.fallen).before
-        kkt = replace(task.kkt, work=start.work)
-        start = falling(kkt).follow(start, task.mu(CLIMB.small))
-        for change in CLIMB.closer:
-            way = self._way(task, start, change, CLIMB.fallen)
-            if not way.turned:
-                break
-            start = way.highest
-        point, work = way.summit
-        try:
-            return self._point(at_work(self._task(work), point.state, CLIMB.at_summit))
-        except SolverError:
-            self._effort.require(1.0)
-            return self._point(at_work(self._task(point.work), point.state, CLIMB.before_it))
-
-    def _way(self, task: Task, start: PathPoint, change: float, fallen: float) -> _Way:
-        """The path from a point to past its summit, in steps of the work of a relative size."""
-        way = _Way(self._above.size, fallen)
-        options = ArclengthOptions(largest_change=change)
-        path = rising(task.kkt, options=options, factored=way.factored, passed=way.passed)
-        try:
-            path.follow(start, self._above.last_work(self._case))
-        except SolverError as error:
-            self._effort.require(1.0)
-            _log.info("  peak: %s", error)
-        if not way.points:
-            raise SolverError("the path of the structure is lost")
-        return way
-
-    def _at(self, work: float, near: _Point) -> _Point:
-        """The state at some work, from one next to it."""
-        far = abs(work - near.work) / max(work, near.work)
-        products = max(CLIMB.products * far, CLIMB.least)
-        warm = WarmStart((products,), (), ROUGH, SHORT)
-        solution, _ = next_to(near.state, near.rate, warm)(self._task(work))
-        return self._point(solution.state)
-
-    def _at_load(self, near: _Point, load_factor: float) -> _Point:
-        """The state at a load factor, from one next to it."""
-        task = self._task(near.work)
-        return self._point(coulomb_equilibrium(task, near.state, load_factor, CLIMB.next_load))
+        # The path is on its plateau there, as far as it is worth looking.
+        self._end = max(300.0 * case.bonded_work, 2.0 * above.work)
+        self.best: _Settled | None = None
 
     def _task(self, work: float) -> Task:
-        scales = self._case.scales_at(work, self._above.load_factor)
-        return Task(self._case, work, scales, self._tolerance)
+        scales = self.case.scales_at(work, self._above.load_factor)
+        return Task(self.case, work, scales, tolerance=1e-6)
 
-    def _point(self, state: State) -> _Point:
-        """A state with its slope, verified; `SolverError` if it is no state of equilibrium."""
+    def seen(self, products: float, on_modes: bool = True) -> list[PathSample]:
+        """Points of a path from which that of the structure may be followed, the best first.
+
+        They go back from the highest point, or the last rising one before it. None if no point is
+        above the collapse, with products zero.
+
+        Raises:
+            SolverError: If the path is lost, or ends at another collapse state.
+        """
+        case = self.case
+        above = self._above
+        task = self._task(self._end)
+        path = LoadingPath.on_modes(task) if on_modes else LoadingPath(task)
+        # Nothing is stiffer than the bonded structure, and joints are open by then.
+        first = max(1.5 * above.load_factor / case.scales.load_factor, 0.1) * case.bonded_work
+        samples: list[PathSample] = []
+        for sample in path.points(path.begin(first, task.mu(products)), None, ON_MODES, True):
+            if sample.on_the_way:
+                samples.append(sample)
+            flat = [abs(above(one.load_factor)) <= ABOVE for one in samples[-2:]]
+            if all(flat) or (flat[-1] and sample.work > 1.05 * above.work):
+                break
+        bias = max(samples[-1].load_factor - above.load_factor, 0.0)
+        if above(samples[-1].load_factor) < -OPTIONS.another:
+            raise SolverError("the path of block modes ends at another collapse state")
+        heights = [above(min(one.level, one.load_factor - bias)) for one in samples]
+        k = int(np.argmax(heights[1:])) + 1
+        if heights[k] <= ABOVE:
+            return []
+        while k > 1 and samples[k].slope <= 0.0:
+            k -= 1
+        return [replace(one, state=path.prolonged(one.state)) for one in samples[k:0:-1]]
+
+    def peak(self, points: Sequence[PathSample]) -> Peak:
+        """The summit next to points of block modes, over small dips."""
+        beyond = 5.0 * OPTIONS.accuracy * self._above.size
+        try:
+            here = self._begun(points)
+            while self._found(self._summit(here)) and self.best is not None:
+                target = self.best.load_factor + beyond
+                if target >= self._upper:
+                    break
+                near = self._task(self.best.work), self.best.state
+                here = self._verified(coulomb_equilibrium(*near, target, STATE))
+        except SolverError as error:
+            if not self._found(self.best):
+                raise
+            _log.info("  peak: %s", error)
+        if self.best is None or not self._found(self.best):
+            return Peak("not_known", reason=MODES_ONLY)
+        state = self.best.state
+        work = self.case.written(state).work
+        moved = work / self.case.problem.sum(np.abs(self.case.problem.live))
+        return Peak("found", state.load_factor, work=work, displacement_m=moved, state=state)
+
+    def _found(self, state: Sample | None) -> bool:
+        return state is not None and self._above(state.load_factor) > ABOVE
+
+    def _begun(self, points: Sequence[PathSample]) -> _Settled:
+        """A state next to the highest point of the structure's path.
+
+        That path begins at the first of some points from which it can be followed.
+        """
+        for near in points:
+            task = self._task(near.work)
+            path = LoadingPath(task)
+            far, close = map(task.mu, OPTIONS.on_structure)
+            try:
+                start = path.with_products(path.next_to(near.state, far), close, SHORT)
+                highest = self._highest(path, start)
+                return self._verified(at_work(self._task(highest.work), highest.state, FIRST))
+            except SolverError as error:
+                self.case.discretization.effort.require(1.0)
+                failed = error
+        raise failed
+
+    def _highest(self, path: LoadingPath, start: PathPoint) -> PathSample:
+        """Where the structure's path is highest before it falls or turns back, by tangents.
+
+        Raises:
+            SolverError: If the path is lost at once, or not above the collapse.
+        """
+        size = self._above.size
+        points: list[PathSample] = []
+        top = 0
+        try:
+            for new in path.points(start, self._end, ON_STRUCTURE):
+                points.append(new)
+                if new.load_factor > points[top].load_factor:
+                    top = len(points) - 1
+                fallen = (points[top].load_factor - new.load_factor) / size
+                plateau = abs(self._above(new.load_factor)) <= ABOVE
+                plateau &= abs(new.slope * new.work) <= 1e-2 * size
+                turned = fallen > 0.0 and new.work < points[top].work
+                if turned or plateau or fallen > OPTIONS.fallen:
+                    break
+        except SolverError as error:
+            self.case.discretization.effort.require(1.0)
+            _log.info("  peak: %s", error)
+        if not points or not self._found(points[top]):
+            raise SolverError("the path of the structure is not above the collapse")
+        *_, before = points[:1] + [one for one in points[: top + 1] if one.slope > 0.0]
+        for after in points[top + 1 : top + 2]:
+            if before.slope > 0.0 > after.slope and before.work < after.work:
+                return replace(before, work=before.meets(after))
+        return before
+
+    def _summit(self, low: _Settled) -> _Settled:
+        """The highest state next to one; tangents on both sides lead to it."""
+        best = low
+        step = 0.01
+        high = math.inf  # work at which the path is past its summit, and
+        right: _Settled | None = None  # the state there if it is still on the path
+        for _ in range(OPTIONS.states):
+            if low.slope <= 0.0:
+                high = low.work
+                right = low
+                top = low.at(0.0)
+                work = (1.0 - 5.0 * step) * low.work
+                step *= 4.0
+            elif high == math.inf:
+                top = low.at(2.0 * low.work)
+                work = (1.0 + step) * low.work
+                step *= 4.0
+            elif right is None:
+                top = low.at(high)
+                work = 0.5 * (low.work + high)
+            else:
+                work = low.meets(right)
+                top = low.at(work)
+                inside = 0.02 * (high - low.work)
+                work = min(max(work, low.work + inside), high - inside)
+            if top <= best.load_factor + OPTIONS.accuracy * self._above.size or work <= 0.0:
+                break
+            try:
+                new = self._next_to(low, work)
+            except SolverError:
+                self.case.discretization.effort.require(1.0)
+                if low.slope <= 0.0:
+                    break
+                high = work
+                right = None
+                continue
+            best = max(best, new, key=lambda one: one.load_factor)
+            if low.slope <= 0.0 or (new.slope > 0.0 and new.load_factor >= low.load_factor):
+                low = new
+            else:  # with a slope above 0 it is on another piece of the path, past a fold
+                high = work
+                right = new if new.slope <= 0.0 else None
+        return best
+
+    def _next_to(self, near: _Settled, work: float) -> _Settled:
+        """The state at some work, from one next to it."""
+        far = abs(work - near.work) / max(work, near.work)
+        warm = replace(STATE, products=(max(0.1 * far, *STATE.products),))
+        solution, _ = next_to(near.state, near.rate, warm)(self._task(work))
+        return self._verified(solution.state)
+
+    def _verified(self, state: State) -> _Settled:
+        """A state with its slope; `SolverError` if it is no state of equilibrium."""
+        problem = self.case.problem
         scales = self._task(state.work).scales
-        problem = self._case.problem
         residuals = state_residuals(problem, state, scales)
         missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
-        _log.info("  peak: T = %.6g, load factor %.8g", state.work, state.load_factor)
         if missed:
             raise SolverError(f"not verified: {', '.join(missed)}")
-        if self.best is None or state.load_factor > self.best.load_factor:
-            self.best = state
-        rate, slope = rates(self._case.coulomb(state.work, scales), state)
-        return _Point(slope, rate, state)
+        rate, slope = rates(self.case.coulomb(state.work, scales), state)
+        _log.info("  peak: T = %.6g, load factor %.8g", state.work, state.load_factor)
+        found = _Settled(state.work, state.load_factor, slope, state, rate)
+        if self.best is None or found.load_factor > self.best.load_factor:
+            self.best = found
+        return found

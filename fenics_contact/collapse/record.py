@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any
-
-import numpy as np
 
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.results.history import TracePoint, Trial
@@ -33,32 +31,49 @@ class Listener:
         """A point of the path was passed; its load factor has the user's sign."""
 
 
-#: Ratio of the works of states that a way keeps, at least.
-APART = 1.6
+@dataclass(frozen=True)
+class Sample:
+    """A point of the loading path: T, N m per metre of thickness, lambda, d(lambda)/dT, state."""
+
+    work: float
+    load_factor: float
+    slope: float
+    state: State
+
+    def at(self, work: float) -> float:
+        """Load factor on the tangent."""
+        return self.load_factor + self.slope * (work - self.work)
+
+    def meets(self, right: Sample) -> float:
+        """Work at which the tangents of two samples meet, between them."""
+        if not self.slope > right.slope:
+            return 0.5 * (self.work + right.work)
+        ahead = right.at(self.work) - self.load_factor
+        return min(max(self.work + ahead / (self.slope - right.slope), self.work), right.work)
 
 
-@dataclass
-class Way:
-    """A path that was followed, for others to take up.
+@dataclass(frozen=True)
+class PathSample(Sample):
+    """A sample with products above zero, of block modes or of the structure.
 
     Attributes:
-        states: Some of the points passed, with works that rise.
-        last: Load factor of the last point passed.
-        fallen: By how much the load factor was below its highest so far, at most.
+        point: The point of the continuation.
+        level: lambda with products zero, to first order; nan if it was not asked for.
     """
 
-    states: list[State] = field(default_factory=list)
-    last: float = np.nan
-    fallen: float = 0.0
-    _highest: float = -np.inf
+    point: PathPoint
+    level: float = math.nan
 
-    def passed(self, point: PathPoint) -> None:
-        """Take note of a point."""
-        if not self.states or point.work >= APART * self.states[-1].work:
-            self.states.append(point.state)
-        self.last = point.iterate.load_factor
-        self._highest = max(self._highest, self.last)
-        self.fallen = max(self.fallen, self._highest - self.last)
+    @classmethod
+    def of(cls, point: PathPoint, level: float = math.nan) -> PathSample:
+        """A point of a continuation, of its end without slope."""
+        slope = point.rate / point.work
+        return cls(point.work, point.iterate.load_factor, slope, point.state, point, level)
+
+    @property
+    def on_the_way(self) -> bool:
+        """Whether the path goes on from it."""
+        return math.isfinite(self.slope)
 
 
 class Record:
@@ -69,7 +84,7 @@ class Record:
         trace: Points passed, in order.
         last: Makes a state of the point passed last; None before the first.
         best: The `Collapse` that a search had found when it was stopped; else None.
-        ways: The last path of every phase.
+        risen: Samples of the path on block modes that led to a state, as the work rose.
         exhausted: Limit that ended the search, in units of one factorisation; 0 if none did.
     """
 
@@ -93,7 +108,7 @@ class Record:
         self.trace: list[TracePoint] = []
         self.last: Callable[[], State] | None = None
         self.best: Any = None
-        self.ways: dict[str, Way] = {}
+        self.risen: list[PathSample] = []
         self.exhausted = 0.0
 
     def reversed(self) -> Record:
@@ -134,30 +149,6 @@ class Record:
         finally:
             costs = count() - before, effort.spent - spent
             self.attempts.append(Trial(name, work, outcome, bool(found), *costs))
-
-    def along(
-        self, phase: str, prolonged: Callable[[State], State] = lambda state: state
-    ) -> Callable[[PathPoint], None]:
-        """A function that records every point of a path that it is called with.
-
-        Args:
-            phase: What is followed.
-            prolonged: Makes a state of the structure of one of the path's.
-        """
-        way = self.ways[phase] = Way()
-
-        def passed(point: PathPoint) -> None:
-            way.passed(point)
-            found = partial(prolonged, point.state)
-            self.passed(phase, point.iterate.load_factor, point.work, found)
-
-        return passed
-
-    @property
-    def rise_on_modes(self) -> Way | None:
-        """The rise on block modes that led to the collapse; None if something else did."""
-        led = [trial.name for trial in self.attempts if trial.found][-1:] == ["along block modes"]
-        return self.ways.get("block modes, rising work") if led else None
 
     def passed(
         self, phase: str, load_factor: float, work: float, state: Callable[[], State]

@@ -19,18 +19,13 @@ import numpy as np
 from fenics_contact.collapse import coulomb
 from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions, GivenFriction
 from fenics_contact.collapse.load_case import Answer, Attempt, Task
+from fenics_contact.collapse.loading_path import LoadingPath, falling
+from fenics_contact.collapse.record import PathSample
 from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import state_residuals
 from fenics_contact.results.history import History, Step
 from fenics_contact.scene.scene import Scene
-from fenics_contact.solvers.arclength import (
-    FALLING_PRODUCTS,
-    RISING_WORK,
-    ArclengthOptions,
-    Continuation,
-    PathPoint,
-)
-from fenics_contact.solvers.block_modes import BlockModes
+from fenics_contact.solvers.arclength import ArclengthOptions, PathPoint
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
     Solution,
@@ -44,7 +39,7 @@ from fenics_contact.solvers.joint_forces import (
     alternately,
     at_once,
 )
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC, JointStiffness
+from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, State
 
@@ -113,10 +108,6 @@ WARM = WarmStart()
 Minimiser = Callable[[ProximalStep, Array], Array]
 _Given = ParamSpec("_Given")
 
-#: Continuation of conditions `PerturbedKKT`; to replace the method, replace it here.
-falling = partial(Continuation, path=FALLING_PRODUCTS)
-rising = partial(Continuation, path=RISING_WORK)
-
 
 def rising_mu(task: Task) -> float:
     """Products while the work rises, in units of force times displacement."""
@@ -156,9 +147,9 @@ def further_along_rising_work(task: Task) -> Solution:
     """State by continuation of the structure from the last state, as the work rises."""
     if task.last is None:
         raise SolverError("no state at less work")
-    path = rising(task.kkt, passed=task.case.record.along("structure, rising work"))
-    point = path.follow(path.begin(task.last, task.mu(OPTIONS.ends[0])), task.work)
-    return to_end(task, point.state, point.mu)
+    path = LoadingPath(task, name="structure")
+    *_, end = path.points(path.next_to(task.last, task.mu(OPTIONS.ends[0])))
+    return to_end(task, end.state, end.point.mu)
 
 
 @monolithic
@@ -175,13 +166,11 @@ def along_block_modes(task: Task) -> Solution:
     fall: with larger products its own path is nearer. Else the work rises further, and they fall
     again: the paths at two works have different folds.
     """
-    case = task.case
-    modes = case.discretization.block_modes.changed(case.problem)
     failed = SolverError("block modes: no end of a path")
-    stiffness = modes.stiffness(GENERAL, case.discretization.mode_tally)
-    for point in _ends_of_modes(task, modes, stiffness, "block modes"):
+    path = LoadingPath.on_modes(task, "block modes")
+    for point in _ends_of(path):
         try:
-            return to_end(task, modes.prolonged(point.state), point.mu)
+            return to_end(task, path.prolonged(point.state), point.mu)
         except EffortError:
             raise
         except SolverError as error:
@@ -190,43 +179,42 @@ def along_block_modes(task: Task) -> Solution:
     raise failed
 
 
-def _ends_of_modes(
-    task: Task, modes: BlockModes, stiffness: JointStiffness, name: str
-) -> Iterator[PathPoint]:
-    """Points in block modes where the structure may take over, the best first.
+def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
+    """Points of a path on block modes where the structure may take over, the best first.
 
     The work rises to T and the products fall: the end of that path, and where it began. Then the
-    same with smaller products, which lead past other folds, and both at more work. In the record
-    the paths have a name.
+    same with smaller products, which lead past other folds, and both at more work. The record of
+    the load case has the samples of the rise.
 
     Raises:
         SolverError: If the paths of rising work are lost.
     """
-    case = task.case
-    kkt = PerturbedKKT.coulomb(modes.reduced, stiffness, task.scales, task.work)
-    start = modes.restricted(case.bonded_state(min(case.bonded_work, task.work)))
-    on_the_way = partial(case.record.along, prolonged=modes.prolonged)
-    rise = rising(kkt, passed=on_the_way(f"{name}, rising work"))
-    fall = falling(kkt, passed=on_the_way(f"{name}, falling products"))
-    points = {part: rise.begin(start, part * rising_mu(task)) for part in OPTIONS.rising_parts}
+    task = path.task
+    record = task.case.record
+    first = min(task.case.bonded_work, task.work)
+    points = {part: path.begin(first, part * rising_mu(task)) for part in OPTIONS.rising_parts}
+    risen: dict[float, list[PathSample]] = {part: [] for part in points}
     works = task.work * OPTIONS.further ** np.arange(OPTIONS.falls)
     for work, part in product(works, OPTIONS.rising_parts):
         if part not in points:
             continue
+        record.risen = risen[part]
         try:
-            point = points[part] = rise.follow(points.pop(part), float(work))
+            for sample in path.points(points.pop(part), float(work), levels=task.case.wants_peak):
+                record.risen.append(sample)
+            point = points[part] = record.risen.pop().point
         except EffortError:
             raise
         except SolverError as error:
-            _log.info("  %s: %s", name, error)
+            _log.info("  block modes: %s", error)
             failed = error
             continue
         try:
-            yield fall.follow(point, task.mu(OPTIONS.ends[0]))
+            yield path.with_products(point, task.mu(OPTIONS.ends[0]))
         except EffortError:
             raise
         except SolverError as error:
-            _log.info("  %s: %s", name, error)
+            _log.info("  block modes: %s", error)
         yield point
     if not points:
         raise failed
@@ -258,19 +246,6 @@ def coulomb_equilibrium(
     return _warm(task, kkt, start, warm).state
 
 
-def states_along_rising_work(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
-    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
-    path = rising(task.kkt)
-    start = task.case.bonded_state(min(task.case.bonded_work, works[0]))
-    point = path.begin(start, rising_mu(task))
-    for number, work in enumerate(works, 1):
-        try:
-            point = path.follow(point, work)
-            yield number, to_end(replace(task, work=work), point.state, point.mu).state
-        except SolverError as error:
-            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
-
-
 def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
     """State at the work of a task next to another one at that work, or `SolverError`."""
     return _warm(task, task.kkt, start, warm).state
@@ -282,31 +257,27 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     Where the path is lost before its end, the last point found answers if its load factor is known
     to the tolerance; else `SolverError`.
     """
+    path = LoadingPath(task, name="structure")
     kkt = replace(task.kkt, work=state.work)
-    passed_by = task.case.record.along("structure, falling products")
-    path = falling(kkt, passed=passed_by, options=OPTIONS.structure)
-    point = path.begin(state, mu)
+    point = path.next_to(state, mu)
     passed: list[PathPoint] = []
     try:
         for end in OPTIONS.ends:
-            point = path.follow(point, task.mu(end))
+            point = path.with_products(point, task.mu(end), OPTIONS.structure)
             passed.append(point)
             try:
-                return _finished(task, kkt, point)
+                return solve_interior_point(
+                    kkt, point.state, point.mu, task.tolerances, OPTIONS.finish
+                )
             except SolverError as error:
                 failed = error
     except SolverError as error:
         failed = error
-    return _near_the_end(task, path, passed, failed)
-
-
-def _finished(task: Task, kkt: PerturbedKKT, point: PathPoint) -> Solution:
-    """The state at the end of a path by the interior point method from one of its points."""
-    return solve_interior_point(kkt, point.state, point.mu, task.tolerances, OPTIONS.finish)
+    return _near_the_end(task, kkt, passed, failed)
 
 
 def _near_the_end(
-    task: Task, path: Continuation, passed: Sequence[PathPoint], failed: SolverError
+    task: Task, kkt: PerturbedKKT, passed: Sequence[PathPoint], failed: SolverError
 ) -> Solution:
     """The last of the points at which the products fell to the next end, settled on its path.
 
@@ -324,8 +295,7 @@ def _near_the_end(
             "  load factor %.6g, which the last decade of products changed by %.1e", last, change
         )
         raise failed
-    kkt = replace(path.kkt, work=passed[-1].work)
-    iterate = path.settled(passed[-1], OPTIONS.settled).iterate
+    iterate = falling(kkt).settled(passed[-1], OPTIONS.settled).iterate
     return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
 
 

@@ -26,8 +26,9 @@ import numpy as np
 
 from fenics_contact.collapse.collapse_mode import elastic_mode
 from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact.collapse.loading_path import falling, rising
 from fenics_contact.collapse.strategy import OPTIONS as PATH
-from fenics_contact.collapse.strategy import falling, rising, rising_mu
+from fenics_contact.collapse.strategy import rising_mu
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import EffortError, SolverError

@@ -18,7 +18,8 @@ not reach the path, this one led too far, and is made again, shorter.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -112,11 +113,13 @@ class PathPoint:
         iterate: With all products equal to mu.
         mu: In units of force times displacement.
         work: T, N m per metre of thickness.
+        rate: d(lambda)/ds there; nan where no factor was made, as at the end of a path.
     """
 
     iterate: Iterate
     mu: float
     work: float
+    rate: float = math.nan
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -130,45 +133,17 @@ class PathPoint:
         return State(now.u, now.elastic, now.load_factor, now.pressure, now.shear, self.work)
 
 
-class _Advance:
-    """The best progress along a path, and the step in which it was made."""
-
-    def __init__(self, progress: float, patience: int) -> None:
-        self._best = progress
-        self._since = 0
-        self._patience = patience
-
-    def check(self, step: int, progress: float) -> None:
-        """Raise `SolverError` if the path has not advanced by log 2 for too many steps."""
-        if progress >= self._best + np.log(2.0):
-            self._best = progress
-            self._since = step
-        if step - self._since >= self._patience:
-            raise SolverError(f"central path: wanders, after {step} steps")
-
-
 class Continuation:
     """Follows one path of one structure."""
 
     def __init__(
-        self,
-        kkt: PerturbedKKT,
-        path: Path,
-        options: ArclengthOptions | None = None,
-        passed: Callable[[PathPoint], None] = lambda point: None,
-        factored: Callable[[PathPoint, float], None] = lambda point, rate: None,
+        self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
     ) -> None:
-        """Choose what varies; the work of the conditions is replaced as the path says.
-
-        `passed` is told of every point that a step from it shows to be on the path, `factored` of
-        every point at which a factor was made, and of d(lambda)/ds there.
-        """
-        self._factored = factored
+        """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
         self.path = path
         self.options = options or ArclengthOptions()
-        self._passed = passed
 
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
@@ -176,39 +151,53 @@ class Continuation:
         return PathPoint(kkt.on_central_path(start, mu, COLD), mu, start.work)
 
     def follow(self, point: PathPoint, end: float) -> PathPoint:
-        """Follow the path.
+        """The point where the path ends that `points` follows."""
+        *_, last = self.points(point, end)
+        return last
+
+    def points(self, point: PathPoint, end: float) -> Iterator[PathPoint]:
+        """Points on the path, one for each step that reaches it, and the end of the path.
+
+        Who has seen enough leaves the loop.
 
         Args:
-            point: A point near it.
+            point: A point near the path.
             end: mu, or T, at which to stop.
 
-        Returns:
-            A point on the path there.
+        Yields:
+            Points with d(lambda)/ds; the last one, without it, is the end.
 
         Raises:
-            SolverError: If the path is lost, wanders or takes too many steps.
+            SolverError: If the path is lost, takes too many steps, or wanders: it has not advanced
+                by log 2 for too many of them.
         """
         options = self.options
         goal = self.path.progress(end, end) + options.past
         usual = limit = options.elimination.allowed
         before: PathPoint | None = None  # where the last step that reached the path began
-        advance = _Advance(self._progress(point), options.patience)
-        astray = 0
+        best = self._progress(point)
+        best_step = astray = 0
         for step in range(options.max_steps):
-            if self._progress(point) >= goal - 0.5 * options.past:
-                return self.settled(point, options.close)
-            advance.check(step, self._progress(point))
+            progress = self._progress(point)
+            if progress >= goal - 0.5 * options.past:
+                yield self.settled(point, options.close)
+                return
+            if progress >= best + np.log(2.0):
+                best = progress
+                best_step = step
+            if step - best_step >= options.patience:
+                raise SolverError(f"central path: wanders, after {step} steps")
             earlier = before if limit > options.least * usual else None
             rounds = options.elimination.rounds if earlier is None else 0
-            new, reached = self._next(point, goal, limit, rounds)
+            point, new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:
                 limit *= options.shorter
-                point, _ = self._next(earlier, goal, limit, 0)
+                _, point, _ = self._next(earlier, goal, limit, 0)
             else:
                 limit = min(limit / options.shorter, usual)
                 astray = 0 if reached else astray + 1
                 if reached:
-                    self._passed(point)
+                    yield point
                 before = point if reached else None
                 point = new
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *point.numbers)
@@ -216,13 +205,23 @@ class Continuation:
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.max_steps} steps")
 
+    def without_products(self, point: PathPoint) -> float:
+        """Load factor with products zero at the point passed last, to first order.
+
+        It is that of Newton's step, with the factor that was made there.
+        """
+        now = point.iterate
+        kkt = self._linear.kkt
+        (step,) = self._linear.directions([(kkt.residual(now), -kkt.products(now))])
+        return now.load_factor + step.load_factor
+
     def settled(self, point: PathPoint, close: float) -> PathPoint:
         """The point after steps across the path alone, until it is close, relative to p and q."""
         allowed = self.options.elimination.allowed
         for _ in range(self.options.corrections):
             if self.distance(point) <= close:
                 break
-            point, _ = self._next(point, None, allowed, self.options.elimination.rounds)
+            _, point, _ = self._next(point, None, allowed, self.options.elimination.rounds)
         return point
 
     def _progress(self, point: PathPoint) -> float:
@@ -244,17 +243,17 @@ class Continuation:
 
     def _next(
         self, point: PathPoint, goal: float | None, limit: float, rounds: int
-    ) -> tuple[PathPoint, bool]:
-        """The point a step on, not past the goal, and whether the step reached the path.
+    ) -> tuple[PathPoint, PathPoint, bool]:
+        """A point with d(lambda)/ds, the one a step on, and whether that step reached the path.
 
-        Without a goal the step only goes to the path. No point that is not chosen ends farther
-        from its law than a limit. Points are chosen on the way in so many rounds.
+        It is not past the goal. Without a goal the step only goes to the path. No point that is not
+        chosen ends farther from its law than a limit. Points are chosen on the way in so many
+        rounds.
         """
         options = self.options
         path = self.path
-        linear = replace(self.kkt, work=point.work).linearize(point.iterate)
+        linear = self._linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
-        self._factored(point, tangent.load_factor)
         rates = Rates(point.mu, path.log_mu_rate, options.smallest)
         numbers = replace(options.elimination, allowed=limit, rounds=rounds)
         elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
@@ -273,7 +272,8 @@ class Continuation:
         _, pressure, _, shear, _ = self.kkt.scales.force * step.states
         state = State(moved.u, moved.elastic, moved.load_factor, pressure, shear, work)
         iterate = replace(self.kkt, work=work).on_central_path(state, mu)
-        return PathPoint(iterate, mu, work), step.reached
+        here = replace(point, rate=tangent.load_factor)
+        return here, PathPoint(iterate, mu, work), step.reached
 
     def _directions(self, linear: Linearization, point: PathPoint) -> tuple[Iterate, Iterate]:
         """Correction c and tangent t."""

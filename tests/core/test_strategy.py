@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
@@ -106,14 +105,6 @@ def test_equilibrium_at_a_load_factor(equilibrium):
         assert max(misses(case, state).values()) < 1e-5
         with pytest.raises(SolverError):
             equilibrium(task, start, 0.6)
-
-
-def test_states_at_rising_work_have_rising_load_factors(wall):
-    works = [ratio * wall.bonded_work for ratio in (0.2, 1.0, 5.0, 30.0)]
-    found = list(attempts.states_along_rising_work(task_of(wall, 30.0), works))
-    assert [number for number, _ in found] == [1, 2, 3, 4]
-    assert np.all(np.diff([state.load_factor for _, state in found]) > -1e-6)
-    assert [state.work for _, state in found] == pytest.approx(works, rel=1e-2)
 
 
 @pytest.mark.parametrize("method", COULOMB)
