@@ -204,10 +204,6 @@ class BlockModes(Closing):
         new.reduced = self._loaded(self.reduced, problem)
         return new
 
-    def of_points(self, values: Array) -> Array:
-        """Values at this rank's joint points as those at all points, which the modes have."""
-        return self._points.whole(values)
-
     def restricted(self, state: State) -> State:
         """A state in the modes: their part of the displacements, the same joint forces."""
         u = self.motion(state.displacement)
@@ -215,8 +211,8 @@ class BlockModes(Closing):
             state,
             displacement=u,
             elastic=self.reduced.elastic_part(u),
-            pressure=self.of_points(state.pressure),
-            shear=self.of_points(state.shear),
+            pressure=self._points.whole(state.pressure),
+            shear=self._points.whole(state.shear),
         )
 
     def motion(self, displacement: Array) -> Array:

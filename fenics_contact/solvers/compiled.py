@@ -48,7 +48,7 @@ class Structure:
 
 def structure(name: str, **fields: Any) -> Structure:
     """A structure with some fields: numbers, arrays, other structures."""
-    ffi = _module().ffi
+    ffi = load().ffi
     passed = {key: _passed(ffi, value) for key, value in fields.items()}
     return Structure(ffi.new(f"{name} *", passed), fields | {"passed": passed})
 
@@ -59,15 +59,15 @@ def call(name: str, *arguments: Any) -> int:
     Raises:
         MemoryError: If there is not enough.
     """
-    module = _module()
+    module = load()
     found = getattr(module.lib, name)(*(_passed(module.ffi, value) for value in arguments))
     if found == -1:
         raise MemoryError(name)
     return int(found or 0)
 
 
-def load(folder: Path | None = None) -> None:
-    """Load the compiled texts from a folder, and compile them there if they are missing.
+def load(folder: Path | None = None) -> Any:
+    """The compiled texts, loaded once from a folder, and compiled there if they are missing.
 
     Processes may do so at the same time. Without a folder it is dolfinx's usual one.
 
@@ -75,7 +75,7 @@ def load(folder: Path | None = None) -> None:
         Exception: Any, if there is no compiler or the folder cannot be written.
     """
     if _Loaded.module is not None:
-        return
+        return _Loaded.module
     cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     folder = folder or Path(cache).expanduser() / "fenics"
     source = "\n".join(path.read_text() for path in SOURCES)
@@ -91,12 +91,7 @@ def load(folder: Path | None = None) -> None:
     spec.loader.exec_module(module)
     module.lib.use_lapack(*(module.ffi.cast("void *", address) for address in _lapack_addresses()))
     _Loaded.module = module
-
-
-def _module() -> Any:
-    if _Loaded.module is None:
-        load()
-    return _Loaded.module
+    return module
 
 
 def _passed(ffi: Any, value: Any) -> Any:

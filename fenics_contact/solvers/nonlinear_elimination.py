@@ -185,7 +185,8 @@ class NonlinearElimination:
             if reached and reach is not None:
                 x = np.append(last.x[:-1], back)
                 reach = min(reach[0], back - _ROOM), max(reach[1], back + _ROOM)
-                last = self._trace((1.0, 0.0, 0.0, 1.0), x, _tau(x, np.sign(ahead)), reach)
+                forward = np.append(np.zeros(len(x) - 1), np.sign(ahead))
+                last = self._trace((1.0, 0.0, 0.0, 1.0), x, forward, reach)
             return self._arrived(last, bool(reached))
 
     def distances(self, part: float, s: float, forces: Array | None = None) -> Array:
@@ -281,7 +282,7 @@ class NonlinearElimination:
         problem = self._problem
         maps = problem.normal, problem.tangential
         mine = {
-            2 * k + side: rows.row(int(point) - self._mine.start)
+            2 * k + side: rows.matrix.getRow(rows.first_row + int(point) - self._mine.start)
             for k, point in enumerate(points)
             if self._mine.start <= point < self._mine.stop
             for side, rows in enumerate(maps)
@@ -307,7 +308,8 @@ class NonlinearElimination:
         line = 0.0, 0.0, 1.0, self.back
         start = self._table[4:9, self._chosen]
         x = np.concatenate([start[1] - start[0], start[3] - start[2], [0.0]])
-        few = end = self._trace(line, x, _tau(x), (-1.0, 1.0))
+        forward = np.append(np.zeros(len(x) - 1), 1.0)
+        few = end = self._trace(line, x, forward, (-1.0, 1.0))
         kept = self._chosen, self.answers
         for _ in range(self.options.rounds):
             if not end.bends:
@@ -397,13 +399,6 @@ class NonlinearElimination:
         values[:, self._chosen] = exact
         _log.debug("         %d points, part %.2g, s %.2g", len(self._chosen), part, s)
         return Step(moved, values[:, self._mine], s, reached)
-
-
-def _tau(x: Array, change: float = 1.0) -> Array:
-    """A row whose product with a change of x is that of tau."""
-    row = np.zeros(len(x))
-    row[-1] = change
-    return row
 
 
 def _longer(values: Array, size: int) -> Array:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Self, TypeVar
 
 import numpy as np
@@ -75,18 +74,6 @@ class SparseMap:
         self._right.array[:] = x
         self.matrix.mult(self._right, self._left)
         return self._left.array_r.copy()
-
-    @cached_property
-    def _rows(self) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer], Array]:
-        """This rank's rows: where each begins, columns and values."""
-        start, columns, values = self.matrix.getValuesCSR()
-        return start, columns, values
-
-    def row(self, place: int) -> tuple[npt.NDArray[np.integer], Array]:
-        """Columns and values of one of this rank's rows."""
-        start, columns, values = self._rows
-        here = slice(start[place], start[place + 1])
-        return columns[here], values[here]
 
     @property
     def T(self) -> _Transposed:
@@ -247,15 +234,13 @@ class ContactProblem:
 
     def sum(self, values: Array) -> float:
         """Sum of this rank's values over all ranks."""
-        return self._total(float(np.sum(values)))
+        total = float(np.sum(values))
+        return total if self.comm.size == 1 else float(self.comm.allreduce(total))
 
     def dot(self, a: Array, b: Array) -> float:
         """Scalar product of two distributed arrays."""
-        return self._total(float(a @ b))
-
-    def _total(self, value: float) -> float:
-        """Sum over all ranks."""
-        return value if self.comm.size == 1 else float(self.comm.allreduce(value))
+        total = float(a @ b)
+        return total if self.comm.size == 1 else float(self.comm.allreduce(total))
 
     def max(self, values: Array, initial: float = 0.0) -> float:
         """Maximum of this rank's values and `initial` over all ranks; nan where any is nan."""
