@@ -45,9 +45,8 @@ class LimitOptions:
         gap: Relative gap of each.
         tried: Part of the dissipation that the bound misses, from which the certificate is tried.
         settled: Part below which more steps do not help.
-        limit: Gap of a state that counts as one at all.
-        reached: Part of its size by which the load factor of a state whose live load does negative
-            work may be below the associative limit.
+        limit: Gap of a state that counts as one at all, and part of its size by which the load
+            factor of a state whose live load does negative work may be below the associative limit.
     """
 
     work: float = 300.0
@@ -62,7 +61,6 @@ class LimitOptions:
     tried: float = 5e-2
     settled: float = 1e-3
     limit: float = 1e-2
-    reached: float = 1e-3
 
 
 OPTIONS = LimitOptions()
@@ -128,14 +126,14 @@ class FaceSearch:
         """
         self._check_stop()
         upper = associative_state(self.model, self.equations)
-        if not upper.within(self._options.reached):
+        if not upper.within(self._options.limit):
             return
         for sign in (1.0, -1.0):
             self._check_stop()
             certifier = Certifier(self.model, self.equations, sign)
             found = certifier.of(upper.force)
             size = self.model.size(upper.load_factor)
-            least = upper.load_factor - self._options.reached * size
+            least = upper.load_factor - self._options.limit * size
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
             self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
