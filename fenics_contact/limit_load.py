@@ -369,8 +369,6 @@ def _solved(
     seconds["bonded"] = bonded.seconds
     start = time.perf_counter()
     cases = _load_cases(discretization, bonded, monitor, asked)
-    for name in asked:
-        cases[name].blocks.begin()
     found, cost = _collapses(cases, asked, lower)
     seconds["solve"] = time.perf_counter() - start
     found = answered(cases, found, cost, monitor.phase, seconds)

@@ -25,10 +25,10 @@ from fenics_contact.discretization.joints import find_joints, joint_operators
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.rigid_motions import (
-    Imposed,
     RigidBodies,
     check_held,
     ground_motion,
+    imposed_motions,
     motions,
     rigid_bodies,
 )
@@ -276,13 +276,13 @@ class Discretization(Layout, Closing):
         slip = joints.origin[points]
         if self.scene.dead.movement:
             ground = ground_motion(self.scene, self.boundary, joints)
-            found = Imposed.of(self.supports, self.bodies, joints, ground)
+            motion, held, jump = imposed_motions(self.supports, self.bodies, joints, ground)
             owned = range(*self.problem.stiffness.matrix.getOwnershipRange())
-            rest = self.supports.spread(found.rest, owned)
-            self.imposed = self.rigid_motion(found.motion) + rest
+            rest = self.supports.spread(held, owned)
+            self.imposed = self.rigid_motion(motion) + rest
             dead = dead - internal_forces(self.elasticity, self.supports, rest)
-            opening = opening - np.sum(joints.normal * found.jump, axis=1)[points]
-            slip = slip - np.sum(joints.tangent * found.jump, axis=1)[points]
+            opening = opening - np.sum(joints.normal * jump, axis=1)[points]
+            slip = slip - np.sum(joints.tangent * jump, axis=1)[points]
         law = replace(law, opening_origin=opening, slip_origin=slip)
         if np.any(joints.bond > 0.0):
             dead = dead - self.problem.normal.T @ law.bond

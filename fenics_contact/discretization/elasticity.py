@@ -111,8 +111,10 @@ def with_loads(
         resultants.append(_sums_over_bodies(scene, body, x, y, arm[:, 0] * y - arm[:, 1] * x))
         first = space.dofmap.index_map.local_range[0]
         loads.append(supports.constrain_vector(force, first))
-    names = "dead", "live", "dead_resultant", "live_resultant"
-    return replace(elasticity, **dict(zip(names, [*loads, *resultants], strict=True)))
+    dead, live = resultants
+    return replace(
+        elasticity, dead=loads[0], live=loads[1], dead_resultant=dead, live_resultant=live
+    )
 
 
 def internal_forces(elasticity: Elasticity, supports: Supports, displacement: Array) -> Array:

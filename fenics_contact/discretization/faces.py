@@ -44,9 +44,9 @@ class Faces:
     of_point: npt.NDArray[np.int64]
 
 
-def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
-    """Faces: joint points grouped by bodies, law, friction and line; with other laws of points."""
-    law = law or joints.point_laws
+def straight_faces(joints: Joints) -> Faces:
+    """Faces: joint points grouped by bodies, law and line."""
+    law = joints.point_laws
     if len(joints.length) == 0:
         none = np.empty(0, dtype=np.int64)
         return Faces(none.reshape(0, 2), law, none)
@@ -55,10 +55,7 @@ def straight_faces(joints: Joints, law: PointLaws | None = None) -> Faces:
     across = (joints.sides[:, 1] - joints.sides[:, 0]) / size
     line = np.column_stack([joints.normal, offset, across])
     line = np.round(line / COLLINEAR).astype(np.int64)
-    # Points of a face have one friction: those with another are a face of their own.
-    of_point = np.column_stack([law.friction, law.dilatancy])
-    friction = np.unique(of_point, axis=0, return_inverse=True)[1].ravel()
-    keys = np.column_stack([joints.bodies, joints.law, friction, line])
+    keys = np.column_stack([joints.bodies, joints.law, line])
     face = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     order = np.lexsort((np.sum(joints.tangent * joints.position, axis=1), face))
     starts = np.flatnonzero(np.diff(face[order], prepend=-1))

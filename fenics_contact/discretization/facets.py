@@ -172,7 +172,16 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     table = {name: np.concatenate([part[name] for part in parts]) for name in mine}
     inputs = table.pop("inputs")
     order = np.lexsort((inputs[:, 1], inputs[:, 0]))
-    groups, interior = _groups(mesh, inputs[order])
+    # Groups of boundary facets by their input nodes; and what is tagged elsewhere.
+    inputs = inputs[order]
+    stride = 1 + max(int(inputs.max()), int(mesh.facets.max(initial=0)))
+    keys = inputs[:, 0] * stride + inputs[:, 1]  # sorted
+    tagged = mesh.facets[:, 0] * stride + mesh.facets[:, 1]
+    where = np.minimum(np.searchsorted(keys, tagged), len(keys) - 1)
+    found = keys[where] == tagged
+    groups = np.full(len(inputs), -1, dtype=np.int32)
+    groups[where[found]] = mesh.facet_groups[found]
+    inside = [name for group in mesh.facet_groups[~found] for name in mesh.facet_sets[group]]
     start = sum(len(part["length"]) for part in parts[: mesh.comm.rank])
     return Boundary(
         **{name: values[order] for name, values in table.items()},
@@ -180,7 +189,7 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
         facet_sets=mesh.facet_sets,
         local=np.argsort(order)[start : start + len(local_facets)],
         local_facets=local_facets,
-        interior=interior,
+        interior=Counter(inside),
     )
 
 
@@ -217,16 +226,3 @@ def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
         "length": length,
         "body": mesh.body[cell],
     }, facets
-
-
-def _groups(mesh: BlockMesh, inputs: Indices) -> tuple[Labels, Counter[str]]:
-    """Group of every boundary facet, found by its input nodes; and what is tagged elsewhere."""
-    groups = np.full(len(inputs), -1, dtype=np.int32)
-    stride = 1 + max(int(inputs.max()), int(mesh.facets.max(initial=0)))
-    tagged = mesh.facets[:, 0] * stride + mesh.facets[:, 1]
-    keys = inputs[:, 0] * stride + inputs[:, 1]  # sorted
-    where = np.minimum(np.searchsorted(keys, tagged), len(keys) - 1)
-    found = keys[where] == tagged
-    groups[where[found]] = mesh.facet_groups[found]
-    inside = mesh.facet_groups[~found]
-    return groups, Counter(name for index in inside for name in mesh.facet_sets[index])

@@ -136,25 +136,6 @@ NO_COMPILER = (
 _CORNERS = {"triangle": [(0, 0), (1, 0), (0, 1)], "quadrilateral": [(0, 0), (1, 0), (1, 1), (0, 1)]}
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """What the forms of a scene depend on.
-
-    Attributes:
-        cell: Name of the mesh's cells.
-        degree: Of the displacements.
-        plane: "strain" or "stress".
-        moved: Whether supports move.
-        given: Whether the stress law is the user's.
-    """
-
-    cell: str
-    degree: int
-    plane: str
-    moved: bool
-    given: bool
-
-
 def compile_all(scene: Scene) -> None:
     """Compile all forms and the laws, so that later work finds them in the cache; on all ranks.
 
@@ -163,14 +144,9 @@ def compile_all(scene: Scene) -> None:
     Raises:
         InputError: On all ranks, if one of them cannot compile them.
     """
-    kind = _Kind(
-        cell=scene.mesh.domain.topology.cell_type.name,
-        degree=scene.degree,
-        plane=scene.plane,
-        moved=bool(scene.dead.movement),
-        given=scene.stress is not None,
-    )
-    in_turns(scene.comm, lambda: _compile(kind))
+    cell = scene.mesh.domain.topology.cell_type.name
+    special = bool(scene.dead.movement), scene.stress is not None
+    in_turns(scene.comm, lambda: _compile(cell, scene.degree, scene.plane, special))
 
 
 def in_turns(comm: MPI.Comm, compile_here: Callable[[], None]) -> None:
@@ -193,27 +169,31 @@ def in_turns(comm: MPI.Comm, compile_here: Callable[[], None]) -> None:
 
 
 @cache
-def _compile(kind: _Kind) -> None:
-    """Compile laws, and forms for a mesh of one cell: code does not depend on the mesh."""
-    corners = np.array(_CORNERS[kind.cell], dtype=float)
+def _compile(cell: str, degree: int, plane: str, special: tuple[bool, bool]) -> None:
+    """Compile laws, and forms for a mesh of one cell: code does not depend on the mesh.
+
+    `special` is whether supports move, and whether the stress law is the user's.
+    """
+    moved, given = special
+    corners = np.array(_CORNERS[cell], dtype=float)
     cells = np.arange(len(corners))[None, :]
     here = compat.Partition.to(np.zeros(1, dtype=np.int32))
     with compat.quiet_compiler(), compat.form_cache() as folder:
         compiled.load(folder)
-        domain, _ = compat.create_mesh(MPI.COMM_SELF, kind.cell, cells, corners, here)
+        domain, _ = compat.create_mesh(MPI.COMM_SELF, cell, cells, corners, here)
         domain.topology.create_connectivity(1, 2)
-        space = compat.function_space(domain, "Lagrange", kind.degree, (2,))
+        space = compat.function_space(domain, "Lagrange", degree, (2,))
         by_cell = compat.function_space(domain, "DG", 0)
         density, first, second = (fem.Function(by_cell) for _ in range(3))
         law: Law = first, second
-        if kind.given:
+        if given:
             law = fem.Function(compat.function_space(domain, "DG", 0, (9,)))
         stiffness(space, law)
-        if kind.moved:
+        if moved:
             internal_forces(fem.Function(space), law)
         BodyLoad(space, density)
         edge_load(space, np.zeros(1, dtype=np.int32), (0.0, 0.0))
-        stress_expression(fem.Function(space), law, kind.plane)
+        stress_expression(fem.Function(space), law, plane)
 
 
 @dataclass(frozen=True)

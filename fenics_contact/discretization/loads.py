@@ -20,8 +20,8 @@ from fenics_contact.discretization.forms import given_load
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.discretization.profiles import Strips
 from fenics_contact.errors import InputError, raised_together
-from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices
-from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, LoadForm, Scene
+from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene
 
 #: Facets look the same way if their normals differ by less than 60 degrees.
 ALIKE = 0.5
@@ -47,7 +47,13 @@ def nodal_forces(
         facets = np.sort(boundary.local_facets[boundary.in_group(name)[boundary.local]])
         fem.assemble_vector(forces.x.array, forms.edge_load(space, facets, traction))
     if load.form is not None:
-        _add_given(forces, scene.mesh, boundary, load.form, f"loads.{kind}.form")
+        key = f"loads.{kind}.form"
+        form = given_load(scene.mesh, space, boundary, load.form, key)
+        with raised_together(scene.comm):
+            if form is not None:
+                fem.assemble_vector(forces.x.array, form)
+            if not np.all(np.isfinite(forces.x.array)):
+                raise InputError(f"{key} gives forces that are not finite; it may divide by zero")
     compat.add_ghosts(forces.x)
     index_map = space.dofmap.index_map
     mine = forces.x.array[: 2 * index_map.size_local].copy().reshape(-1, 2)
@@ -64,19 +70,6 @@ def nodal_forces(
     return mine.ravel()
 
 
-def _add_given(
-    forces: fem.Function, mesh: BlockMesh, boundary: Boundary, give: LoadForm, key: str
-) -> None:
-    """Add the nodal forces of a form, those at ghosts too; refuse what is no number."""
-    form = given_load(mesh, forces.function_space, boundary, give, key)
-    if form is None:
-        return
-    with raised_together(mesh.comm):
-        fem.assemble_vector(forces.x.array, form)
-        if not np.all(np.isfinite(forces.x.array)):
-            raise InputError(f"{key} gives forces that are not finite; it may divide by zero")
-
-
 def forces_on_facets(
     boundary: Boundary, load: Load, key: str = "loads.live"
 ) -> list[tuple[Indices, Array]]:
@@ -89,7 +82,7 @@ def forces_on_facets(
     """
     found = []
     for name, earth in load.earth.items():
-        strips = _below(boundary, np.flatnonzero(boundary.in_group(name)), earth.level)
+        strips = Strips.between(boundary, boundary.in_group(name), 1, (-np.inf, earth.level))
         found.append((strips, strips.forces(boundary, _earth_traction(boundary, strips, earth))))
     if load.force:
         free = np.ones(len(boundary.length), dtype=bool)
@@ -112,19 +105,6 @@ def _earth_traction(boundary: Boundary, strips: Strips, earth: EarthPressure) ->
         return pressure[..., None] * direction[:, None]
 
     return traction
-
-
-def _below(boundary: Boundary, facets: Indices, level: float) -> Strips:
-    """The parts of facets that lie below a level."""
-    first, second = boundary.points[facets, :2, 1].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = np.clip((level - first) / (second - first), 0.0, 1.0)
-    crossing = np.where(first == second, np.where(first <= level, 1.0, 0.0), crossing)
-    rising = second >= first
-    start = np.where(rising, 0.0, crossing)
-    end = np.where(rising, crossing, 1.0)
-    wet = end > start
-    return Strips(facets[wet], start[wet], end[wet])
 
 
 def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[Strips, Array]:

@@ -58,31 +58,16 @@ def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
     """
     try:
         more = () if place is None or compat.arguments_of(law) < 3 else (place,)
-        tensors = [law(_tensor(strain), material, *more) for strain in STRAINS]
+        strains = [
+            ufl.as_matrix([[xx, 0.5 * xy], [0.5 * xy, yy]]) for xx, yy, xy in STRAINS.tolist()
+        ]
+        tensors = [law(strain, material, *more) for strain in strains]
         for sigma in tensors:
             if ufl.shape(sigma) != (2, 2):
                 raise ValueError(f"it has the shape {ufl.shape(sigma)}")
-        entries = [sigma[i, j] for sigma in tensors for i in range(2) for j in range(2)]
-        return ufl.as_vector(entries)
+        rows = [sigma[i, j] for sigma in tensors for i in range(2) for j in range(2)]
+        return ufl.as_vector(rows)
     except Exception as error:  # of a function of the user
-        raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
-
-
-def _tensor(strain: Array) -> Any:
-    """A strain e_xx, e_yy, 2 e_xy as a UFL tensor."""
-    xx, yy, xy = strain.tolist()
-    return ufl.as_matrix([[xx, 0.5 * xy], [0.5 * xy, yy]])
-
-
-def numbers(stresses: Any, name: str) -> Array:
-    """What `asked` found where it does not depend on the place, shape (16,).
-
-    Raises:
-        InputError: If these are no numbers; `name` is the material's.
-    """
-    try:
-        return np.array([float(stresses[k](())) for k in range(4 * len(STRAINS))])
-    except Exception as error:  # of UFL, for what a user gave
         raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
 
 
@@ -167,12 +152,9 @@ def displacement_space(scene: Scene) -> Any:
 
 
 def stress_law(scene: Scene) -> Law:
-    """Stress by strain in every cell, by the materials. Collective."""
-    return _given_law(scene, scene.stress) if scene.stress else _lame(scene)
-
-
-def _lame(scene: Scene) -> tuple[fem.Function, fem.Function]:
-    """Lame's numbers of the materials."""
+    """Stress by strain in every cell, by the materials: Lame's numbers, or D. Collective."""
+    if scene.stress:
+        return _given_law(scene, scene.stress)
     nus = 2.0 if scene.plane == "strain" else 1.0
     first = material_field(
         scene, lambda m: m.young * m.poisson / ((1.0 + m.poisson) * (1.0 - nus * m.poisson))
@@ -199,10 +181,15 @@ def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
         # The cells' centres tell where a law is refused.
         found = _in_cells(mesh, [*given, *place])[cells] if varies[name] else None
         with raised_together(scene.comm):
-            if found is None:
-                matrices = checked_matrices(numbers(given, name)[None], name)
-            else:
+            if found is not None:
                 matrices = checked_matrices(found[:, :-2], name, found[:, -2:])
+            else:
+                try:
+                    values = [float(given[k](())) for k in range(4 * len(STRAINS))]
+                except Exception as error:  # of UFL, for what a user gave
+                    told = f"{type(error).__name__}: {error}"
+                    raise InputError(f"{_of(name)} {FAILS} ({told})") from error
+                matrices = checked_matrices(np.array([values]), name)
             rows[cells] = matrices.reshape(-1, 9)
     field = fem.Function(space, name="law")
     field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = rows

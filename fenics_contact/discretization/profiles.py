@@ -35,7 +35,7 @@ from fenics_contact.discretization.facets import CLOSED, Boundary
 from fenics_contact.discretization.mortar import lagrange
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-from fenics_contact.scene.scene import Floor, Load, Scene
+from fenics_contact.scene.scene import Load, Scene
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,21 @@ class Strips:
     start: Array
     end: Array
 
-    def take(self, rows: Indices | Flags) -> Strips:
-        """Some of them."""
-        return Strips(self.facets[rows], self.start[rows], self.end[rows])
+    @classmethod
+    def between(
+        cls, boundary: Boundary, mine: Flags, axis: int, ends: tuple[float, float]
+    ) -> Strips:
+        """Parts of some facets between two places x (axis 0) or y (axis 1)."""
+        first, second = boundary.points[:, :2, axis].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = (np.array(ends) - first[:, None]) / (second - first)[:, None]
+        # A facet at one place lies between the ends all along, or not at all.
+        inside = (first >= ends[0]) & (first <= ends[1])
+        start, end = np.clip(np.sort(places, axis=1), 0.0, 1.0).T
+        start = np.where(first == second, 0.0, start)
+        end = np.where(first == second, np.where(inside, 1.0, 0.0), end)
+        rows = np.flatnonzero(mine & (end - start > NOTHING))
+        return cls(rows, start[rows], end[rows])
 
     def length(self, boundary: Boundary) -> Array:
         """m, shape (strips,)."""
@@ -105,41 +117,31 @@ def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
     gap = max((law.gap for law in scene.joints.values()), default=0.0)
     for name, floor in scene.floors.items():
         mine = looks_up if floor.at is None else looks_up & (boundary.role([floor.at]) == 0)
-        strips = _between(boundary, mine, floor.x or (-np.inf, np.inf))
-        found[name] = strips if floor.y is None else _at_height(boundary, strips, floor.y, gap)
-        if len(found[name].facets) == 0:
-            raise InputError(f"floors.{name}.{_missed(boundary, strips, floor)}")
+        strips = Strips.between(boundary, mine, 0, floor.x or (-np.inf, np.inf))
+        height = boundary.points[strips.facets, :2, 1]
+        if floor.y is not None:
+            # At its height, or at the highest level below it within a gap of joints.
+            near = CLOSED * boundary.length[strips.facets, None]
+            within = (height <= floor.y + near) & (height >= floor.y - gap - near)
+            under = np.all(within, axis=1)
+            top = height[under].max(initial=-np.inf)
+            rows = under & np.all(height >= top - near, axis=1)
+            strips = Strips(strips.facets[rows], strips.start[rows], strips.end[rows])
+        found[name] = strips
+        if len(strips.facets):
+            continue
+        if floor.y is None:
+            missed = f"at = '{floor.at}': no side of this group looks up; name top sides"
+        else:
+            missed = f"y = {floor.y:g}: no top side of a block is at this height there; "
+            places = height.ravel()
+            if len(places) == 0:
+                missed += "give x where blocks are"
+            else:
+                nearest = places[np.argmin(np.abs(places - floor.y))]
+                missed += f"the nearest is at y = {nearest:g}"
+        raise InputError(f"floors.{name}.{missed}")
     return found
-
-
-def _between(boundary: Boundary, mine: Flags, x: tuple[float, float]) -> Strips:
-    """Parts of some facets between two places x."""
-    first, second = boundary.points[:, :2, 0].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = (np.array(x) - first[:, None]) / (second - first)[:, None]
-    start, end = np.clip(np.sort(ends, axis=1), 0.0, 1.0).T
-    rows = np.flatnonzero(mine & (end - start > NOTHING))
-    return Strips(rows, start[rows], end[rows])
-
-
-def _at_height(boundary: Boundary, strips: Strips, y: float, gap: float) -> Strips:
-    """Those at a height, or at the highest level below it within a gap of joints."""
-    near = CLOSED * boundary.length[strips.facets, None]
-    height = boundary.points[strips.facets, :2, 1]
-    under = np.all((height <= y + near) & (height >= y - gap - near), axis=1)
-    top = height[under].max(initial=-np.inf)
-    return strips.take(under & np.all(height >= top - near, axis=1))
-
-
-def _missed(boundary: Boundary, strips: Strips, floor: Floor) -> str:
-    """That there is nothing below a floor, and what to do."""
-    if floor.y is None:
-        return f"at = '{floor.at}': no side of this group looks up; name top sides"
-    height = boundary.points[strips.facets, :2, 1].ravel()
-    missed = f"y = {floor.y:g}: no top side of a block is at this height there"
-    if len(height) == 0:
-        return f"{missed}; give x where blocks are"
-    return f"{missed}; the nearest is at y = {height[np.argmin(np.abs(height - floor.y))]:g}"
 
 
 #: Cells of strips; points of integration in the reference cell, shape (strips or 1, points, 2);
@@ -210,7 +212,7 @@ def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
     area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)
     flat = len(row), len(share) ** 2
     arm = np.stack(np.broadcast_arrays(height[..., None], across), axis=-1).reshape(*flat, 2)
-    place = _reference(corners[row], arm @ axes.T)
+    place = reference_places(corners[row], arm @ axes.T)
     return cells[row], place, area.reshape(flat), arm[..., 0] + base[row]
 
 
@@ -229,7 +231,7 @@ def _across(outline: Array, height: Array) -> tuple[Array, Array]:
     return left, np.where(meets, across, -np.inf).max(axis=1) - left
 
 
-def _reference(corners: Array, arm: Array) -> Array:
+def reference_places(corners: Array, arm: Array) -> Array:
     """Places in the reference cell of places from the first corner, shape (rows, points, 2).
 
     These are b xi + c eta + d xi eta: what is left without c eta is along b + d eta, an equation of

@@ -141,48 +141,35 @@ def ground_motion(scene: Scene, boundary: Boundary, joints: Joints) -> Array:
     return motion
 
 
-@dataclass(frozen=True)
-class Imposed:
-    """The field u_d; on all ranks.
+def imposed_motions(
+    supports: Supports, bodies: RigidBodies, joints: Joints, ground: Array
+) -> tuple[Array, Array, Array]:
+    """The field u_d by the held displacements of supports, and those of rigid ground; on all ranks.
 
-    Attributes:
-        motion: Rigid motions (a, b, c) of the bodies, shape (bodies, 3).
-        rest: What supports hold besides, at their nodes, m, shape (nodes, 2).
-        jump: Jumps at the joint points, second side less first, m, shape (points, 2).
+    Returns:
+        Rigid motions (a, b, c) of the bodies, shape (bodies, 3); what supports hold besides, at
+        their nodes, m, shape (nodes, 2); jumps at the joint points, second side less first, m,
+        shape (points, 2).
     """
-
-    motion: Array
-    rest: Array
-    jump: Array
-
-    @classmethod
-    def of(
-        cls,
-        supports: Supports,
-        bodies: RigidBodies,
-        joints: Joints,
-        ground: Array,
-    ) -> Imposed:
-        """By the held displacements of supports, and those of rigid ground at the joint points."""
-        per_motion = motions(supports.points - bodies.centre[supports.body], bodies.size)
-        rows = np.einsum("nks,nkm->nsm", supports.frame, per_motion) * supports.held[:, :, None]
-        held = np.einsum("nks,nk->ns", supports.frame, supports.motion)
-        gram = np.zeros((len(bodies.centre), 3, 3))
-        right = np.zeros((len(bodies.centre), 3))
-        np.add.at(gram, supports.body, np.einsum("nsi,nsj->nij", rows, rows))
-        np.add.at(right, supports.body, np.einsum("nsi,ns->ni", rows, held))
-        inverse = np.linalg.pinv(gram, rcond=NOT_HELD, hermitian=True)
-        scaled = np.einsum("nij,nj->ni", inverse, right)
-        missed = held - np.einsum("nsm,nm->ns", rows, scaled[supports.body])
-        rest = np.einsum("nks,ns->nk", supports.frame, missed)
-        moved = np.zeros((int(joints.stencil.nodes.max(initial=-1)) + 1, 2))
-        here = supports.nodes < len(moved)
-        moved[supports.nodes[here]] = rest[here]
-        jump = joints.stencil.jump(moved) - ground
-        # Both sides move with their bodies where their nodes are.
-        for side, sign in enumerate((-1.0, 1.0)):
-            body = joints.bodies[:, side]
-            arm = joints.sides[:, side] - bodies.centre[body]
-            turned = np.einsum("nkm,nm->nk", motions(arm, bodies.size), scaled[body])
-            jump += sign * np.where(body[:, None] == GROUND, 0.0, turned)
-        return cls(scaled / [1.0, 1.0, bodies.size], rest, jump)
+    per_motion = motions(supports.points - bodies.centre[supports.body], bodies.size)
+    rows = np.einsum("nks,nkm->nsm", supports.frame, per_motion) * supports.held[:, :, None]
+    held = np.einsum("nks,nk->ns", supports.frame, supports.motion)
+    gram = np.zeros((len(bodies.centre), 3, 3))
+    right = np.zeros((len(bodies.centre), 3))
+    np.add.at(gram, supports.body, np.einsum("nsi,nsj->nij", rows, rows))
+    np.add.at(right, supports.body, np.einsum("nsi,ns->ni", rows, held))
+    inverse = np.linalg.pinv(gram, rcond=NOT_HELD, hermitian=True)
+    scaled = np.einsum("nij,nj->ni", inverse, right)
+    missed = held - np.einsum("nsm,nm->ns", rows, scaled[supports.body])
+    rest = np.einsum("nks,ns->nk", supports.frame, missed)
+    moved = np.zeros((int(joints.stencil.nodes.max(initial=-1)) + 1, 2))
+    here = supports.nodes < len(moved)
+    moved[supports.nodes[here]] = rest[here]
+    jump = joints.stencil.jump(moved) - ground
+    # Both sides move with their bodies where their nodes are.
+    for side, sign in enumerate((-1.0, 1.0)):
+        body = joints.bodies[:, side]
+        arm = joints.sides[:, side] - bodies.centre[body]
+        turned = np.einsum("nkm,nm->nk", motions(arm, bodies.size), scaled[body])
+        jump += sign * np.where(body[:, None] == GROUND, 0.0, turned)
+    return scaled / [1.0, 1.0, bodies.size], rest, jump

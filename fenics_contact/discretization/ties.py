@@ -29,11 +29,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.mortar import NO_NODE, NOTHING, SHARES, Stencil
+from fenics_contact.discretization.profiles import reference_places, shape_functions
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Indices, Labels
 from fenics_contact.scene.scene import Scene
@@ -199,11 +199,10 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
     distance = outward.max(axis=1, initial=-np.inf)[: mesh.domain.topology.index_map(2).size_local]
     size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
     here = np.flatnonzero(distance <= AT_BLOCK * size)
-    function = fem.Function(space)  # collective
     found = None
     if len(here):
         cell = int(here[np.argmin(distance[here])])
-        found = float(distance[cell]), *_shape_functions(function, cell, place)
+        found = float(distance[cell]), *_shape_functions(space, cell, place)
     parts = mesh.comm.allgather((np.unique(mesh.body[here]).tolist(), found))
     bodies = sorted({body for part, _ in parts for body in part})
     x, y = place
@@ -223,16 +222,13 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
     return bodies[0], place, nodes, weights, 1.0
 
 
-def _shape_functions(function: fem.Function, cell: int, place: Array) -> tuple[Indices, Array]:
+def _shape_functions(space: Any, cell: int, place: Array) -> tuple[Indices, Array]:
     """Global nodes of a cell of this rank, and their shape functions at a place."""
-    space = function.function_space
+    domain = space.mesh
+    corners = domain.geometry.x[compat.geometry_dofs(domain)[cell], :2]
+    at = reference_places(corners[None], (place - corners[0])[None, None])
+    values = shape_functions(space, at)[0, 0]
     dofs = compat.cell_dofs(space)[cell]
-    at = np.append(place, 0.0)
-    values = np.zeros(len(dofs))
-    for number, dof in enumerate(dofs):
-        function.x.array[:] = 0.0
-        function.x.array[2 * dof] = 1.0
-        values[number] = np.ravel(function.eval(at, np.array([cell], dtype=np.int32)))[0]
     nodes = space.dofmap.index_map.local_to_global(dofs.astype(np.int32))
     used = np.abs(values) > NOTHING
     return np.asarray(nodes)[used], values[used] / values[used].sum()

@@ -9,7 +9,6 @@ has this arm. So a state misses about the part a of what it carries.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -184,25 +183,13 @@ def _of_movements_and_floors(scene: Scene, boundary: Boundary) -> Iterator[str]:
             yield f"floors.{name} is left out of the seismic check; give it mass = true"
 
 
-@dataclass(frozen=True)
-class CurvedContact:
-    """Joint points next to each other at which sides of unlike curvature face each other.
+def _curved_contacts(joints: Joints) -> Iterator[tuple[Indices, Array, float, str]]:
+    """Contacts at curved sides alone; a straight one beside them keeps a block from rolling.
 
-    Attributes:
-        points: Their numbers.
-        place: Coordinates along the joint from where the sides are nearest, m.
-        curvature: 1 / R, of one side relative to the other, 1/m.
-        where: Blocks and place, for people.
+    Joint points next to each other at which sides of unlike curvature face each other; their
+    coordinates along the joint from where the sides are nearest, m; the curvature 1 / R, of one
+    side relative to the other, 1/m; blocks and place, for people.
     """
-
-    points: Indices
-    place: Array
-    curvature: float
-    where: str
-
-
-def curved_contacts(joints: Joints) -> Iterator[CurvedContact]:
-    """Contacts at curved sides alone; a straight one beside them keeps a block from rolling."""
     if not np.any(joints.curvature > 0.0):
         return
     spots = np.column_stack([joints.bodies, np.round(joints.position, 9)])
@@ -221,16 +208,18 @@ def curved_contacts(joints: Joints) -> Iterator[CurvedContact]:
         first, second = joints.bodies[points[0]]
         x, y = np.round(middle - slope / curvature * tangent, 9) + 0.0
         where = f"blocks {first} and {second} at ({x:.3g}, {y:.3g})"
-        yield CurvedContact(points, place + slope / curvature, curvature, where)
+        yield points, place + slope / curvature, curvature, where
 
 
 def possible_turn(joints: Joints) -> str:
     """The contact that may roll farthest, for people; empty if none may roll far."""
-    found = [
-        (float(np.abs(contact.place).max()) * contact.curvature, contact.where)
-        for contact in curved_contacts(joints)
-    ]
-    turn, where = max(found, default=(0.0, ""))
+    turn, where = max(
+        (
+            (float(np.abs(place).max()) * curvature, where)
+            for _, place, curvature, where in _curved_contacts(joints)
+        ),
+        default=(0.0, ""),
+    )
     if turn <= LEAST_TURN:
         return ""
     return (
@@ -243,13 +232,13 @@ def possible_turn(joints: Joints) -> str:
 def turn_in(joints: Joints, force: Array) -> str:
     """The contact that has rolled farthest under normal forces at all joint points, for people."""
     found = [(0.0, "")]
-    for contact in curved_contacts(joints):
-        of_points = force[contact.points]
+    for points, place, curvature, where in _curved_contacts(joints):
+        of_points = force[points]
         if of_points.sum() > NOTHING * force.max():
-            arm = abs(of_points @ contact.place) / of_points.sum()
+            arm = abs(of_points @ place) / of_points.sum()
             # The force is at the nearest point at best, on a facet that may be large.
-            if arm - np.abs(contact.place).min() > LEAST_TURN / contact.curvature:
-                found.append((float(arm) * contact.curvature, contact.where))
+            if arm - np.abs(place).min() > LEAST_TURN / curvature:
+                found.append((float(arm) * curvature, where))
     turn, where = max(found)
     if not where:
         return ""

@@ -57,18 +57,13 @@ class Beside:
             )
         self.end = weakref.finalize(self, _ended, self._process, self._answer)
 
-    @property
-    def is_solved(self) -> bool:
-        """Whether the answer is there."""
-        return self._process.poll() is not None
-
     def answer(self, patient: Callable[[], None]) -> Any:
         """What `linprog` returns, once it is there; None if the process ended without.
 
         `patient` is called now and then; what it raises ends the process.
         """
         try:
-            while not self.is_solved:
+            while self._process.poll() is None:
                 patient()
                 with suppress(subprocess.TimeoutExpired):
                     self._process.wait(PAUSE)

@@ -17,7 +17,6 @@ from fenics_contact import (
     limit_load,
 )
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.meshing import polygons
 from tests.helpers import Drawing, mesh_of, rectangle, rotation
 
@@ -106,49 +105,6 @@ def test_table_on_two_points_rocks_and_slides(size, gap, turned, degree):
         assert result.bounds.upper == pytest.approx(expected, rel=1e-9)
 
 
-def ladder(angle: float, friction: tuple[float, float], gap: float, size: float) -> Scene:
-    """A sharp beam of 3 m x 0.1 m that leans on floor and wall, each at a gap."""
-    beam = on_corner([(0, 0), (3, 0), (3, 0.1), (0, 0.1)], angle)
-    wall = beam[:, 0].max() + gap
-    beam[:, 1] += gap
-    outlines = [beam, rectangle(wall, 0, wall + 0.5, 4), rectangle(-1, -0.3, wall + 0.5, 0)]
-    groups = {"foot": [((-1, 0), (wall, 0))], "side": [((wall, 0), (wall, 4))]}
-    laws = [JointLaw(friction=mu, gap=2.0 * gap) for mu in friction]
-    joints = {"foot": laws[0], "side": laws[1], "default": JointLaw(friction=0.5)}
-    return scene(outlines, joints, size, groups=groups)
-
-
-def steepest(friction: tuple[float, float]) -> float:
-    """Least angle at which it stands, degrees: foot and head slide together."""
-    floor, wall = friction
-
-    def missing(angle: float) -> float:
-        along = np.array([np.cos(angle), np.sin(angle)])
-        middle = 1.5 * along[0] - 0.05 * along[1]
-        push = middle / (3.0 * along[1] + wall * 3.0 * along[0])
-        return push - floor * (1.0 - wall * push)
-
-    low, high = 0.1, 1.5
-    for _ in range(60):
-        mid = 0.5 * (low + high)
-        low, high = (mid, high) if missing(mid) > 0.0 else (low, mid)
-    return float(np.degrees(low))
-
-
-@pytest.mark.parametrize("size", [0.1, 0.05])
-@pytest.mark.parametrize("gap", [0.0, 1e-3])
-@pytest.mark.parametrize("friction", [(0.6, 0.1), (0.6, 0.3), (0.3, 0.5)])
-def test_ladder_slides_at_its_hand_value(friction, gap, size):
-    angle = steepest(friction)
-    assert equilibrium(ladder(angle + 0.3, friction, gap, size), 0.0).status == "equilibrium"
-    assert equilibrium(ladder(angle - 0.3, friction, gap, size), 0.0).status == "unstable"
-
-
-@pytest.mark.parametrize("angle", [30.0, 50.0, 75.0])
-def test_ladder_without_friction_slides(angle):
-    assert equilibrium(ladder(angle, (0.0, 0.0), 1e-3, 0.1), 0.0).status == "unstable"
-
-
 @pytest.mark.parametrize("gap", [0.0, 1e-3])
 @pytest.mark.parametrize(("points", "angle"), [(SQUARE, 45.0), (OCTAGON, 0.0), (KITE, 180.0)])
 def test_two_corners_that_meet_are_refused(points, angle, gap):
@@ -177,16 +133,6 @@ def test_law_of_a_corner_is_that_of_the_side_that_it_meets():
     laws = {"default": JointLaw(friction=0.6), "foot": JointLaw(friction=0.2)}
     result = limit_load(scene([np.array(TABLE), FLOOR], laws, groups=groups))
     assert result.load_factor == pytest.approx(0.2, rel=1e-6)
-
-
-def test_points_of_a_face_with_another_friction_are_another_face():
-    with Discretization(scene([rectangle(0, 0, 1, 1), FLOOR], 0.6)) as made:
-        law = made.joints.point_laws
-        assert len(straight_faces(made.joints).ends) == 1
-        half = np.where(made.joints.position[:, 0] < 0.5, 0.1, 0.6)
-        faces = straight_faces(made.joints, type(law)(half, law.strength))
-        assert len(faces.ends) == 2
-        assert faces.law.friction[faces.of_point] == pytest.approx(half)
 
 
 def test_corner_between_two_groups_asks_for_the_law():

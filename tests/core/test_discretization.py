@@ -10,7 +10,7 @@ import pytest
 from fenics_contact import InputError, Load
 from fenics_contact.discretization.discretization import BONDED_SPRING, Discretization
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
-from tests.bank import GRAVITY, STONE, block_recipe, tresca
+from tests.bank import block_recipe, tresca
 from tests.core.problems import BOND, THREE_BLOCKS, load_case, prepared, sprung, whole
 
 case = prepared(THREE_BLOCKS, 2)
@@ -30,22 +30,6 @@ def test_bonded_structure_hardly_opens(case):
         assert whole(problem, found) == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
         pressure = np.maximum(-spring * (problem.normal @ found), 0.0)
         assert getattr(bonded, f"{name}_pressure") == pytest.approx(pressure, rel=1e-9)
-
-
-@pytest.mark.mpi
-def test_loads_and_resultants_are_those_of_the_blocks(case):
-    problem, made = case.problem, case.discretization
-    weight = STONE.density * GRAVITY * made.bodies_area()
-    assert made.bodies_area() == pytest.approx(2 * 0.4 * 0.175, rel=1e-12)
-    assert problem.sum(problem.dead) == pytest.approx(-weight, rel=1e-12)
-    assert problem.sum(problem.live) == pytest.approx(weight, rel=1e-12)
-    motion = np.random.default_rng(1).normal(size=(case.block_count, 3))
-    u = made.rigid_motion(motion)
-    assert problem.max(np.abs(problem.elastic_part(u))) <= 1e-14 * problem.max(np.abs(u))
-    work = np.sum(made.bodies.live * motion * [1.0, 1.0, made.bodies.size])
-    assert problem.dot(problem.live, u) == pytest.approx(work, rel=1e-10)
-    numbers = made.all_points(10.0 * made.operators.points + 1.0)
-    assert np.array_equal(numbers, 10.0 * np.arange(len(made.joints.length)) + 1.0)
 
 
 def test_what_is_made_once_is_counted_and_arrays_outlive_it():

@@ -16,14 +16,11 @@ from matplotlib.figure import Figure
 from fenics_contact import (
     Floor,
     InputError,
-    JointLaw,
     Load,
     Scene,
-    Seismic,
     SolveOptions,
     limit_load,
     stands,
-    sweep,
 )
 from fenics_contact.console import description
 from fenics_contact.discretization.discretization import Discretization
@@ -87,27 +84,6 @@ def test_block_under_a_floor_rocks(mass, where, degree, quads):
     assert result.bounds.lower == pytest.approx(exact, rel=1e-8)
 
 
-@pytest.mark.parametrize(("mass", "part"), [(False, 1.0), (True, 0.0)])
-def test_block_under_a_floor_slides(mass, part):
-    """F (W + N) = lambda (W + N), or lambda W without the floor's mass."""
-    result = limit_load(block(Floor(FLOOR, "top", mass=mass), 0.2))
-    exact = 0.2 * (1.0 + part * FLOOR * WIDTH / WEIGHT)
-    assert result.load_factor == pytest.approx(exact, rel=1e-8)
-
-
-def test_floor_on_a_part_of_its_width_rocks_about_either_toe():
-    """It lies over 0.13 m from the left, at no node: the moment of its weight by hand."""
-    end, floors = 0.13, {"eccentric": Floor(4e4, y=HEIGHT, x=(0.0, 0.13))}
-    result = limit_load(stack(floors, solve=SolveOptions(fast=True, direction="both")))
-    tips = WEIGHT * HEIGHT / 2.0
-    for factor, arm in (
-        (result.load_factor, WIDTH - end / 2.0),
-        (-result.load_factor_negative, end / 2.0),
-    ):
-        exact = (WEIGHT * WIDTH / 2.0 + 4e4 * end * arm) / tips
-        assert factor == pytest.approx(exact, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("floor", "row", "ends"),
     [
@@ -125,27 +101,6 @@ def test_floor_inside_a_wall_lies_on_the_block_below(floor, row, ends, degree):
     expected[row] = 0.0, -load, -load * sum(ends) / 2.0
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * load)
     assert np.all(added({"one": floor}, "live") == 0.0)
-
-
-@pytest.mark.parametrize(
-    ("profile", "factors"),
-    [
-        ("uniform", (1.0, 1.0)),
-        (((0.6, 2.0), (0.9, 0.5)), (1.5, 0.5)),
-        (((0.1, 0.0), (0.7, 3.0), (2.0, 1.6)), (3.0, 1.6)),
-    ],
-)
-def test_mass_of_floors_takes_the_profile(profile, factors):
-    """The live force is body times force / 9.81 times the factor at the height of the floor."""
-    floors = {"bed": Floor(FLOOR, "bed", mass=True),
-              "roof": Floor(2e3, y=HEIGHT, x=(0.0, WIDTH), mass=True)}  # fmt: skip
-    live = Load((5.0, 1.0), profile=profile)
-    found = added(floors, "live", live=live)
-    expected = np.zeros((3, 3))
-    for row, height, weight, factor in ((0, 0.7, FLOOR, factors[0]), (2, HEIGHT, 2e3, factors[1])):
-        push = np.array([5.0, 1.0]) * weight * WIDTH / 9.81 * factor
-        expected[row] = *push, WIDTH / 2.0 * push[1] - height * push[0]
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_triangular_load_counts_the_floors():
@@ -185,45 +140,6 @@ def test_roof_on_a_slope(angle):
     assert live_part == pytest.approx([FLOOR * GRAVITY / 9.81 * mean, 0.0], abs=1e-7)
 
 
-def test_tilted_weights_tilt_their_floor():
-    """On a tilting table: the weight of the floor turns with that of the blocks."""
-    floors = {"roof": Floor(FLOOR, y=HEIGHT, x=(0.0, WIDTH))}
-    found = added(floors, "dead", dead=Load((0.0, -GRAVITY), tilt=10.0))
-    angle = math.radians(10.0)
-    load = FLOOR * WIDTH
-    assert found[2, :2] == pytest.approx([load * math.sin(angle), -load * math.cos(angle)])
-
-
-def test_floor_in_a_joint_of_mortar_lies_below_it():
-    """Blocks 10 mm apart: the height is anywhere in the joint."""
-    courses = [rectangle(0, 0, 1, 0.2), rectangle(0, 0.21, 1, 0.4), rectangle(0, 0.41, 1, 0.6)]
-    law = JointLaw(friction=0.6, gap=0.012)
-    for y in (0.2, 0.205, 0.21):
-        scene = on_ground(polygons(courses, 0.2), law, foundations={"base": coulomb(0.6)},
-                          floors={"one": Floor(FLOOR, y=y, x=(0.0, 1.0))}, solve=FAST)  # fmt: skip
-        bare = on_ground(
-            polygons(courses, 0.2), law, foundations={"base": coulomb(0.6)}, solve=FAST
-        )
-        found = on_blocks(scene, "dead") - on_blocks(bare, "dead")
-        assert found[:, 1] == pytest.approx([-FLOOR, 0.0, 0.0], abs=1e-6)
-
-
-def test_seismic_check_counts_floors_with_mass():
-    """alpha_0, masses and M* of a block that rocks, by hand; one without mass is warned of."""
-    for mass, moving in ((True, WEIGHT + FLOOR * WIDTH), (False, WEIGHT)):
-        scene = block(Floor(FLOOR, "top", mass=mass), seismic=Seismic(1.0))
-        result = limit_load(scene)
-        load = FLOOR * WIDTH
-        exact = (WEIGHT + load) * WIDTH / 2.0 / (WEIGHT * HEIGHT / 2.0 + mass * load * HEIGHT)
-        found = result.seismic["positive"]
-        assert found.multiplier == pytest.approx(exact, rel=1e-6)
-        assert found.moving_mass == pytest.approx(moving / GRAVITY, rel=1e-9)
-        assert found.mass_fraction == pytest.approx(1.0, rel=1e-6)
-        assert found.acceleration == pytest.approx(exact * GRAVITY, rel=1e-6)
-        with Discretization(scene) as made:
-            assert any("floors.first is left out" in text for text in made.warnings) != mass
-
-
 def test_weight_of_a_floor_makes_a_wall_stand_or_fall():
     """A cantilever of 0.6 m is held down by a floor on its tail of 0.4 m, if it is heavy enough."""
     beam = [rectangle(0, 0, 0.4, 1), rectangle(0, 1, 1.0, 1.2)]
@@ -234,16 +150,6 @@ def test_weight_of_a_floor_makes_a_wall_stand_or_fall():
         scene = on_ground(polygons(beam, 0.2), coulomb(0.9), floors=floors, solve=FAST)
         assert limit_load(scene).status == status
         assert stands(scene) == (status == "limit")
-
-
-def test_force_of_a_floor_can_vary_in_a_sweep():
-    scene = block(Floor(0.0, "top"), 0.2)
-    forces = [0.0, 1e4, 4e4]
-    if scene.comm.size > 1:  # points of a sweep are solved on one rank
-        found = [limit_load(block(Floor(one, "top"), 0.2)).load_factor for one in forces]
-    else:
-        found = [point.load_factor for point in sweep(scene, {"floors.first.force": forces})]
-    assert found == pytest.approx([0.2 * (1.0 + f * WIDTH / WEIGHT) for f in forces], rel=1e-6)
 
 
 def test_floors_are_described_recorded_and_drawn():

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,18 +20,14 @@ from fenics_contact import (
     EarthPressure,
     InputError,
     Load,
-    Material,
     Scene,
     SolveOptions,
-    equilibrium,
     limit_load,
-    sweep,
 )
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.geometry.refinement import refine
 from fenics_contact.meshing import polygons, running_bond
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb
-from tests.helpers import STONE, mesh_of, on_ground
+from tests.helpers import STONE, on_ground
 
 pytestmark = pytest.mark.mpi
 
@@ -48,10 +43,6 @@ def block(live: Load, dead: Load = WEIGHT, **options: Any) -> Scene:
     """A block on the ground, with sides "back" and "top"."""
     model = polygons([BLOCK], 0.23, groups=BACK)
     return on_ground(model, coulomb(5.0), dead, live, **{"solve": FAST, **options})
-
-
-def wall(live: Load, **options: Any) -> Scene:
-    return on_ground(running_bond(3, 3), coulomb(0.65), live=live, **{"solve": FAST, **options})
 
 
 def push(v: Any, dx: Any, ds: Any) -> Any:
@@ -94,20 +85,6 @@ def test_form_gives_the_forces_of_the_keys(quadrilaterals, degree):
     assert_same_loads(scenes[2], scenes[0])
 
 
-def test_form_of_the_dead_load_adds_to_the_others():
-    by_form = block(PUSH, Load(WEIGHT.body, form=lambda v, dx, ds: -5e3 * v[1] * ds("top")))
-    assert_same_loads(by_form, block(PUSH, Load(WEIGHT.body, {"top": (0.0, -5e3)})))
-
-
-def test_load_factor_is_that_of_the_keys():
-    by_form, by_key = limit_load(wall(Load(form=push))), limit_load(wall(PUSH))
-    assert by_form.status == by_key.status == "limit"
-    assert by_form.load_factor == pytest.approx(by_key.load_factor, rel=1e-9)
-    for name in ("lower", "upper"):  # of rigid blocks
-        ends = [getattr(result.bounds, name) for result in (by_form, by_key)]
-        assert ends[0] == pytest.approx(ends[1], rel=1e-9)
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 def test_block_tips_under_water(degree):
     """lambda gamma h^3 / 6 = W b / 2, the moments about the toe; earth pressure has the same."""
@@ -127,68 +104,6 @@ def test_groups_of_cells_several_groups_and_options_of_measures():
 
     resultant = loads(block(Load(form=live)))[2]
     assert resultant[0, :2] == pytest.approx([3.0 * area, sides + WIDTH], rel=1e-12)
-
-
-def test_groups_of_cells_are_materials():
-    model = polygons([BLOCK, [(x + WIDTH, y) for x, y in BLOCK]], 0.4, names=["light", "heavy"],
-                     groups=BACK)  # fmt: skip
-    law, density = coulomb(0.5), {"light": 1e3, "heavy": 3e3}
-
-    def scene(live: Load) -> Scene:
-        materials = {name: Material(1e9, 0.2, value) for name, value in density.items()}
-        laws = {"joints": {"default": law}, "foundations": {"base": law}}
-        return Scene(mesh_of(model), materials, live, WEIGHT, **laws)
-
-    def weights(v: Any, dx: Any, ds: Any) -> Any:
-        return sum(value * v[0] * dx(name) for name, value in density.items())
-
-    assert_same_loads(scene(Load(form=weights)), scene(Load((1.0, 0.0))))
-
-
-def test_zero_form_is_no_load():
-    zero = Load(PUSH.body, form=lambda v, dx, ds: ufl.inner(0 * v, v) * dx)
-    assert_same_loads(block(zero), block(PUSH))
-
-
-def test_fields_on_the_mesh_of_the_scene():
-    scene = block(PUSH)
-    field = fem.Constant(scene.mesh.domain, 9.81 * STONE.density)
-
-    def live(v: Any, dx: Any, ds: Any) -> Any:
-        return field * v[0] * dx
-
-    by_form = Scene(**{**vars(scene), "live": Load(form=live)})
-    assert_same_loads(by_form, scene)
-    field.value = 2.0 * 9.81 * STONE.density  # the next discretisation sees it
-    assert_same_loads(by_form, Scene(**{**vars(scene), "live": Load((2 * 9.81, 0.0))}))
-
-
-def test_sweep_over_friction_and_state_at_a_factor():
-    scene = wall(Load(form=push))
-    values = {"joints.default.friction, foundations.base.friction": [0.3, 0.5]}
-    found = sweep(scene, values)
-    expected = sweep(wall(PUSH), values)
-    assert found.column("load_factor") == pytest.approx(expected.column("load_factor"), rel=1e-8)
-    held = {"form": partial(lambda field, v, dx, ds: field * v[0] * dx,
-                            fem.Constant(scene.mesh.domain, 1e4))}  # fmt: skip
-    both = sweep(Scene(**{**vars(scene), "live": Load(**held)}), values)
-    assert [point.status for point in both] == ["limit", "limit"]
-    assert equilibrium(scene, 0.1).status == "equilibrium"
-
-
-def test_form_follows_the_mesh_as_it_is_refined():
-    scene = block(Load(form=water))
-    everywhere = np.ones(len(scene.mesh.body), dtype=bool)
-    fine = Scene(**{**vars(scene), "mesh": refine(scene.mesh, everywhere), "degree": 2})
-    moments = []
-    for one in (scene, fine):
-        with Discretization(one) as made:
-            force, centre = made.elasticity.live_resultant, made.elasticity.centre
-        arm = centre[0]
-        moments.append([*force[0, :2], force[0, 2] + arm[0] * force[0, 1] - arm[1] * force[0, 0]])
-    push = 9810.0 * HEIGHT**2 / 2.0
-    for found in moments:
-        assert found == pytest.approx([push, 0.0, -push * HEIGHT / 3.0], rel=1e-11, abs=1e-8 * push)
 
 
 def other_mesh() -> Any:
@@ -249,13 +164,3 @@ def test_loads_are_copied_and_pickled_if_their_functions_can_be():
     assert copy.deepcopy(unnamed) == unnamed
     with pytest.raises(InputError, match=r"form: the function '.*<lambda>' cannot be pickled"):
         pickle.dumps(unnamed)
-
-
-def test_files_name_the_function(tmp_path):
-    import json
-
-    folder = MPI.COMM_WORLD.bcast(tmp_path)
-    limit_load(block(Load(form=water))).write(folder)
-    assert json.loads((folder / "result.json").read_text())["scene"]["loads"]["live"]["form"] == (
-        "water"
-    )

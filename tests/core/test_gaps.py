@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fenics_contact import (
-    EdgeForce,
     InputError,
     JointLaw,
     Load,
@@ -17,9 +16,6 @@ from fenics_contact import (
     equilibrium,
     limit_load,
 )
-from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.discretization.faces import relative_motions
-from fenics_contact.geometry.planar_cells import arc_heights
 from fenics_contact.meshing import polygons
 from tests.helpers import (
     Drawing,
@@ -75,35 +71,6 @@ def test_gap_closes_before_columns_carry(divisions, angle, degree):
     assert motion[:, 0] == pytest.approx(np.zeros(len(motion)), abs=1e-9 * GAP)
 
 
-def test_gap_that_is_refused_without_a_law_for_it():
-    drawing = columns(3, gap=1e-3)
-    scene = pressed(drawing)
-    place = EdgeForce((0.0, -1.0), x=0.5)
-    found = equilibrium(replace(scene, live=replace(scene.live, force={"place": place})))
-    assert found.status == "equilibrium"
-    with pytest.raises(InputError, match=r"apart by up to 0\.001 m.*give their joint a gap"):
-        Discretization(pressed(drawing, law=JointLaw("frictionless")))
-
-
-@pytest.mark.parametrize("divisions", [3, 5])
-def test_openings_are_measured_from_the_gaps(divisions):
-    with Discretization(pressed(columns(divisions, 0.3), 0.3)) as made:
-        problem, none = made.problem, np.zeros_like(made.problem.dead)
-        opening, slip = problem.openings(none), problem.slips(none)
-    assert opening == pytest.approx(np.full(len(opening), GAP), rel=1e-12)
-    assert np.abs(slip).max(initial=0.0) == 0.0
-    assert made.joints.gap == pytest.approx(np.full(len(made.joints.gap), GAP), rel=1e-12)
-
-
-def test_facets_further_apart_than_the_gap_are_free():
-    with pytest.raises(
-        InputError, match=r"\(0\.5, 3\.002\), touch neither"
-    ):  # nothing holds the upper block
-        law = replace(SMOOTH, gap=0.5 * GAP)
-        scene = pressed(columns(3), law=law)
-        limit_load(replace(scene, supports={"bottom0": "fixed"}))
-
-
 def test_block_slides_up_to_the_next_one():
     # The first block slides by the gap, then both slide: friction times the weight of both.
     drawing = grid_blocks(((0, 0), (1, 1), (2, 2)), ((1 + GAP, 0), (1, 1), (3, 3)))
@@ -127,21 +94,6 @@ def test_block_slides_up_to_the_next_one():
     assert result.load_factor == pytest.approx(0.6, rel=1e-6)
     apart = replace(scene, joints={})
     assert limit_load(apart).load_factor == pytest.approx(0.3, rel=1e-6)
-
-
-def test_heights_of_arcs():
-    angle = np.cumsum([0.0, 5.0, 7.0, 6.0, 3.0, 4.0]) * np.pi / 180.0
-    points = 2.0 * np.column_stack([np.cos(angle), np.sin(angle)])
-    nodes = np.column_stack([np.arange(5), np.arange(1, 6)])
-    ends = points[nodes]
-    along = ends[:, 1] - ends[:, 0]
-    normal = np.column_stack([along[:, 1], -along[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    exact = 2.0 * (1.0 - np.cos(0.5 * np.diff(angle)))
-    assert arc_heights(ends, nodes, normal) == pytest.approx(exact, rel=2e-3)
-    assert arc_heights(ends, nodes, -normal) == pytest.approx(-exact, rel=2e-3)  # concave
-    straight = np.tile(normal[:1], (5, 1))
-    assert np.abs(arc_heights(ends, nodes, straight)).max() == 0.0
 
 
 def test_gaps_that_are_refused():
@@ -194,42 +146,3 @@ def test_stone_on_arcs_of_unlike_chords_rocks_at_its_hand_value(chords):
         assert result.status == "limit"
         assert result.load_factor == pytest.approx(expected, rel=allowed)
         assert result.load_factor <= result.bounds.upper * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.4])
-@pytest.mark.parametrize(("gap", "law"), [(1e-5, 0.0), (1e-3, 2e-3)])
-def test_stacked_blocks_a_hair_apart_rock_as_one(gap, law, angle):
-    # By hand: they turn about their common corner where the push is width over height.
-    drawing = grid_blocks(((0, 0), (0.4, 0.2), (2, 2)), ((0, 0.2 + gap), (0.4, 0.2), (2, 2)))
-    drawing.facets["base"] = drawing.facets["bottom0"]
-    weight, push = (tuple(rotation(angle) @ force) for force in ([0.0, -10.0], [10.0, 0.0]))
-    drawing, friction = drawing.turned(angle), replace(coulomb(2.0), gap=law)
-    loads = {"dead": Load(weight), "live": Load(push), "foundations": {"base": coulomb(2.0)}}
-    result = limit_load(on_ground(drawing.model(), friction, **loads))
-    result = result.hold_against_brackets()
-    assert result.status == "limit"
-    assert result.load_factor == pytest.approx(1.0, rel=1e-6)
-    assert result.bounds.upper == pytest.approx(1.0, rel=1e-6)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize(
-    "drawn", [lambda: columns(5, 0.7), lambda: columns(3), lambda: saddle((5, 7))[0]]
-)
-def test_programs_move_joint_points_as_the_matrices_do(drawn, degree):
-    drawing = drawn()
-    held = {"base": drawing.facets.get("base", drawing.facets.get("bottom0"))}
-    drawing = replace(drawing, facets=held)
-    law, ground = replace(coulomb(0.5), gap=1.5 * GAP), {"base": coulomb(0.5)}
-    scene = on_ground(drawing.model(), law, foundations=ground, degree=degree)
-    with Discretization(scene) as made:
-        motion = np.random.default_rng(1).normal(size=(len(made.bodies.centre), 3))
-        u, points = made.rigid_motion(motion), made.operators.points
-        scaled = (motion * [1.0, 1.0, made.bodies.size])[:, :, None]
-        free = np.linalg.solve(made.bodies.free, scaled).ravel()
-        normal = made.problem.normal, made.joints.normal
-        tangential = made.problem.tangential, made.joints.tangent
-        for matrix, direction in (normal, tangential):
-            rigid = relative_motions(made.joints, made.bodies, points, direction) @ free
-            assert matrix @ u == pytest.approx(rigid, abs=1e-12)

@@ -30,12 +30,9 @@ from tests.helpers import (
     mesh_of,
     node_positions,
     on_ground,
-    rectangle,
-    rotation,
     tresca,
 )
 
-ANGLES = np.radians([0.0, 90.0, 180.0, 30.0, -110.0])
 TWO = (((0, 0), (1, 1), (2, 1)), ((0, 1), (1, 1), (2, 1)))  # one block on another
 
 
@@ -90,49 +87,6 @@ class Jointed:
         return self.normal @ values, self.tangential @ values
 
 
-def two_blocks(angle: float) -> Jointed:
-    """A block on another on the ground, all turned; the joint is horizontal before."""
-    drawing = grid_blocks(((0, 0), (1, 0.5), (4, 2)), ((0, 0.5), (1, 0.7), (4, 2)))
-    drawing.facets = {"base": drawing.facets["bottom0"]}
-    return Jointed.of(on_ground(drawing.turned(angle).model(), coulomb(0.5)))
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("body", [0, 1])
-def test_translation_of_one_block_opens_and_slips(angle, body):
-    jointed = two_blocks(angle)
-    along, away = 3e-3, 2e-3  # of the joint, in its own directions
-    shift = rotation(angle) @ [along, away]
-    opening, slip = jointed.moved(lambda x, b: np.where(b[:, None] == body, shift, 0.0))
-    between = jointed.joints.bodies[:, 0] == 0
-    on_rock = jointed.joints.bodies[:, 0] == GROUND
-    assert np.count_nonzero(between) == np.count_nonzero(on_rock) == 5
-    sign = 1.0 if body == 1 else -1.0
-    # t is n turned anticlockwise: along a level joint, where n is upward, it points left.
-    for points, moved in ((between, sign), (on_rock, float(body == 0))):
-        assert opening[points] == pytest.approx(np.full(5, moved * away), abs=1e-16)
-        assert slip[points] == pytest.approx(np.full(5, -moved * along), abs=1e-16)
-
-
-@pytest.mark.parametrize("angle", ANGLES)
-def test_rotation_of_the_upper_block_opens_like_a_wedge(angle):
-    jointed = two_blocks(angle)
-    spin = 1e-3
-    edge = rotation(angle) @ [0.0, 0.5]  # the left end of the joint
-
-    def turn(x, body):
-        arm = x - edge
-        return np.where(body[:, None] == 1, spin * np.column_stack([-arm[:, 1], arm[:, 0]]), 0.0)
-
-    opening, slip = jointed.moved(turn)
-    between = jointed.joints.bodies[:, 0] == 0
-    distance = np.linalg.norm(jointed.joints.position[between] - edge, axis=1)
-    assert distance.max() == pytest.approx(1.0, rel=1e-12)
-    assert opening[between] == pytest.approx(spin * distance, abs=1e-16)
-    assert np.abs(slip).max() < 1e-16
-    assert np.abs(opening[~between]).max() == 0.0
-
-
 def shaken(x, body):
     return np.column_stack([np.sin(3 * x[:, 0] + body), x[:, 1] ** 2 * np.cos(body)])
 
@@ -152,57 +106,6 @@ def test_rows_give_the_jump_of_any_displacement(degree, displacement):
     assert slip == pytest.approx(np.sum(joints.tangent * (second - first), axis=1), abs=1e-14)
 
 
-def test_rows_agree_with_the_dense_coefficients():
-    jointed = two_blocks(0.3)
-    operators = jointed.operators
-    for name in ("normal", "tangential"):
-        matrix, rows = getattr(jointed, name), getattr(operators, f"{name}_rows")
-        for point, dofs, row in zip(operators.points, operators.dofs, rows, strict=True):
-            expected = np.zeros(matrix.shape[1])
-            expected[dofs[dofs >= 0]] = row[dofs >= 0]
-            assert np.array_equal(matrix[point], expected)
-    assert np.array_equal(operators.sides, jointed.joints.bodies[operators.points])
-
-
-def test_rows_on_an_inclined_roller_are_in_its_coordinates():
-    # The left sides of both blocks roll on one inclined line; the joint ends there.
-    angle = np.radians(30.0)
-    drawing = grid_blocks(((0, 0), (1, 1), (2, 2)), ((0, 1), (1, 1), (2, 2)))
-    drawing.facets["side"] = np.concatenate([drawing.facets[name] for name in ("left0", "left1")])
-    scene = free_scene(drawing.turned(angle).model(), foundations={"bottom0": coulomb(0.5)})
-    jointed = Jointed.of(replace(scene, supports={"side": "roller"}))
-    supports = jointed.supports
-    assert supports.inclined
-    shift = rotation(angle) @ [0.0, 1e-3]  # along the roller
-    upper = np.where(jointed.nodes()[1][:, None] == 1, shift, 0.0)
-    values = supports.to_supports(upper.ravel(), 0)
-    between = jointed.joints.bodies[:, 0] == 0
-    assert (jointed.normal @ values)[between] == pytest.approx(np.full(3, 1e-3), abs=1e-16)
-    assert np.abs(jointed.tangential @ values).max() < 1e-16
-    # What the roller holds moves no joint.
-    held = (2 * supports.nodes[:, None] + np.arange(2))[supports.held]
-    assert len(held) == 6
-    assert np.abs(jointed.normal[:, held]).max() == 0.0
-    assert np.abs(jointed.tangential[:, held]).max() == 0.0
-
-
-@pytest.mark.parametrize("elements", [1, 3])
-def test_lengths_of_points_sum_to_the_joints_and_segments_are_the_facets(elements):
-    model = wall([[1, 1], [0.5, 1, 0.5]], (0.4, 0.2), elements)
-    joints = joints_of(on_ground(model, coulomb(0.5)))
-    level = np.abs(joints.normal[:, 1]) > 0.5
-    on_rock = joints.bodies[:, 0] == GROUND
-    assert joints.length[on_rock].sum() == pytest.approx(0.8, rel=1e-12)
-    assert joints.length[level & ~on_rock].sum() == pytest.approx(0.8, rel=1e-12)
-    assert joints.length[~level].sum() == pytest.approx(3 * 0.2, rel=1e-12)
-    ends = joints.position[joints.segments]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    assert length.sum() == pytest.approx(joints.length.sum(), rel=1e-12)
-    assert len(length) == (4 + 4 + 3) * elements
-    one, other = joints.bodies[joints.segments].swapaxes(0, 1)
-    assert np.array_equal(one, other)  # both ends of a segment join one pair of bodies
-
-
 def test_weights_are_those_of_the_trapezoidal_and_of_simpsons_rule():
     scene = free_scene(wall([[1], [1]], (0.4, 0.2), 1))  # two facets of 0.2
     for degree, expected in ((1, [1 / 4, 2 / 4, 1 / 4]), (2, np.array([1, 4, 2, 4, 1]) / 12)):
@@ -213,45 +116,11 @@ def test_weights_are_those_of_the_trapezoidal_and_of_simpsons_rule():
         assert joints.length[order] == pytest.approx(0.4 * np.array(expected), rel=1e-12)
 
 
-def test_three_blocks_meet_in_three_points():
-    joints = joints_of(free_scene(wall([[2], [1, 1]], (0.4, 0.2), 1)))
-    points = at(joints, 0.4, 0.2)
-    normal = dict(zip(map(tuple, joints.bodies[points]), joints.normal[points], strict=True))
-    assert normal.keys() == {(0, 1), (0, 2), (1, 2)}
-    for pair, expected in {(0, 1): [0, 1], (0, 2): [0, 1], (1, 2): [1, 0]}.items():
-        assert normal[pair] == pytest.approx(expected, abs=1e-15)
-    assert joints.length[points] == pytest.approx([0.1] * 3, rel=1e-12)
-
-
 def test_four_blocks_meet_in_four_points_and_not_across_the_corner():
     joints = joints_of(free_scene(wall([[1, 1], [1, 1]], (0.4, 0.2), 1)))
     points = at(joints, 0.4, 0.2)
     assert sorted(tuple(pair) for pair in joints.bodies[points]) == [(0, 1), (0, 2), (1, 3), (2, 3)]
     assert len(np.unique(joints.nodes[points])) == 4
-
-
-def test_first_side_is_the_lower_body_or_the_ground_and_the_normal_points_to_the_second():
-    joints = joints_of(on_ground(wall([[1, 1], [1, 1]], (0.4, 0.2), 1), coulomb(0.5)))
-    assert np.all(joints.bodies[:, 0] < joints.bodies[:, 1])
-    centre = np.array([[0.2, 0.1], [0.6, 0.1], [0.2, 0.3], [0.6, 0.3]])
-    ahead = np.sum((centre[joints.bodies[:, 1]] - joints.position) * joints.normal, axis=1)
-    assert np.all(ahead > 0.05)
-    quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
-    assert joints.tangent == pytest.approx(joints.normal @ quarter.T, abs=1e-15)
-    on_rock = joints.bodies[:, 0] == GROUND
-    assert np.count_nonzero(on_rock) == 6  # three under every block
-    assert np.array_equal(joints.nodes[:, 0] == GROUND, on_rock)
-    assert joints.normal[on_rock] == pytest.approx(np.tile([0.0, 1.0], (6, 1)), abs=1e-15)
-
-
-def test_joint_around_a_corner_has_a_point_for_each_side():
-    angle_iron = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-    joints = joints_of(free_scene(polygons([angle_iron, rectangle(1, 1, 2, 2)], 1.0)))
-    corner = at(joints, 1.0, 1.0)
-    normals = sorted(tuple(np.round(normal, 12) + 0.0) for normal in joints.normal[corner])
-    assert normals == [(0.0, 1.0), (1.0, 0.0)]
-    assert joints.length[corner] == pytest.approx([0.5, 0.5], rel=1e-12)
-    assert len(joints.length) == 4
 
 
 @pytest.mark.parametrize(("kink", "points"), [(10.0, 1), (14.0, 1), (16.0, 2), (40.0, 2)])
@@ -279,14 +148,6 @@ def test_laws_of_groups():
     assert joints.friction == pytest.approx(np.where(head, 0.3, 0.0))
     assert joints.shear_strength == pytest.approx(np.where(bed, 5e3 * joints.length, 0.0))
     assert joints.shear_strength.sum() == pytest.approx(5e3 * 0.8, rel=1e-12)
-
-
-@pytest.mark.parametrize("side", ["top0", "bottom1"])
-def test_group_on_one_side_is_enough(side):
-    laws = {"default": coulomb(0.3), side: tresca(2e3)}
-    joints = joints_of(free_scene(grid_blocks(*TWO).model(), laws))
-    assert set(joints.law) == {1}
-    assert joints.shear_strength.sum() == pytest.approx(2e3, rel=1e-12)
 
 
 @pytest.mark.parametrize(

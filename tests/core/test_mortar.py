@@ -16,9 +16,7 @@ from fenics_contact.meshing import polygons
 from tests.helpers import (
     Drawing,
     coulomb,
-    dense,
     grid_blocks,
-    mesh_of,
     node_positions,
     on_ground,
     rotation,
@@ -88,61 +86,6 @@ def test_contact_patch(jointed):
         assert np.abs((operator @ u)[between]).max(initial=0.0) < 1e-12
 
 
-def test_rigid_motions_open_and_slip_as_the_points_move(jointed):
-    joints = jointed.joints
-    x = node_positions(jointed.elasticity.space)
-    own = jointed.elasticity.node_body
-    body = np.concatenate(jointed.scene.comm.allgather(own))
-    motion = np.array([[2e-3, -1e-3, 5e-3], [-1e-3, 3e-3, -2e-3], [1e-3, 1e-3, 1e-3]])
-
-    def moved(points, bodies):
-        a, b, c = motion[bodies].T
-        return np.column_stack([a - c * points[:, 1], b + c * points[:, 0]])
-
-    sides = [moved(joints.position, joints.bodies[:, side]) for side in (0, 1)]
-    sides[0][joints.bodies[:, 0] < 0] = 0.0
-    order = np.argsort(np.concatenate(jointed.scene.comm.allgather(jointed.operators.points)))
-    for matrix, axis in (
-        (jointed.operators.normal, joints.normal),
-        (jointed.operators.tangential, joints.tangent),
-    ):
-        jump = (dense(matrix) @ moved(x, body).ravel())[order]
-        assert jump == pytest.approx(np.sum(axis * (sides[1] - sides[0]), axis=1), abs=1e-14)
-
-
-def test_lengths_and_points_of_corners(jointed):
-    joints = jointed.joints
-    pairs = {(0, 1): 0.83, (0, 2): 1.17}
-    corner = np.array([0.83, 1.0 + 0.83 * slope_of(jointed)])
-    at = np.linalg.norm(joints.position @ rotation(ANGLE) - corner, axis=1) < 1e-9
-    for pair, width in pairs.items():
-        mine = np.all(joints.bodies == pair, axis=1)
-        assert joints.length[mine].sum() == pytest.approx(
-            width * np.hypot(1.0, slope_of(jointed)), rel=1e-12
-        )
-        assert np.count_nonzero(mine & at) == 1
-    assert np.count_nonzero(at) == 3  # three bodies meet
-    ends = joints.position[joints.segments]
-    size = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    assert size.sum() == pytest.approx(joints.length.sum(), rel=1e-12)
-
-
-def slope_of(whole: Discretization) -> float:
-    """Slope of the joint on the first block."""
-    normal = (whole.joints.normal @ rotation(ANGLE))[np.all(whole.joints.bodies == (0, 1), axis=1)]
-    return float(-normal[0, 0] / normal[0, 1])
-
-
-def test_matching_nodes_are_coupled_node_to_node():
-    drawing = three_blocks(0.4, False, None)
-    joints = joints_of(drawing)
-    weights = joints.stencil.weights
-    assert weights.shape[2] == 1
-    between = joints.bodies[:, 0] >= 0
-    assert np.all(weights[between] == 1.0)
-    assert np.array_equal(joints.stencil.nodes[:, :, 0], joints.nodes)
-
-
 def joints_of(drawing: Drawing, laws=None, degree: int = 1) -> Joints:
     scene = on_ground(drawing.model(), coulomb(0.5), foundations={}, degree=degree)
     scene = replace(scene, joints=laws or scene.joints)
@@ -165,13 +108,6 @@ def test_partly_overlapping_facets(divisions, shift):
         assert total == pytest.approx(np.ones_like(total), rel=1e-12)
 
 
-@pytest.mark.parametrize("gap", [1e-4, -1e-4, 3e-4])
-def test_small_gaps_are_closed(gap):
-    joints = joints_of(stacked(gap))
-    assert joints.length.sum() == pytest.approx(1.0, rel=1e-12)
-    assert joints.offset == pytest.approx(abs(gap), rel=1e-9)
-
-
 @pytest.mark.parametrize(("gap", "word"), [(1e-3, "apart"), (-5e-4, "overlap")])
 def test_almost_touching_is_refused(gap, word):
     drawing = stacked(gap)
@@ -186,12 +122,6 @@ def test_thin_slabs_touch_their_neighbours_only(divisions):
     joints = joints_of(grid_blocks(*slabs))
     assert joints.length.sum() == pytest.approx(5 * 2000.0, rel=1e-12)
     assert set(map(tuple, joints.bodies.tolist())) == {(k, k + 1) for k in range(5)}
-
-
-def test_blocks_apart_do_not_touch():
-    assert len(joints_of(stacked(2e-2)).length) == 0
-    with pytest.raises(InputError, match=r"'top0': 2 facets have no facet opposite.*\(0\.25, 1\)"):
-        joints_of(stacked(2e-2), {"top0": coulomb(0.5)})
 
 
 def test_warning_of_a_gap():
@@ -217,13 +147,3 @@ def test_arcs_of_unlike_facets_touch():
         assert joints.length.sum() == pytest.approx(np.pi / 2, rel=2e-3)
         radial = joints.position / np.linalg.norm(joints.position, axis=1)[:, None]
         assert np.min(np.sum(radial * joints.normal, axis=1)) > np.cos(np.radians(5.0))
-
-
-def test_sizes_of_blocks_meshed_one_by_one():
-    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    with pytest.raises(InputError, match="2 sizes for 1 blocks"):
-        polygons([square], [0.1, 0.2])
-    with pytest.raises(InputError, match="positive size"):
-        polygons([square], [0.0])
-    mesh = mesh_of(polygons([square], [0.5]))
-    assert mesh.body_count == 1

@@ -67,20 +67,6 @@ def test_directions_of_the_live_load(friction, live, expected):
         assert blocks.stands() and blocks.frictionless.stands() and bounds.lower >= 0.0
 
 
-@pytest.mark.parametrize("held", ["fixed sill", "roller at the back"])
-def test_blocks_on_supports_take_part(held):
-    """A roller takes no shear: a push up along it lifts the whole weight."""
-    sill = Recipe(lambda n, quads: wall([[2], [1]], (0.5, 0.2), n), coulomb(0.3))
-    recipe, expected = replace(sill, parts={"foundations": {}, "supports": {"base": "fixed"}}), 0.3
-    if held != "fixed sill":
-        lift = {"live": Load((0.0, GRAVITY)), "supports": {"left": "roller"}}
-        recipe, expected = block(coulomb(0.3), **lift), 1.0
-        recipe = replace(recipe, draw=lambda n, quads: wall([[1]], (0.5, 0.5), n))
-    with programs(recipe) as (blocks, made):
-        assert np.count_nonzero(made.bodies.floating) == 1
-        assert blocks.limit() == pytest.approx(expected, rel=1e-9)
-
-
 @pytest.mark.parametrize(("degrees", "stands"), [(10.0, True), (16.0, True), (17.5, False)])
 def test_block_on_a_slope_needs_its_friction(degrees, stands):
     """tan(16.7) = 0.3 is the friction."""
@@ -147,14 +133,3 @@ def test_collapse_mode_proves_its_load_factor(recipe, strength):
             assert factor == pytest.approx(min(slides, WIDTH / HEIGHT), rel=1e-9)
     with programs(replace(recipe, law=coulomb(0.1))) as (blocks, _):
         assert blocks.collapse(strengths)[0] == pytest.approx(factor, rel=1e-9)
-
-
-@pytest.mark.parametrize("associative", [True, False])
-def test_limit_does_not_depend_on_the_mesh(associative):
-    limits = []
-    for elements, degree in ((1, 1), (2, 1), (4, 1), (1, 2)):
-        with programs(BOND, elements, degree) as (blocks, made):
-            strength = 800.0 * made.joints.length
-            limits.append(blocks.limit() if associative else blocks.collapse(strength)[0])
-    assert limits[1:] == pytest.approx([limits[0]] * 3, rel=1e-9)
-    assert 0.0 < limits[0] < 1.0

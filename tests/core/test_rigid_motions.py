@@ -12,8 +12,8 @@ from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.rigid_motions import RigidBodies, rigid_bodies
 from fenics_contact.discretization.supports import find_supports
-from fenics_contact.meshing import polygons, wall
-from tests.helpers import PUSH, STONE, coulomb, dense, grid_blocks, mesh_of, rotation
+from fenics_contact.meshing import wall
+from tests.helpers import PUSH, STONE, coulomb, dense, grid_blocks, mesh_of
 
 
 def bodies_of(model, kinds: dict[str, str]) -> RigidBodies:
@@ -31,12 +31,6 @@ def square(angle: float = 0.0):
 
 def free_motions(bodies: RigidBodies) -> list[int]:
     return [int(np.any(free != 0.0, axis=0).sum()) for free in bodies.free]
-
-
-def only_motion(bodies: RigidBodies) -> np.ndarray:
-    """The free motion (a, b, c) of a body that has just one."""
-    (free,) = bodies.free
-    return free[:, np.any(free != 0.0, axis=0)].reshape(3)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
@@ -57,28 +51,6 @@ def test_number_of_free_motions(kinds, free, degrees):
     gram = bodies.free[0].T @ bodies.free[0]
     assert gram == pytest.approx(np.diag(np.diag(gram)), abs=1e-14)
     assert np.trace(gram) == pytest.approx(free, abs=1e-14)
-
-
-def test_block_on_a_roller_is_free_along_it():
-    angle = np.radians(30.0)
-    motion = only_motion(bodies_of(square(angle), {"bottom0": "roller"}))
-    along = np.array([*(rotation(angle) @ [1.0, 0.0]), 0.0])
-    assert abs(motion @ along) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_wheel_on_rollers_all_around_is_free_to_turn():
-    angles = 2 * np.pi * np.arange(32) / 32
-    rim = np.column_stack([np.cos(angles), np.sin(angles)])
-    around = list(zip(rim, np.roll(rim, -1, axis=0), strict=True))
-    model = polygons([rim], 3.0, groups={"rim": around})
-    assert free_motions(bodies_of(model, {"rim": "roller"})) == [1]
-
-
-def test_bodies_are_held_one_by_one():
-    model = grid_blocks(*(((3.0 * k, 0), (1, 1), (1, 1)) for k in range(3))).model()
-    kinds = {"bottom0": "fixed", "left2": "roller"}
-    bodies = bodies_of(model, kinds)
-    assert free_motions(bodies) == [0, 3, 1]
 
 
 def build(model, supports=None, foundations=None, live=PUSH) -> Discretization:

@@ -37,7 +37,8 @@ class ProgramOptions:
         iterations: Of HiGHS at most, for each row and column: it may go round in circles.
         rounding: Missing forces in units of the largest dead load, summed, that count as none; and
             by how much an upper end that HiGHS found is raised, relative.
-        large: Unknowns above which a program is solved in a process of its own: a second or more.
+        large: Unknowns above which a program takes a second or more: it is solved in a process of
+            its own, or by the face engine.
         programs: Programs of the search at most.
         pivots: Its iterations of HiGHS times equations at most, which bounds the time on large
             walls.
@@ -161,7 +162,12 @@ class BlockModel:
         return bool(np.any(self.planar.model.crushing))
 
     @property
-    def with_crushing(self) -> FaceModel:
+    def is_large(self) -> bool:
+        """Whether a program takes longer than to start a process for it."""
+        return bool(self.forces.shape[1] > OPTIONS.large)
+
+    @property
+    def units(self) -> FaceModel:
         """The faces for the face engine, with these laws."""
         laws = {"strength": self.strength, "friction": self.friction}
         dilatancy = np.minimum(self.planar.model.dilatancy, self.friction)

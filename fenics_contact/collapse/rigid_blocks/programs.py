@@ -25,7 +25,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -43,7 +44,7 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import associative_end, crushed_by
+from fenics_contact.faces.programs import associative_end, crushed_by, state_under
 from fenics_contact.results.bounds import LimitBounds
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
@@ -60,6 +61,10 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
     Raises:
         SolverError: If HiGHS finds no answer.
     """
+    # On large walls the face engine is twenty times as fast as HiGHS; its forces are the proof.
+    found = state_under(model.units, load_factor) if model.is_large else None
+    if found is not None and found.missing <= OPTIONS.rounding:
+        return None
     standing = model.standing(load_factor)
     # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
     plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
@@ -67,7 +72,7 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
         missing, multipliers, _ = standing.least_missing()
         if missing > OPTIONS.rounding:
             return model.planar.motions(-multipliers)
-    motion = crushed_by(model.with_crushing, load_factor) if model.crushes else None
+    motion = crushed_by(model.units, load_factor) if model.crushes else None
     return None if motion is None else model.planar.motions(motion)
 
 
@@ -105,7 +110,7 @@ def wait_on() -> None:
 class RigidBlocks:
     """What the programs of one structure say, solved on rank 0 when it is first asked for.
 
-    All methods but `begin` and `limit_so_far` are collective.
+    All methods but `limit_so_far` are collective.
 
     Attributes:
         model: The blocks with associative friction.
@@ -117,7 +122,6 @@ class RigidBlocks:
     model: BlockModel
     comm: MPI.Comm
     check_stop: Callable[[], None] = wait_on
-    _begun: Beside | None = field(default=None, init=False)
 
     @classmethod
     def of(
@@ -130,7 +134,7 @@ class RigidBlocks:
 
     def __getstate__(self) -> dict[str, Any]:
         """The programs and what was solved of them, without ranks and processes."""
-        return vars(self) | {"comm": self.comm.size, "check_stop": wait_on, "_begun": None}
+        return vars(self) | {"comm": self.comm.size, "check_stop": wait_on}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, comm=compat.comm_of(state["comm"]))
@@ -167,15 +171,9 @@ class RigidBlocks:
             _log.info("  not proved unlimited: %s", error)
             return False
 
-    def begin(self) -> None:
-        """Begin to solve for the limit beside other work, if the program is large; on rank 0."""
-        if self.comm.rank == 0 and self._is_large:
-            self._begun = Beside(*self.model.largest().arguments(FIRST_METHOD))
-
     def limit_so_far(self) -> float | None:
         """The limit, on this rank alone, if it is known or takes no time; else None."""
-        begun = self._begun is not None and self._begun.is_solved
-        return self._upper if begun or "_upper" in vars(self) or not self._is_large else None
+        return self._upper if "_upper" in vars(self) or not self.model.is_large else None
 
     def stands(self) -> bool:
         """Whether the dead load alone has an equilibrium."""
@@ -222,11 +220,6 @@ class RigidBlocks:
         """
         return self._on_root(lambda: self._classical_bounds)
 
-    @property
-    def _is_large(self) -> bool:
-        """Whether the program takes longer than to start a process for it."""
-        return self.model.forces.shape[1] > OPTIONS.large
-
     @cached_property
     def _fall(self) -> Array | None:
         """Motions by which the dead load falls, solved for on this rank alone."""
@@ -235,10 +228,18 @@ class RigidBlocks:
     @cached_property
     def _limit(self) -> float | None:
         """Load factor, solved for on this rank alone."""
-        if not self.crushes:
-            return largest_load(self.model, self._first_answer)[0]
-        unlimited = wedging_forces(self.model) is not None
-        return np.inf if unlimited else associative_end(self.model.with_crushing)
+        model = self.model
+        if self.crushes:
+            unlimited = wedging_forces(model) is not None
+            return np.inf if unlimited else associative_end(model.units)
+        # On large walls the face engine is twenty times as fast as HiGHS; its mode proves an upper
+        # end. Without friction the value is a lower end, too.
+        if model.is_large and np.any(model.friction):
+            with suppress(SolverError):
+                end = associative_end(model.units)
+                if end is not None:
+                    return end
+        return largest_load(model, self._answer)[0]
 
     @cached_property
     def _upper(self) -> float | None:
@@ -268,18 +269,9 @@ class RigidBlocks:
             lower = max(lower, bounds.lower)
         return bounds if lower == -np.inf else replace(bounds, lower=min(lower, bounds.upper) + 0.0)
 
-    def _first_answer(self, program: LinearProgram, method: str) -> Any:
-        """HiGHS' answer on the limit, that of the process that `begin` began if there is one."""
-        begun = self._begun
-        self._begun = None
-        if begun is None or method != FIRST_METHOD:
-            return self._answer(program, method)
-        answer = begun.answer(self.check_stop)
-        return program.answer(method) if answer is None else answer
-
     def _answer(self, program: LinearProgram, method: str) -> Any:
         """HiGHS' answer, from a process of its own if the program is large."""
-        if not self._is_large:
+        if not self.model.is_large:
             return program.answer(method)
         answer = Beside(*program.arguments(method)).answer(self.check_stop)
         return program.answer(method) if answer is None else answer
