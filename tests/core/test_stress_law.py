@@ -26,6 +26,7 @@ from fenics_contact import (
 )
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.materials import (
+    mean_shear_modulus,
     wedge_compliance,
 )
 from fenics_contact.meshing import polygons, running_bond
