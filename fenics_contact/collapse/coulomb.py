@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,34 @@ from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
+
+
+Frozen = TypeVar("Frozen")
+Found = TypeVar("Found")
+
+
+def settled(
+    solve: Callable[[Frozen], Found],
+    renewed: Callable[[Frozen, Found], Frozen | None],
+    frozen: Frozen,
+    most: int,
+) -> bool:
+    """Whether a law that depends on the state settles: it is frozen, solved for, and renewed.
+
+    The one loop for such laws: the bound on friction here, joints that tear in `torn`.
+
+    Args:
+        solve: The answer with the law frozen.
+        renewed: The law by what was frozen and its answer; None where it stays.
+        frozen: What the law is at first.
+        most: Answers at most.
+    """
+    for _ in range(most):
+        new = renewed(frozen, solve(frozen))
+        if new is None:
+            return True
+        frozen = new
+    return False
 
 
 @dataclass(frozen=True)
@@ -101,30 +130,36 @@ class FixedPoint:
         Raises:
             SolverError: If `solve` finds no state for the first bound.
         """
-        problem = self.problem
         relaxation = _Relaxation(self.problem.sum, self.options)
         steps: list[Step] = []
-        change = float(np.inf)
-        converged = False
-        while len(steps) < self.options.max_iterations and not converged:
-            before = self.factorizations()
-            try:
-                solution = self._state(bound, start, change)
-            except SolverError as error:
-                if not steps:
-                    raise
-                _log.info("  fixed point stops: no state for the next bound (%s)", error)
-                break
-            start = solution.state
-            target = problem.law.given(start.pressure)
+        found: list[Solution] = []
+        counts = [self.factorizations()]
+
+        def state(bound: Array) -> Solution:
+            change = steps[-1].bound_change if steps else np.inf
+            return self._state(bound, found[-1].state if found else start, change)
+
+        def renewed(bound: Array, solution: Solution) -> Array | None:
+            found.append(solution)
+            counts.append(self.factorizations())
+            factor = solution.state.load_factor
+            target = self.problem.law.given(solution.state.pressure)
             change = self._norm(target - bound) / (self._norm(target) or 1.0)
             omega = relaxation.next(target - bound, change)
-            spent = self.factorizations() - before
-            steps.append(Step(start.load_factor, change, omega, spent, relaxation.secant))
+            steps.append(Step(factor, change, omega, counts[-1] - counts[-2], relaxation.secant))
             self.monitor(steps[-1])
-            converged = self._converged(steps)
-            bound = np.maximum(bound + omega * (target - bound), 0.0)
-        return solution, History(tuple(steps), relaxation.cycles, "fixed-point", converged)
+            if self._converged(steps):
+                return None
+            return np.maximum(bound + omega * (target - bound), 0.0)
+
+        converged = False
+        try:
+            converged = settled(state, renewed, bound, self.options.max_iterations)
+        except SolverError as error:
+            if not found:
+                raise
+            _log.info("  fixed point stops: no state for the next bound (%s)", error)
+        return found[-1], History(tuple(steps), relaxation.cycles, "fixed-point", converged)
 
     def _state(self, bound: Array, start: State, change: float) -> Solution:
         """State with given bound, as exact as the last change of the bound deserves."""

@@ -36,29 +36,20 @@ class LoadOptions:
     """How the load factor rises.
 
     Attributes:
-        first_step: In units of the upper bound, or of the typical load factor if that is less.
-        growth: Factor by which steps grow where the last one was found.
-        width: The limit load is bracketed to this relative width, or the tolerance if larger.
+        width: The limit load is bracketed to this relative width, or the tolerance if larger; of
+            a thousandth of the typical load factor at least.
         largest: Load factors beyond this multiple of the typical one are not looked at.
-        least: The width is relative to this part of the typical load factor at least.
-        far: States that moved this many typical displacements are a mechanism in motion.
         max_steps: Steps at most.
         cost: Of all steps at most, in units of one factorisation of the structure.
         rest: Of the search under the dead load alone where a load factor is given.
-        margin: To this multiple of the tolerance the collapse lies between the last load factors.
         beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
     """
 
-    first_step: float = 0.25
-    growth: float = 1.5
     width: float = 1e-4
     largest: float = 1e3
-    least: float = 1e-3
-    far: float = 1e6
     max_steps: int = 200
     cost: float = 2000.0
     rest: float = 60.0
-    margin: float = 10.0
     beyond_onset: float = 1.4
 
 
@@ -78,20 +69,23 @@ def raise_load(
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
-    climb = _Climb(case, strategy, options, bounds.upper)
+    climb = _Climb(case, strategy, options)
+    upper = np.inf if bounds.upper is None else bounds.upper
     try:
         with case.discretization.effort.at_most(OPTIONS.cost):
-            climb.run()
+            climb.bracket(upper)
     except EffortError as error:
         _log.info("  load control: %s", error)
     except SolverError as error:
         _log.warning("load control: %s", error)
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
-    low, high = climb.bracket()
+    margin = 10.0 * options.tolerance * max(climb.lower, case.scales.load_factor)
+    low = climb.lower - margin
+    high = min(climb.failed, upper) + margin
     attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
     found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
     if found.status != "limit" and case.problem.coulomb:
-        against = _against_the_live_load(climb, strategy, options.tolerance)
+        against = _against_the_live_load(climb)
         if against.status == "limit" and low <= against.load_factor <= high:
             found = against
     if found.load_factor < low or found.load_factor > high:  # none is neither
@@ -103,11 +97,7 @@ def raise_load(
     return replace(found, path=LoadPath(tuple(climb.steps), climb.lower, climb.failed))
 
 
-def _against_the_live_load(
-    climb: _Climb,
-    strategy: Strategy,
-    tolerance: float,
-) -> Collapse:
+def _against_the_live_load(climb: _Climb) -> Collapse:
     """The collapse next to the last state in which the live load does negative work.
 
     A live load that relieves sliding joints of their normal forces sets them off; the dead load
@@ -120,27 +110,10 @@ def _against_the_live_load(
     strength = case.discretization.all_points(case.problem.law.given(state.pressure))
     motion = case.blocks.collapse(strength)[1]
     direction = None if motion is None else case.discretization.rigid_motion(motion)
-    strategy = replace(strategy, attempts=(next_to(state, direction),))
-    found = signed(find_collapse(case, strategy, tolerance), -1.0)
+    strategy = replace(climb.strategy, attempts=(next_to(state, direction),))
+    found = signed(find_collapse(case, strategy, climb.options.tolerance), -1.0)
     # The lower end holds where the live load does positive work.
     return replace(found, program=climb.case.blocks.classical_bounds, sign=1.0)
-
-
-def raised_path(case: LoadCase, strategy: Strategy, options: SolveOptions) -> LoadPath:
-    """Load factors with and without equilibrium under a load that rises from the dead load.
-
-    Raises:
-        SolverError: If no equilibrium is found under the dead load, or the limit on factorisations
-            is reached before it was found at any other load factor.
-    """
-    climb = _Climb(case, strategy, options, case.blocks.limit())
-    try:
-        climb.run()
-    except EffortError:
-        if not climb.steps:
-            raise
-        climb.failed = np.inf  # where a step was too long there may be a state
-    return LoadPath(tuple(climb.steps), climb.lower, climb.failed)
 
 
 def raise_load_to(
@@ -163,10 +136,22 @@ def raise_load_to(
         NoEquilibriumError: If none is found under the dead load alone, with Coulomb friction.
         SolverError: If none is found otherwise, there or on the way.
     """
-    climb = _Climb(case, strategy, options, None)
+    climb = _Climb(case, strategy, options)
     if case.has_dead_load:
         climb.rest()
-    climb.run_to(*target)
+    load_factor, steps = target
+    step = load_factor / steps
+    least = OPTIONS.width * step
+    while climb.lower < load_factor:
+        new = min(climb.lower + step, load_factor)
+        # Equal steps end at the load factor, but for rounding.
+        new = load_factor if load_factor - new < least else new
+        if climb.reaches(new):
+            continue
+        if step <= least:
+            where = f"up to a load factor of {climb.lower:.6g}, not at {new:.6g}"
+            raise SolverError(f"equilibrium was found {where}")
+        step *= 0.5
     state = climb.state
     elastic = case.scales.elastic
     if elastic < case.scales.displacement:  # supports move: closed joints have lost digits
@@ -174,25 +159,8 @@ def raise_load_to(
         near = replace(case, problem=climb.problem)
         with suppress(SolverError):
             task = Task(near, state.work, scales, options.tolerance)
-            state = strategy.equilibrium(task, state, target[0])
+            state = strategy.equilibrium(task, state, load_factor)
     return climb.problem, state
-
-
-def equilibrium_next_to(
-    case: LoadCase, strategy: Strategy, tolerance: float, before: State, load_factor: float
-) -> State:
-    """State of equilibrium at a load factor next to another one.
-
-    Raises:
-        SolverError: If none is found, or only one of a mechanism in motion.
-    """
-    unit = case.problem.sum(np.abs(case.problem.live))
-    displacement = max(case.scales.displacement, abs(before.work) / unit)
-    scales = replace(case.scales, displacement=displacement)
-    state = strategy.equilibrium(Task(case, before.work, scales, tolerance), before, load_factor)
-    if abs(state.work) > OPTIONS.far * case.scales.displacement * unit:
-        raise SolverError("the blocks move as a mechanism")
-    return state
 
 
 class _Climb:
@@ -200,6 +168,8 @@ class _Climb:
 
     Attributes:
         case: The load case, with the origin of slip.
+        strategy: How states are found.
+        options: Of the scene.
         problem: The structure as it was when the last state was found.
         state: The last state of equilibrium.
         direction: Displacements of the last step, f_L.v = 1; None with less than two states.
@@ -208,22 +178,11 @@ class _Climb:
         failed: Least load factor at which none was found; infinite if none failed.
     """
 
-    def __init__(
-        self,
-        case: LoadCase,
-        strategy: Strategy,
-        options: SolveOptions,
-        upper: float | None,
-    ) -> None:
-        """Begin next to the bonded response; `upper` is no load factor passed.
-
-        It is None where no such bound is known.
-        """
+    def __init__(self, case: LoadCase, strategy: Strategy, options: SolveOptions) -> None:
+        """Begin next to the bonded response to the dead load."""
         self.case = case
-        self._strategy = strategy
-        self._options = options
-        self._upper = np.inf if upper is None else upper
-        self._unit = case.problem.sum(np.abs(case.problem.live))
+        self.strategy = strategy
+        self.options = options
         none = np.zeros_like(case.first_pressure)
         self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
         self.problem = case.problem
@@ -232,34 +191,34 @@ class _Climb:
         self.lower = 0.0
         self.failed = np.inf
 
-    def run(self) -> None:
-        """Raise the load factor until the limit load lies between two close ones.
+    def bracket(self, upper: float) -> None:
+        """Raise the load factor until the limit load, at most `upper`, is between two close ones.
 
         Raises:
             SolverError: If no equilibrium is found under the dead load.
             EffortError: If the limit of its cost is reached.
         """
         typical = self.case.scales.load_factor
-        width = max(OPTIONS.width, self._options.tolerance)
-        step = OPTIONS.first_step * min(self._upper, typical)
-        target, again = 0.0, False
+        width = max(OPTIONS.width, self.options.tolerance)
+        step = 0.25 * min(upper, typical)
+        target = 0.0
+        again = False
         for _ in range(OPTIONS.max_steps):
-            if self._reached(target):
+            if self.reaches(target):
                 if again:  # the step that failed before may have been too long for the solver alone
-                    step = 2.0 * (target - self.lower)
+                    step = 2.0 * (target - self.steps[-2].load_factor)
                     self.failed = np.inf
-                self.lower = target
                 again = False
-                step *= OPTIONS.growth if len(self.steps) > 2 else 1.0
+                step *= 1.5 if len(self.steps) > 2 else 1.0
             elif not self.steps:
                 raise SolverError("no equilibrium was found under the dead load")
             else:
                 self.failed = target
                 if again:
                     return
-            end = min(self.failed, self._upper)
-            narrow = width * max(self.lower, OPTIONS.least * typical)
-            if self.lower > OPTIONS.largest * typical or self._upper - self.lower <= narrow:
+            end = min(self.failed, upper)
+            narrow = width * max(self.lower, 1e-3 * typical)
+            if self.lower > OPTIONS.largest * typical or upper - self.lower <= narrow:
                 return
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
@@ -271,72 +230,44 @@ class _Climb:
             NoEquilibriumError: If none is found with Coulomb friction.
             SolverError: If none is found otherwise: programs prove that there is one.
         """
+        with suppress(EffortError), self.case.discretization.effort.at_most(OPTIONS.rest):
+            if self.reaches(0.0):
+                return
+        if self.case.problem.coulomb:
+            raise NoEquilibriumError(NOT_KNOWN)
+        raise SolverError("no equilibrium was found under the dead load")
+
+    def reaches(self, target: float) -> bool:
+        """Whether a state of equilibrium is found at a load factor; it becomes the last one."""
+        case = self.case
+        before = self.state
+        unit = case.problem.sum(np.abs(case.problem.live))
+        far = max(case.scales.displacement, abs(before.work) / unit)
+        scales = replace(case.scales, displacement=far)
+        task = Task(case, before.work, scales, self.options.tolerance)
         try:
-            with self.case.discretization.effort.at_most(OPTIONS.rest):
-                found = self._reached(0.0)
-        except EffortError:
-            found = False
-        if not found:
-            coulomb = self.case.problem.coulomb
-            none = SolverError("no equilibrium was found under the dead load")
-            raise NoEquilibriumError(NOT_KNOWN) if coulomb else none
-
-    def run_to(self, load_factor: float, steps: int) -> None:
-        """Raise the load factor to a given one; steps are halved where no equilibrium is found.
-
-        Raises:
-            SolverError: If no equilibrium is found there, or none on the way.
-        """
-        step = load_factor / steps
-        least = OPTIONS.width * load_factor / steps
-        while self.lower < load_factor:
-            target = min(self.lower + step, load_factor)
-            # Equal steps end at the load factor, but for rounding.
-            target = load_factor if load_factor - target < least else target
-            if self._reached(target):
-                self.lower = target
-            elif step > least:
-                step *= 0.5
-            else:
-                where = f"up to a load factor of {self.lower:.6g}, not at {target:.6g}"
-                raise SolverError(f"equilibrium was found {where}")
-
-    def bracket(self) -> tuple[float, float]:
-        """Load factors between which the collapse lies, with a margin for its tolerance."""
-        size = max(self.lower, self.case.scales.load_factor)
-        margin = OPTIONS.margin * self._options.tolerance * size
-        return self.lower - margin, min(self.failed, self._upper) + margin
-
-    def _reached(self, target: float) -> bool:
-        """Whether a state of equilibrium was found at a load factor; it becomes the last one."""
-        tolerance = self._options.tolerance
-        try:
-            state = equilibrium_next_to(self.case, self._strategy, tolerance, self.state, target)
+            state = self.strategy.equilibrium(task, before, target)
+            if abs(state.work) > 1e6 * case.scales.displacement * unit:
+                raise SolverError("the blocks move as a mechanism")
         except EffortError:
             raise
         except SolverError as error:
             _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
             return False
-        self._take(state, target)
-        return True
-
-    def _take(self, state: State, target: float) -> None:
-        """Make a state of equilibrium at a load factor the last one."""
-        case = self.case
-        before = self.state
         work = case.written(state).work
-        motion = _kept(case, state)
-        self.steps.append(LoadStep(target, work / self._unit, work, motion))
+        self.steps.append(LoadStep(target, work / unit, work, _kept(case, state)))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
             self.direction = (state.displacement - before.displacement) / moved
         self.state = state
+        self.lower = target
         self.problem = case.problem
         case.record.passed("rising load factor", target, state.work, lambda: state)
-        if self._options.slip == "load-steps":
+        if self.options.slip == "load-steps":
             origin = case.problem.law.slip_origin + case.problem.motion_of(state)[1]
             self.case = replace(case, problem=case.problem.with_law(slip_origin=origin))
+        return True
 
 
 def _kept(case: LoadCase, state: State) -> Array | None:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact.collapse.coulomb import settled
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
@@ -101,28 +102,37 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
         Stopped: If the run is to end; the record of the load case has no state then.
     """
     joints = case.discretization.joints
-    torn = np.zeros(len(joints.length), dtype=bool)
-    end = collapse_by_engine(case)
-    whole = end.load_factor
+    cases = [case]
+    found: list[Collapse] = []
+
+    def collapse(torn: Flags) -> Collapse:
+        if not np.any(torn):
+            return collapse_by_engine(case)
+        now = case.with_torn(torn)
+        cases.append(now)
+        now.record.best = None  # its joints were not torn yet
+        whole = found[0].load_factor
+        about = _about(now, torn, whole)
+        _log.info("  torn: %.4g m of joints, load factor before %.8g", about.length_m, whole)
+        if now.blocks.fall() is None:
+            return _with(collapse_by_engine(now), about)
+        reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
+        nothing = Collapse("no_equilibrium", np.nan, now.blocks.bounds, reason=reason)
+        return _with(nothing, about)
+
+    def with_opened(torn: Flags, end: Collapse) -> Flags | None:
+        found.append(end if np.any(torn) else _with(end, _about(case, torn, end.load_factor)))
+        if end.status != "limit" or end.joints is None:
+            return None
+        opens = end.joints.opens & joints.losing & ~torn
+        return torn | opens if np.any(opens) else None
+
+    first = np.zeros(len(joints.length), dtype=bool)
     with case.discretization.effort.at_most(OPTIONS.cost):
-        for _ in range(OPTIONS.states):
-            if end.status != "limit" or end.joints is None:
-                return _with(end, _about(case, torn, whole)), case
-            opens = end.joints.opens & joints.losing & ~torn
-            if not np.any(opens):
-                return _with(end, _about(case, torn, whole)), case
-            torn = torn | opens
-            case = case.with_torn(torn)
-            about = _about(case, torn, whole)
-            _log.info("  torn: %.4g m of joints, load factor before %.8g", about.length_m, whole)
-            case.record.best = None  # its joints were not torn yet
-            if case.blocks.fall() is not None:
-                reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
-                nothing = Collapse("no_equilibrium", np.nan, case.blocks.bounds, reason=reason)
-                return _with(nothing, about), case
-            end = collapse_by_engine(case)
+        if settled(collapse, with_opened, first, OPTIONS.states + 1):
+            return found[-1], cases[-1]
     reason = f"joints go on tearing after {OPTIONS.states} collapses"
-    return _with(replace(end, status="not_converged", reason=reason), about), case
+    return replace(found[-1], status="not_converged", reason=reason), cases[-1]
 
 
 def _about(case: LoadCase, torn: Flags, whole: float) -> Torn:
