@@ -15,6 +15,9 @@ from fenics_contact.answers.question import Asked, Question
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.units import Units
 
+#: Parts below this are in result.json only.
+SMALL = 1e-3
+
 
 class FrictionWork(Asked):
     """Parts of the friction's work by name of the group, the largest first; their sum is 1."""
@@ -22,6 +25,7 @@ class FrictionWork(Asked):
     value: dict[str, float]
     name = key = "friction_work"
     place = 8
+    with_fast = True
 
     @classmethod
     def run(cls, question: Question) -> tuple[Self | None, Collapse]:
@@ -45,11 +49,16 @@ class FrictionWork(Asked):
 
     def lines(self, end: Collapse, units: Units) -> list[str]:
         """The parts of all groups, where there are several."""
-        parts = ", ".join(f"{name} {100.0 * part:.3g} %" for name, part in self.value.items())
-        return [f"work of friction: {parts}"] if len(self.value) > 1 else []
+        parts = self._told()
+        told = ", ".join(f"{name} {part}" for name, part in parts)
+        return [f"work of friction: {told}"] if len(parts) > 1 else []
 
     def table(self, end: Collapse, units: Units) -> Table:
         """The same for the report."""
-        rows = [(name, f"{100.0 * part:.3g} %") for name, part in self.value.items()]
-        title = "Work of friction in the collapse, by joints"
-        return Table(rows if len(rows) > 1 else [], title)
+        parts = self._told()
+        return Table(parts if len(parts) > 1 else [], "Work of friction in the collapse, by joints")
+
+    def _told(self) -> list[tuple[str, str]]:
+        """Parts that are not small, in words."""
+        parts = self.value.items()
+        return [(name, f"{100.0 * part:.3g} %") for name, part in parts if part >= SMALL]

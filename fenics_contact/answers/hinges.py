@@ -12,7 +12,6 @@ from fenics_contact.answers.question import Asked, Question
 from fenics_contact.mesh_error.hinges import HingeLengths, hinge_lengths
 from fenics_contact.results.bounds import four_digits
 from fenics_contact.results.result import Answer, Collapse, Table
-from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
 
@@ -34,11 +33,6 @@ class HingesAnswer(Asked):
     of_path = True
     #: With other hinges other points tear; slip that is measured from the step before is no data.
     unless = ((Question.loses_strength, ""), (_by_load_steps, ""))
-
-    @classmethod
-    def is_asked(cls, options: SolveOptions) -> bool:
-        """Unless it is left out."""
-        return options.error is not False and not options.fast
 
     @classmethod
     def not_known(cls, reason: str) -> Self:

@@ -8,7 +8,7 @@ proved gap. None proves that there is no lower one: that is what the bracket is 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.face_collapse import MANY_BLOCKS, collapse_of
@@ -22,7 +22,6 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Collapse, Table
-from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
 #: A state is lower by this part of the load factor's size at least.
@@ -60,11 +59,6 @@ class LowestAnswer(Asked):
         (Question.by_rising_load, BY_LOAD),
         (Question.driven_by_dead_load, DEAD_LOAD),
     )
-
-    @classmethod
-    def is_asked(cls, options: SolveOptions) -> bool:
-        """Unless it is left out."""
-        return options.lowest is not False and not options.fast
 
     @classmethod
     def concerns(cls, question: Question) -> bool:
@@ -112,12 +106,6 @@ class LowestAnswer(Asked):
                 found_by = {"attempts": end.attempts, "trace": end.trace}
                 end = replace(collapse, searched=SEARCHED, **found_by)
         return cls(told), replace(end, states=known)
-
-    def record(self) -> Any:
-        """What searches for a lower collapse state found."""
-        names = "status", "load_factor", "gap", "starts"
-        lowest = self.value
-        return {name: getattr(lowest, name) for name in names} | {"reason": lowest.reason or None}
 
     def lines(self, end: Collapse, units: Units) -> list[str]:
         """Whether a lower collapse state was found, and all states where several are known."""

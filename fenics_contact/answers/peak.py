@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Self
+from typing import Self
 
 from fenics_contact.answers.question import Asked, Question
 from fenics_contact.collapse.load_control import OPTIONS as RISING
@@ -17,6 +17,7 @@ from fenics_contact.collapse.service_state import service_state
 from fenics_contact.results.bounds import alike
 from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse, Table
+from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
 #: Why it is not known.
@@ -56,6 +57,11 @@ class PeakAnswer(Asked):
     )
 
     @classmethod
+    def is_asked(cls, options: SolveOptions) -> bool:
+        """Always: where it is left out it is said to be not known."""
+        return True
+
+    @classmethod
     def concerns(cls, question: Question) -> bool:
         """Whether friction is Coulomb's."""
         return question.end.state is not None and question.case.problem.coulomb
@@ -82,12 +88,6 @@ class PeakAnswer(Asked):
         if at_any_cost and peak.status == "found":
             peak = _beyond(question.unrecorded, above, peak)
         return cls(peak), end
-
-    def record(self) -> Any:
-        """Its numbers, or why they are not known."""
-        peak = self.value
-        names = "status", "load_factor", "not_found_at", "work", "displacement_m"
-        return {name: getattr(peak, name) for name in names} | {"reason": peak.reason or None}
 
     def lines(self, end: Collapse, units: Units) -> list[str]:
         """What is carried on the way to the collapse."""

@@ -71,19 +71,22 @@ class Asked(Answer):
     Class attributes besides those of `Answer`:
         may_replace: Whether another collapse may take the place of the one that is asked of; it is
             asked before the others then.
+        with_fast: Whether it is asked with `fast` too.
         unless: Reasons why it is not known, by what holds of the question; an empty reason leaves
             the answer out.
         of_curve: Whether it is asked again, at any cost, where a capacity curve is traced.
     """
 
     may_replace: ClassVar[bool] = False
+    with_fast: ClassVar[bool] = False
     unless: ClassVar[tuple[tuple[Callable[[Question], bool], str], ...]] = ()
     of_curve: ClassVar[bool] = False
 
     @classmethod
     def is_asked(cls, options: SolveOptions) -> bool:
-        """Whether a scene asks for it, of whatever collapse."""
-        return True
+        """Whether a scene asks for it: neither `fast` nor its own option leaves it out."""
+        asked = getattr(options, cls.seconds, None) is not False
+        return asked and (cls.with_fast or not options.fast)
 
     @classmethod
     def concerns(cls, question: Question) -> bool:

@@ -30,7 +30,6 @@ from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.bounds import MEET, LimitBounds, four_digits
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Answer, Collapse, Table
-from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
 
 #: Part of the largest joint force by which a face is pressed between its ends.
@@ -75,11 +74,6 @@ class RangeAnswer(Asked):
     value: MechanismRange
     name = key = seconds = "range"
     place = 5
-
-    @classmethod
-    def is_asked(cls, options: SolveOptions) -> bool:
-        """With every result but a fast one."""
-        return not options.fast
 
     @classmethod
     def concerns(cls, question: Question) -> bool:

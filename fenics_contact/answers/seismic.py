@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class SeismicAnswer(Asked):
     value: SeismicCheck
     name = key = "seismic"
     place = 7
-    by_direction = True
+    by_direction = with_fast = True
 
     @classmethod
     def concerns(cls, question: Question) -> bool:
@@ -81,10 +81,6 @@ class SeismicAnswer(Asked):
             return None, end
         moving = mechanism(layout, end.mode, end.joints).moving
         return cls(seismic_check(layout, options, end.load_factor, end.mode, moving)), end
-
-    def record(self) -> Any:
-        """All numbers."""
-        return dict(vars(self.value))
 
     def lines(self, end: Collapse, units: Units) -> list[str]:
         """The check in a line."""

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -67,10 +66,6 @@ class TornAnswer(Answer):
     name = key = "torn"
     place = 2
     changes_blocks = True
-
-    def record(self) -> Any:
-        """Its numbers."""
-        return dict(vars(self.value))
 
     def lines(self, end: Collapse, units: Units) -> list[str]:
         """How much has torn, and the load factor with all strengths."""

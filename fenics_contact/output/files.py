@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.discretization.joints import Joints
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.plotting import draw_scene, save_capacity
@@ -32,11 +31,10 @@ from fenics_contact.output.state_files import (
     tie_records,
 )
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
-from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.motions import mechanism
 from fenics_contact.results.named_arrays import tie_arrays
 from fenics_contact.results.result import Answer, Collapse, Result, Table
-from fenics_contact.scene.units import Units, rounded_alike
+from fenics_contact.scene.units import rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.
 SLIP_REFERENCES = {"stress-free": "stress-free state", "load-steps": "previous load step"}
@@ -194,74 +192,62 @@ def _title(end: Collapse, reversal: str) -> str:
 def result_record(result: Result) -> Record:
     """Content of result.json. Collective."""
     collapse = result.collapse
-    negative = result.negative
     scene = result.scene
-    layout = result.layout
+    kinds = Answer.kinds.values()
+    ends = {name: _end_record(result, end) for name, end in result.ends.items()}
+    details = {name: _collapse_record(result, end) for name, end in result.ends.items()}
+    nothing: Record = {"attempts": [], "wedged_blocks": [], "bounds": _record(None, *BRACKET)}
+    first = {**nothing, **next(iter(ends.values()), {})}
     record: Record = {
         "status": result.status,
         "title": scene.title,
         "load_factor": result.load_factor,
         "load_factor_negative": result.load_factor_negative,
-        "bounds": _record(result.bounds, *BRACKET),
+        **{key: first[key] for key in nothing},
         "reason": result.reason() or None,
         "stopped": result.stopped or None,
-        "attempts": [] if collapse is None else [dict(vars(trial)) for trial in collapse.attempts],
         "falling_blocks": result.falling.tolist(),
-        "wedged_blocks": [] if collapse is None else result.wedged(collapse).tolist(),
-        "method": None,
-        "engine": None,
-        "gap": None,
-        "error_estimate": None,
-        "residuals": None,
-        **{kind.key: None for kind in Answer.kinds.values()},
+        **dict.fromkeys(("method", "engine", "gap", "error_estimate", "residuals")),
+        **{kind.key: None for kind in kinds},
         "ties": [],
         "capacity": vars(result.curve_end) if result.curve_end else None,
         "passes": [vars(one) | {"estimate": one.estimate} for one in result.passes],
         "iterations": {"fixed_point": 0},
+        **next(iter(details.values()), {}),
     }
-    if collapse is not None:
-        record |= _collapse_record(result, collapse)
-    record |= _by_direction(result)
-    record["iterations"] |= _record(result, "factorizations", "mode_factorizations")
-    ends = {name: _end_record(result, end) for name, end in result.ends.items()}
-    directions = {n: ends[n] | _collapse_record(result, end) for n, end in result.ends.items()}
-    if negative is not None and negative is not collapse:
+    for kind in kinds:
+        if kind.by_direction:
+            found = {name: end.answers.get(kind.name) for name, end in result.limits.items()}
+            record[kind.key] = {name: one.record() for name, one in found.items() if one} or None
+    counts = _record(result, "factorizations", "mode_factorizations")
+    record["iterations"] = record["iterations"] | counts
+    directions = {name: ends[name] | details[name] for name in ends}
+    if result.negative is not None and result.negative is not collapse:
         record["negative"] = directions["negative"]
+    timed = [kind for kind in kinds if kind.seconds]
     return record | {
-        **origin_record(layout),
+        **origin_record(result.layout),
         "ends": ends,
         "directions": directions,
-        "warnings": [*layout.warnings, *result.contradictions, *_other_warnings(result)],
+        "warnings": [*result.layout.warnings, *result.contradictions, *_other_warnings(result)],
         "skipped": list(result.skipped),
-        "words": {
-            kind.seconds: [kind.option, kind.by_default, kind.begins]
-            for kind in Answer.kinds.values()
-            if kind.seconds
-        },
+        "words": {kind.seconds: [kind.option, kind.by_default, kind.begins] for kind in timed},
         "control": scene.solve.control,
         "slip_reference": SLIP_REFERENCES[scene.solve.slip],
         "seconds": {name: round(value, 4) for name, value in result.seconds.items()},
     }
 
 
-def _by_direction(result: Result) -> Record:
-    """Answers that result.json holds by direction, of all limits."""
-    record: Record = {}
-    for kind in Answer.kinds.values():
-        if kind.by_direction:
-            found = {n: end.answers.get(kind.name) for n, end in result.ends.items()}
-            limits = {n: one for n, one in found.items() if result.ends[n].status == "limit"}
-            record[kind.key] = {n: one.record() for n, one in limits.items() if one} or None
-    return record
-
-
 def _end_record(result: Result, end: Collapse) -> Record:
     """What one end of the range of load factors is, and what the blocks do there. Collective."""
     moves = None
-    units = result.scene.units.of_report
     if end.mode is not None and end.joints is not None and end.status != "unbounded":
         found = mechanism(result.layout, end.mode, end.joints)
         moves = {name: np.asarray(value).tolist() for name, value in vars(found).items()}
+    units = result.scene.units.of_report
+    answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
+    rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
+    apart = [table for table in answers if table.title and (table.rows or table.note)]
     return {
         "status": end.status,
         "load_factor": end.load_factor,
@@ -270,7 +256,7 @@ def _end_record(result: Result, end: Collapse) -> Record:
         "proof": end.proof or None,
         "is_lowest": bool(end.searched),
         "searched": end.searched or None,
-        "tables": _tables(end, units),
+        "tables": [vars(table) for table in (Table(rows), *apart)],
         "bounds": _record(end.bounds, *BRACKET),
         "reason": result.reason(end) or None,
         "rolling": end.rolling or None,
@@ -281,27 +267,17 @@ def _end_record(result: Result, end: Collapse) -> Record:
     }
 
 
-def _tables(end: Collapse, units: Units) -> list[Record]:
-    """Tables of the report: of the load factor, then of answers with a title."""
-    answers = [one.table(end, units) for one in end.told] if end.status == "limit" else []
-    rows = [row for table in (end.table(), *answers) if not table.title for row in table.rows]
-    return [
-        vars(Table(rows)),
-        *(vars(table) for table in answers if table.title and (table.rows or table.note)),
-    ]
-
-
 def _collapse_record(result: Result, collapse: Collapse) -> Record:
-    """How one end of the range was found, and its verification."""
-    if not collapse.history and collapse.engine == "path":
+    """How one end of the range was found, its verification, and all answers to it."""
+    history = collapse.history
+    if not history and collapse.engine == "path":
         return {}
-    # Nothing is proved by the last state of a load that is not limited.
-    certificate = None if collapse.status == "unbounded" else collapse.certificate
-    method = collapse.history[-1].method if collapse.history else "auto"
-    if method == "fixed-point" and collapse.splitting is not None:
+    splitting = collapse.splitting
+    method = history[-1].method if history else "auto"
+    if method == "fixed-point" and splitting is not None:
         method = result.scene.solve.method
-    found = {"method": method, "engine": collapse.engine, "gap": collapse.as_state.gap}
-    record: Record = found | {"error_estimate": None, "residuals": None, "failures": []}
+    record: Record = {"method": method, "engine": collapse.engine, "gap": collapse.as_state.gap}
+    record |= {"error_estimate": None, "residuals": None, "failures": []}
     if collapse.path is not None:
         record["continuation"] = {
             "equilibrium_up_to": collapse.path.lower,
@@ -309,55 +285,47 @@ def _collapse_record(result: Result, collapse: Collapse) -> Record:
             "steps": [_record(step, "load_factor", "displacement") for step in collapse.path.steps],
         }
     if collapse.states:
-        names = ("start", "status", "load_factor", "gap")
-        record["states"] = [_record(state, *names) for state in collapse.states]
+        record["states"] = [dict(vars(state)) for state in collapse.states]
+    # Nothing is proved by the last state of a load that is not limited.
+    certificate = None if collapse.status == "unbounded" else collapse.certificate
     if certificate is not None:
-        record |= _certificate_record(certificate, result.layout.joints)
+        joints = result.layout.joints
+        worst = certificate.worst_joint
+        record |= _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
+            "residuals": dict(certificate.residuals),
+            "tolerances": certificate.tolerances,
+            "failures": sorted(certificate.failures),
+            "worst_joint": worst
+            and vars(worst)
+            | {
+                "position": joints.position[worst.point].tolist(),
+                "group": joints.names[joints.law[worst.point]],
+            },
+        }
     record["ties"] = tie_records(tie_arrays(result.layout, collapse.joints))
     for kind in Answer.kinds.values():
         if not kind.by_direction:
             answer = collapse.answers.get(kind.name)
             record[kind.key] = answer and answer.record()
-    return record | {"iterations": _iteration_record(collapse)}
-
-
-def _certificate_record(certificate: Certificate, joints: Joints) -> Record:
-    """Residuals, static and kinematic load factor, and the worst joint."""
-    worst = certificate.worst_joint
-    point = None
-    if worst is not None:
-        point = _record(worst, "point", "law", "residual") | {
-            "position": joints.position[worst.point].tolist(),
-            "group": joints.names[joints.law[worst.point]],
-        }
-    return _record(certificate, "error_estimate", "static_factor", "kinematic_factor") | {
-        "residuals": dict(certificate.residuals),
-        "tolerances": certificate.tolerances,
-        "failures": sorted(certificate.failures),
-        "worst_joint": point,
+    steps = [step for one in history for step in one.steps]
+    names = ("load_factor", "bound_change", "relaxation", "factorizations")
+    iterations: Record = {
+        "fixed_point": len(steps),
+        "contraction": history[0].contraction if history else None,
+        "cycles": sum(one.cycles for one in history),
+        "work_ratio": collapse.work_ratio,
+        "history": [_record(step, *names) for step in steps],
     }
+    if splitting is not None:
+        counts = _record(splitting, "steps", "sweeps", "joint_steps", "contraction")
+        iterations["splitting"] = {"proximal_steps": counts.pop("steps"), **counts}
+    return record | {"iterations": iterations}
 
 
 def _other_warnings(result: Result) -> list[str]:
     """Where compressive strengths are exceeded, at any end, and an accuracy that is missed."""
     missed = [f"accuracy not reached: {result.inaccurate}"] if result.inaccurate else []
     return missed + list(dict.fromkeys(end.pressed for end in result.ends.values() if end.pressed))
-
-
-def _iteration_record(collapse: Collapse) -> Record:
-    """Iterations of all states of one end."""
-    steps = [step for history in collapse.history for step in history.steps]
-    record: Record = {
-        "fixed_point": len(steps),
-        "contraction": collapse.history[0].contraction if collapse.history else None,
-        "cycles": sum(history.cycles for history in collapse.history),
-        "work_ratio": collapse.work_ratio,
-    }
-    if collapse.splitting is not None:
-        counts = _record(collapse.splitting, "steps", "sweeps", "joint_steps", "contraction")
-        record["splitting"] = {"proximal_steps": counts.pop("steps"), **counts}
-    names = ("load_factor", "bound_change", "relaxation", "factorizations")
-    return record | {"history": [_record(step, *names) for step in steps]}
 
 
 def _record(item: Any, *names: str) -> Record:

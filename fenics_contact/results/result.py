@@ -10,7 +10,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, ClassVar, Self
 
@@ -107,9 +107,11 @@ class Answer(ABC):
             known = {**Answer.kinds, cls.name: cls}
             Answer.kinds = dict(sorted(known.items(), key=lambda item: item[1].place))
 
-    @abstractmethod
     def record(self) -> Any:
-        """What result.json holds."""
+        """What result.json holds: the fields of the value, and null where no reason is given."""
+        shown = (item.name for item in fields(self.value) if item.repr)
+        found = {name: getattr(self.value, name) for name in shown}
+        return found | ({"reason": found["reason"] or None} if "reason" in found else {})
 
     @abstractmethod
     def lines(self, end: Collapse, units: Units) -> Sequence[str]:
@@ -484,6 +486,11 @@ class Result:
         return f"nothing limits the live load: {blocks}"
 
     @property
+    def limits(self) -> dict[str, Collapse]:
+        """The ends that are limit loads."""
+        return {name: end for name, end in self.ends.items() if end.status == "limit"}
+
+    @property
     def positive(self) -> Collapse | None:
         """Collapse with the live load as given; None if not asked for."""
         return self.ends.get("positive")
@@ -558,12 +565,10 @@ class Result:
         """
         for kind in Answer.kinds.values():
             if name in (kind.name, kind.key):
-                found = {n: end.answers.get(kind.name) for n, end in self.ends.items()}
                 if kind.by_direction:
-                    limits = {n: one for n, one in found.items() if self.ends[n].status == "limit"}
-                    return {n: one.value for n, one in limits.items() if one is not None}
-                first = next(iter(found.values()), None)
-                return None if first is None else first.value
+                    found = {n: end.answers.get(kind.name) for n, end in self.limits.items()}
+                    return {n: one.value for n, one in found.items() if one is not None}
+                return None if self.collapse is None else getattr(self.collapse, kind.name)
         raise AttributeError(f"a result has no '{name}'")
 
     def with_brackets(self) -> Self:
