@@ -41,7 +41,8 @@ class _Found:
     """States by their starts, and why the searches ended early; for all ranks."""
 
     states: dict[str, FaceState]
-    stopped: str
+    reason: str = ""
+    stopped: bool = False
 
 
 class LowestAnswer(Asked):
@@ -86,8 +87,10 @@ class LowestAnswer(Asked):
         names = list(STARTS) if every else list(STARTS)[:1]
         faces = PlanarFaces.of(case.discretization, case.sign)
         found = case.problem.comm.bcast(_searched(case, faces, names))
-        if found.stopped or not found.states:
-            reason = found.stopped or (NO_STATE if every else MORE)
+        if found.stopped:
+            case.discretization.effort.watch.reason = found.reason
+        if found.reason or not found.states:
+            reason = found.reason or (NO_STATE if every else MORE)
             return cls.not_known(reason), replace(end, states=end.states or (end.as_state,))
         states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
         best = states[0][1]
@@ -164,7 +167,7 @@ def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | 
             if state is not None:
                 states[name] = state
     except Stopped as stop:
-        return _Found(states, str(stop))
+        return _Found(states, str(stop), stopped=True)
     except SolverError as error:  # faces that do not hold the blocks
         return _Found(states, str(error))
-    return _Found(states, "")
+    return _Found(states)
