@@ -8,8 +8,9 @@ each state may have new hinges. Through both goes
 
     lambda(m) = a + c / (m + 2):
 
-a is the load factor of point hinges, which no stone has, and lambda(log2(h / l)) that of a length
-l, between those of the mesh and of points.
+a is the load factor of point hinges, which no stone has. That of hinges of a length l, at
+m = log2(h / l), is between those of the mesh and of points, with a number in place of 2 that gives
+that of the mesh at m = 0.
 
 A state counts where its mode gives its load factor: the kinematic one is an upper bound for the
 friction forces of the state, which are admissible.
@@ -67,7 +68,6 @@ class HingeOptions:
         give: Displacements that change joint forces by their own size, in units of those at the
             work: those of hinges. In larger units they would look settled from the start.
         agrees: Distance of the mode's kinematic load factor, relative.
-        length: Of a hinge in stone, about, m.
     """
 
     share: float = 0.5
@@ -78,7 +78,6 @@ class HingeOptions:
     products: float = 1e-2
     give: float = 3e-3
     agrees: float = 1e-5
-    length: float = 1e-3
 
 
 OPTIONS = HingeOptions()
@@ -89,6 +88,8 @@ SETTLE = ArclengthOptions(corrections=2, elimination=EliminationOptions(points=1
 EXACT = Tolerances(1e-8, OPTIONS.agrees)
 FINISH = InteriorPointOptions(window=3)
 
+#: Length of a hinge in stone, about, m: what crushing leaves.
+IN_STONE = 1e-3
 #: Length of a hinge in units of its element side, by degree; measured.
 OF_SIDE = {1: 1.0, 2: 0.2}
 
@@ -111,7 +112,7 @@ class HingeLengths:
     load_factor: LoadFactor
     length: float = math.nan
     physical: LoadFactor = math.nan
-    physical_length: float = OPTIONS.length
+    physical_length: float = IN_STONE
     points: LoadFactor = math.nan
     reason: str = ""
 
@@ -174,10 +175,15 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
         left = whole.effort.left
     if len(states) > 1:
         point, change = _extrapolated(states)
+        if end.range is not None and end.range.status == "known":
+            lower, upper = end.range.lower, end.range.upper
+            if lower <= states[-1].state.load_factor <= upper:  # the mechanism of the mesh
+                point = min(max(point, lower), upper)
         if abs(point - load_factor) <= OPTIONS.agrees * end.size:
             return here
-        halvings = max(math.log2(length / OPTIONS.length), 0.0)
-        physical = point + change / (halvings + OPTIONS.own)
+        halvings = max(math.log2(length / IN_STONE), 0.0)
+        own = change / (load_factor - point)  # so that no halving leaves that of the mesh
+        physical = point + change / (halvings + (own if own > 0.0 else OPTIONS.own))
         physical = min(max(physical, min(load_factor, point)), max(load_factor, point))
         return replace(here, physical=physical, points=point)
     reason = "no collapse state next to this one was found with shorter hinges"
