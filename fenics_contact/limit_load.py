@@ -29,7 +29,7 @@ from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary
-from fenics_contact.discretization.discretization import Bonded, Discretization
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped
 from fenics_contact.errors.checks import checked
@@ -368,7 +368,11 @@ def _solved(
     bonded = discretization.bonded(kind)
     seconds["bonded"] = bonded.seconds
     start = time.perf_counter()
-    cases = _load_cases(discretization, bonded, monitor, asked)
+    cases: dict[str, LoadCase] = {}
+    for name, sign in SIGNS.items():
+        listener = _Direction(monitor, name, cases) if name in asked else None
+        told = partial(monitor.step, name)
+        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
     found, cost = _collapses(cases, asked, lower)
     seconds["solve"] = time.perf_counter() - start
     found = answered(cases, found, cost, monitor.phase, seconds)
@@ -379,43 +383,12 @@ def _solved(
             turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
             pressed = pressed_too_much(scene, discretization.joints, end.joints.normal_force)
             found[name] = replace(found[name], rolling=turned, pressed=pressed)
-        if discretization.effort.watch.reason:
-            found[name] = _with_bounds_so_far(cases[name], found[name], lower)
+        if discretization.effort.watch.reason:  # as far as it is known without a long program
+            so_far = LimitBounds(lower, cases[name].blocks.limit_so_far(), lower)
+            program = partial(known_bounds, scene.comm.bcast(so_far))
+            found[name] = replace(found[name], program=program)
     ends = {name: signed(found[name], SIGNS[name]) for name in asked}
     return _result(discretization, ends, seconds)
-
-
-def _load_cases(
-    discretization: Discretization, bonded: Bonded, monitor: Monitor, asked: Sequence[str]
-) -> dict[str, LoadCase]:
-    """Load cases of both directions; the monitor is told of the paths of those asked for."""
-    kind = strategy_of(discretization.scene).kind
-    cases: dict[str, LoadCase] = {}
-    for name, sign in SIGNS.items():
-        listener = _Direction(monitor, name, cases) if name in asked else None
-        told = partial(monitor.step, name)
-        cases[name] = LoadCase.of(discretization, bonded, sign, kind, told, listener)
-    return cases
-
-
-def _with_bounds_so_far(case: LoadCase, end: Collapse, lower: float | None) -> Collapse:
-    """A collapse with the bracket as far as rank 0 knows it without a long program.
-
-    `lower` is 0 where the dead load stands without friction, and None where it does not.
-    """
-    so_far = LimitBounds(lower, case.blocks.limit_so_far(), lower)
-    return replace(end, program=partial(known_bounds, case.problem.comm.bcast(so_far)))
-
-
-def _found(case: LoadCase) -> tuple[Collapse, LoadCase]:
-    """The collapse of a direction, and its load case with the joints that are torn then.
-
-    Raises:
-        Stopped: If the run is to end.
-    """
-    if np.any(case.discretization.joints.losing):
-        return torn_collapse(case)
-    return collapse_by_engine(case), case
 
 
 def _collapses(
@@ -428,27 +401,28 @@ def _collapses(
     `cases` become those whose joints are torn as at the collapse. `lower` is 0 where the dead load
     stands without friction, and None where it does not.
     """
-    effort = cases[asked[0]].discretization.effort
+    first = cases[asked[0]]
+    effort = first.discretization.effort
+    tears = bool(np.any(first.discretization.joints.losing))
     before = effort.spent
     found: dict[str, Collapse] = {}
     try:
-        if lower is None and not _rests(cases[asked[0]]):
+        stands = lower is not None or rests(first.discretization)
+        if not stands and service_state(first, 0.0).status != "equilibrium":
             for name in asked:
                 bounds = cases[name].blocks.bounds
                 found[name] = Collapse("no_equilibrium", math.nan, bounds, reason=NOT_KNOWN)
             return found, effort.spent - before
         before = effort.spent
         for name in asked:
-            found[name], cases[name] = _found(cases[name])
+            if tears:
+                found[name], cases[name] = torn_collapse(cases[name])
+            else:
+                found[name] = collapse_by_engine(cases[name])
     except Stopped as stop:
         found = {name: found.get(name) or unfinished(cases[name], str(stop)) for name in asked}
     cost = (effort.spent - before) / max(len(found), 1)
     return {name: explained(cases[name], found[name]) for name in asked}, cost
-
-
-def _rests(case: LoadCase) -> bool:
-    """Whether the dead load alone has a state: of joint faces, or else of elastic blocks."""
-    return rests(case.discretization) or service_state(case, 0.0).status == "equilibrium"
 
 
 def _result(

@@ -186,12 +186,12 @@ def alike_as_one(states: Iterable[CollapseState], size: float) -> tuple[Collapse
 
 @dataclass(frozen=True)
 class Lowest:
-    """The lowest of the collapse states that several searches led to.
+    """The least of the collapse states that several searches led to.
 
     Attributes:
         status: "lower" if one is below the collapse that is reported, "none" if there is none
             below it, "not_known".
-        load_factor: Of the lowest verified one; nan if not known.
+        load_factor: Of the least verified one; nan if not known.
         starts: Number of searches that ended in a state.
         reason: Why it is not known, for people.
         gap: Its proved gap, relative; None where it was not computed.

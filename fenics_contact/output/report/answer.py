@@ -155,7 +155,7 @@ def _stands(end: Record, direction: str, acceleration: float | None) -> str:
 
 
 def _tears(record: Record) -> bool:
-    """Whether joints may lose their strength, so that brackets are those of torn joints."""
+    """Whether joints may lose their strength, so that brackets are those without it."""
     laws = (law for kind in ("joints", "foundations") for law in record["scene"][kind].values())
     return any(law.get("opened") == "lost" for law in laws)
 

@@ -53,7 +53,7 @@ class Sweep:
         rows: Of the table, by column.
         points: That it has once it is done.
         picture: Data URI; empty if there is none.
-        worst: The mechanism of the lowest load factor, likewise.
+        worst: The mechanism of the least load factor, likewise.
         folder: Name of that where it is.
         version: Of the program.
     """

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from fenics_contact.output.report.content import Content, Record
 from fenics_contact.output.report.html import heading, numbers, paragraph, picture, text
 from fenics_contact.output.report.words import PICTURES, direction_words
@@ -55,7 +57,8 @@ def how_it_fails(content: Content) -> Iterator[str]:
         falling = record["falling_blocks"]
         words = f"{len(falling)} of {counted(total, 'block')} move: {numbers(falling)}."
         yield paragraph(words, f"The reason: {record['reason']}. No joint resists this motion.")
-        yield from _moving(content, "fall", falling)
+        if motion := content.motions.get("fall"):
+            yield moving_figure(motion, falling)
     for place, (direction, end) in enumerate(record["ends"].items()):
         prefix = f"With the {direction_words(direction)}:"
         if end["wedged_blocks"]:
@@ -65,7 +68,8 @@ def how_it_fails(content: Content) -> Iterator[str]:
         elif end["mechanism"]:
             doubt = "This motion is not verified." if end["status"] != "limit" else ""
             yield paragraph(prefix, *_motion(end["mechanism"], total, content.units), doubt)
-            yield from _moving(content, direction, end["mechanism"]["moving"])
+            if motion := content.motions.get(direction):
+                yield moving_figure(motion, end["mechanism"]["moving"])
         else:
             yield paragraph(prefix, "no collapse mode is known.")
         if place and (address := content.picture_of("collapse", direction)):
@@ -115,113 +119,64 @@ def _joints(moves: Record) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def _moving(content: Content, direction: str, moving: Sequence[int]) -> Iterator[str]:
-    """The blocks with their numbers, displaced, and the slider that moves them."""
-    motion = content.motions.get(direction)
-    if motion:
-        yield moving_figure(motion, moving)
-
-
 def moving_figure(motion: Mapping[str, Any], moving: Sequence[int]) -> str:
     """Blocks as SVG, at rest and displaced, with a slider that the page's script brings to life.
 
-    `motion` is one entry of motion.json; `moving` are the blocks that are shaded.
+    A displaced block is turned and shifted by a matrix of SVG, as the script does. In the drawing
+    y points down.
+
+    Args:
+        motion: One entry of motion.json.
+        moving: Numbers of the blocks that are shaded.
     """
     outlines = motion["outlines"]
-    frame = _Frame.of(outlines)
-    side = frame.scale * math.sqrt(sum(map(_area, outlines)) / len(outlines))
-    width = f'stroke-width="{min(1.0, LINE * side):.2f}"'
-    marked = set(moving)
-    rest = "".join(f'<path d="{frame.path(loops)}"/>' for loops in outlines)
-    blocks = []
-    for number, loops in enumerate(outlines):
-        colour = MOVES if number in marked else STAYS
-        moved = frame.motion(motion["centres"][number], motion["motions"][number])
-        label = _label(
-            number, frame.point(motion["centres"][number]), frame.scale**2 * _area(loops)
-        )
+    corners = np.concatenate([loop for loops in outlines for loop in loops])
+    left, low = corners.min(axis=0)
+    right, top = corners.max(axis=0)
+    scale = SIZE / max(right - left, top - low)
+    margin = MARGIN * SIZE
+    wide = scale * (right - left) + 2.0 * margin
+    tall = scale * (top - low) + 2.0 * margin
+    box = f"{-margin:.0f} {-margin:.0f} {wide:.0f} {tall:.0f}"
+
+    def drawn(places: Any) -> Any:
+        x, y = np.transpose(places)
+        return scale * np.column_stack([x - left, top - y])
+
+    paths: list[str] = []
+    areas: list[float] = []
+    for loops in outlines:
+        path = ""
+        area = 0.0  # of loops around holes, which run the other way round, below 0
+        for points in map(drawn, loops):
+            path += "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points) + "Z"
+            area += 0.5 * float(np.cross(points, np.roll(points, -1, axis=0)).sum())
+        paths.append(f'<path d="{path}"/>')
+        areas.append(abs(area))
+    blocks: list[str] = []
+    for number, (path, area) in enumerate(zip(paths, areas, strict=True)):
+        colour = MOVES if number in moving else STAYS
+        ((x, y),) = drawn([motion["centres"][number]])
+        across, up, turn = motion["motions"][number]
+        moved = -turn, scale * across - turn * y, -scale * up + turn * x
+        angle, shift_x, shift_y = (f"{part:.5g}" for part in moved)
+        matrix = f"matrix(1 {angle} {turn:.5g} 1 {shift_x} {shift_y})"
+        size = min(NUMBER * math.sqrt(area), TALLEST)
+        middle = f'x="{x:.1f}" y="{y + 0.36 * size:.1f}" font-size="{size:.1f}"'
         blocks.append(
-            f'<g fill="{colour}" data-motion="{" ".join(f"{part:.5g}" for part in moved)}"'
-            f' transform="{_matrix(*moved)}"><path d="{frame.path(loops)}"/>{label}</g>'
+            f'<g fill="{colour}" data-motion="{angle} {shift_x} {shift_y}" transform="{matrix}">'
+            f"{path}<text {middle} {NUMBERS}>{number}</text></g>"
         )
+    side = math.sqrt(sum(areas) / len(areas))
+    width = f'stroke-width="{min(1.0, LINE * side):.2f}"'
     words = "How the blocks move, with their numbers; grey outlines: at rest."
     slider = (
         '<p class="slider" hidden><label>motion <input type="range" min="0" max="1.5" step="0.01"'
         ' value="1"></label></p>'
     )
     return (
-        f'<figure class="moving"><svg xmlns="http://www.w3.org/2000/svg" viewBox="{frame.box}"'
-        f' role="img" aria-label="{text(words)}"><g {REST} {width}>{rest}</g>'
+        f'<figure class="moving"><svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}"'
+        f' role="img" aria-label="{text(words)}"><g {REST} {width}>{"".join(paths)}</g>'
         f'<g stroke="#555" {width}>{"".join(blocks)}</g></svg>{slider}'
         f"<figcaption>{text(words)}</figcaption></figure>\n"
     )
-
-
-def _label(number: int, place: tuple[float, float], area: float) -> str:
-    """The number of a block in its middle; place and area are those of the drawing."""
-    size = min(NUMBER * math.sqrt(area), TALLEST)
-    middle = f'x="{place[0]:.1f}" y="{place[1] + 0.36 * size:.1f}" font-size="{size:.1f}"'
-    return f"<text {middle} {NUMBERS}>{number}</text>"
-
-
-def _matrix(turn: float, shift_x: float, shift_y: float) -> str:
-    """A small rigid motion as SVG has it; the page's script does the same."""
-    return f"matrix(1 {turn:.5g} {-turn:.5g} 1 {shift_x:.5g} {shift_y:.5g})"
-
-
-def script() -> str:
-    """The script of the page."""
-    return f"<script>{SCRIPT}</script>"
-
-
-class _Frame:
-    """From coordinates of the mesh to those of the drawing, in which y points down.
-
-    Attributes:
-        scale: Units of the drawing to a metre.
-        box: The part that is shown, as SVG has it.
-    """
-
-    def __init__(self, low: Sequence[float], high: Sequence[float]) -> None:
-        """Fit the structure between two corners into the drawing."""
-        self._left = low[0]
-        self._top = high[1]
-        size = [end - start for start, end in zip(low, high, strict=True)]
-        self.scale = SIZE / max(size)
-        margin = MARGIN * SIZE
-        wide, tall = (self.scale * part + 2.0 * margin for part in size)
-        self.box = f"{-margin:.0f} {-margin:.0f} {wide:.0f} {tall:.0f}"
-
-    @classmethod
-    def of(cls, outlines: Sequence[Any]) -> _Frame:
-        """Around all outlines."""
-        points = [point for loops in outlines for loop in loops for point in loop]
-        x, y = zip(*points, strict=True)
-        return cls((min(x), min(y)), (max(x), max(y)))
-
-    def point(self, place: Sequence[float]) -> tuple[float, float]:
-        """A place in the drawing."""
-        return self.scale * (place[0] - self._left), self.scale * (self._top - place[1])
-
-    def motion(self, centre: Sequence[float], given: Sequence[float]) -> tuple[float, float, float]:
-        """A motion (u_x, u_y, angle) about a centre: angle, and displacement of the origin."""
-        x, y = self.point(centre)
-        turn = -given[2]  # y points down
-        return turn, self.scale * given[0] + turn * y, -self.scale * given[1] - turn * x
-
-    def path(self, loops: Sequence[Any]) -> str:
-        """Closed loops as a path of SVG."""
-        parts = []
-        for loop in loops:
-            corners = (self.point(place) for place in loop)
-            parts.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z")
-        return "".join(parts)
-
-
-def _area(loops: Sequence[Any]) -> float:
-    """Area inside closed loops; those around holes run the other way round."""
-    total = 0.0
-    for loop in loops:
-        following = [*loop[1:], loop[0]]
-        total += sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(loop, following, strict=True))
-    return abs(0.5 * total)

@@ -25,7 +25,7 @@ from fenics_contact.output.report.content import (
     read_sweep,
 )
 from fenics_contact.output.report.html import bullets, heading, paragraph, text
-from fenics_contact.output.report.mechanism import how_it_fails, script
+from fenics_contact.output.report.mechanism import SCRIPT, how_it_fails
 from fenics_contact.output.report.sections import (
     computation,
     forces,
@@ -147,7 +147,7 @@ KINDS: Mapping[Section, str] = {
 def report_page(content: Content) -> str:
     """The page, as HTML."""
     parts = chain.from_iterable(_part(section, content) for section in SECTIONS)
-    return _page(content.record["title"] or "Limit load", [*parts, script()])
+    return _page(content.record["title"] or "Limit load", [*parts, f"<script>{SCRIPT}</script>"])
 
 
 def sweep_page(sweep: Sweep, labels: Labels) -> str:
