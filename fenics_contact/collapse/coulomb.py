@@ -60,15 +60,8 @@ class FixedPointOptions:
     Attributes:
         max_iterations: Iterations at most.
         relaxation: Least and largest omega; the largest falls where the iteration cycles.
-        aligned: Cosine of the angle between changes of one direction: growth, not a cycle.
-        fast: Largest omega there.
-        smaller: A change of the bound counts as smaller below this part of the smallest so far.
-        cycle: Iterations without a smaller one that make a cycle.
-        slowest: Contractions closer to one than this count as this in the estimate of the error.
-        safety: Factor of what secants promise: the slowest direction hides among others.
-        centring: Products of a warm start, in units of the last change of the bound.
-        least_centring: Least products of a warm start.
-        further: Factor of the products where a warm start finds nothing.
+        fast: Largest omega where changes keep one direction: growth, not a cycle.
+        cycle: Iterations without a smaller change that make a cycle.
         precision: Tolerance of a state, in units of that change to the power `order`.
         order: That power.
         loosest: Largest tolerance of a state.
@@ -77,15 +70,8 @@ class FixedPointOptions:
 
     max_iterations: int = 150
     relaxation: tuple[float, float] = (0.05, 2.0)
-    aligned: float = 0.9
     fast: float = 50.0
-    smaller: float = 0.9
     cycle: int = 6
-    slowest: float = 0.999
-    safety: float = 3.0
-    centring: float = 1e-2
-    least_centring: float = 1e-8
-    further: float = 1e2
     precision: float = 1e-4
     order: float = 2.0
     loosest: float = 1e-4
@@ -93,6 +79,10 @@ class FixedPointOptions:
 
 
 OPTIONS = FixedPointOptions()
+#: Contractions closer to one than this count as this in the estimate of the error.
+SLOWEST = 0.999
+#: Factor of what secants promise: the slowest direction hides among others.
+SAFETY = 3.0
 
 #: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
 #: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
@@ -166,12 +156,12 @@ class FixedPoint:
         options = self.options
         tolerance = options.precision * min(change, 1.0) ** options.order
         tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
-        mu = float(np.clip(options.centring * change, options.least_centring, 1.0))
+        mu = float(np.clip(1e-2 * change, 1e-8, 1.0))
         while mu < 1.0:
             try:
                 return self.solve(bound, start, mu, tolerance)
             except SolverError:
-                mu *= options.further
+                mu *= 1e2
         return self.solve(bound, start, 1.0, tolerance)
 
     def _norm(self, values: Array) -> float:
@@ -186,11 +176,10 @@ class FixedPoint:
 
     def _series(self, steps: Sequence[Step]) -> float:
         """Sum of all further changes over the last: a geometric series, by changes and secants."""
-        options = self.options
         contraction = History(tuple(steps)).contraction
-        contraction = min(contraction or 0.5, options.slowest)
+        contraction = min(contraction or 0.5, SLOWEST)
         secant = min(step.secant for step in steps[len(steps) // 2 :])
-        slow = options.safety * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
+        slow = SAFETY * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
         return max(slow, contraction / (1.0 - contraction))
 
     def _load_factor_error(self, steps: Sequence[Step]) -> float:
@@ -199,7 +188,6 @@ class FixedPoint:
         Changes of one sign are a series of their own, which may creep where the bound converges
         fast.
         """
-        options = self.options
         last = steps[-4:]
         changes = np.diff([step.load_factor for step in last])
         if len(changes) == 0:
@@ -213,8 +201,8 @@ class FixedPoint:
         omega = np.array([step.relaxation for step in last[:-1]])
         rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
         secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - options.slowest) - 1.0)
-        return max(series, options.safety * creeps)
+        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
+        return max(series, SAFETY * creeps)
 
 
 class _Relaxation:
@@ -241,7 +229,7 @@ class _Relaxation:
         options = self._options
         last = self._omega
         aligned = self._last is not None and self._follow(difference, self._last)
-        if change < options.smaller * self._best:
+        if change < 0.9 * self._best:
             self._best = change
             self._since = 0
         elif not aligned:
@@ -267,4 +255,4 @@ class _Relaxation:
         if square > 0.0:
             self._omega = -self._omega * self._total(last * step) / square
         sizes = self._total(difference**2) * of_last
-        return self._total(difference * last) > self._options.aligned * np.sqrt(sizes)
+        return self._total(difference * last) > 0.9 * np.sqrt(sizes)

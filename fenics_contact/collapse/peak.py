@@ -239,8 +239,11 @@ class _Search:
             if sample.on_the_way:
                 samples.append(sample)
             flat = [abs(above(one.load_factor)) <= ABOVE for one in samples[-2:]]
-            if all(flat) or (flat[-1] and sample.work > 1.05 * above.work):
+            past = any(flat[-1:]) and sample.work > 1.05 * above.work
+            if past or sum(flat) > 1:
                 break
+        if len(samples) < 2:
+            raise SolverError("the path of block modes ends where it begins")
         bias = max(samples[-1].load_factor - above.load_factor, 0.0)
         if above(samples[-1].load_factor) < -OPTIONS.another:
             raise SolverError("the path of block modes ends at another collapse state")

@@ -63,8 +63,6 @@ class PathOptions:
         further: Factor from the work of one fall to that of the next.
         structure: Of the path on the structure, which is short where block modes lead to it: it
             needs 19 steps without progress at most where it is followed, and wanders for hundreds.
-        settled: Distance from the path, relative to p and q, of a point that is a state.
-        small_factor: Load factors change relative to this part of the typical one at least.
     """
 
     rising_work: float = 1e-2
@@ -78,8 +76,6 @@ class PathOptions:
     falls: int = 3
     further: float = 1.5
     structure: ArclengthOptions = field(default_factory=lambda: ArclengthOptions(patience=40))
-    settled: float = 1e-6
-    small_factor: float = 1e-3
 
 
 OPTIONS = PathOptions()
@@ -288,14 +284,14 @@ def _near_the_end(
     if len(passed) < 2:
         raise failed
     before, last = (point.iterate.load_factor for point in passed[-2:])
-    size = max(abs(last), OPTIONS.small_factor * task.scales.load_factor)
+    size = max(abs(last), 1e-3 * task.scales.load_factor)
     change = abs(last - before) / size
     if not change <= task.tolerance:
         _log.info(
             "  load factor %.6g, which the last decade of products changed by %.1e", last, change
         )
         raise failed
-    iterate = falling(kkt).settled(passed[-1], OPTIONS.settled).iterate
+    iterate = falling(kkt).settled(passed[-1], 1e-6).iterate
     return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
 
 
@@ -401,15 +397,9 @@ class WorkOptions:
         missing: Works in a row without a state after which none is looked for.
         gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
             load factor still changes by 10 to 40 times as much.
-        change: Of the load factor of one state with more work, at most, in units of its gap.
         asks: Whether programs are asked if anything limits the load; else that is known.
-        on_line: A load factor of this part of that under the live load alone, at the same work, is
-            not limited: limit loads are far below it, as works are many times that on the bonded
-            structure.
-        grows: Nor is one that grows like this power of the work.
         attempt: Cost of one attempt at most, in units of one factorisation of the structure.
         cost: That of all states of one collapse.
-        exact: Tolerance on the load factor for which the first work is large enough.
     """
 
     first: float = 300.0
@@ -418,21 +408,17 @@ class WorkOptions:
     largest: float = 1e3
     missing: int = 3
     gap: float = 2.5e-2
-    change: float = 100.0
     asks: bool = True
-    on_line: float = 0.1
-    grows: float = 0.9
     attempt: float = 300.0
     cost: float = 500.0
-    exact: float = 1e-6
 
     def begin(self, blocks: int, tolerance: float) -> float:
         """First work for so many blocks, in units of that on the bonded structure.
 
-        The plateau is the nearer the larger the work, and the longer the path. Beside `exact`, a
+        The plateau is the nearer the larger the work, and the longer the path. Beside 1e-6, a
         looser tolerance asks for less of both.
         """
-        part = min(1.0, (self.exact / tolerance) ** 0.5)
+        part = min(1.0, (1e-6 / tolerance) ** 0.5)
         return max(self.first, self.first_of_many * blocks**2 * part)
 
 

@@ -31,6 +31,14 @@ from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
+#: The load factor of one state changes by so many times its gap at most with more work.
+SAME_STATE = 100.0
+#: A load factor of this part of that under the live load alone, at the same work, is not limited:
+#: limit loads are far below it, as works are many times that on the bonded structure.
+ON_LINE = 0.1
+#: Nor is one that grows like this power of the work.
+GROWS = 0.9
+
 
 def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Collapse:
     """The collapse of a load case, to a relative tolerance on the load factor.
@@ -186,7 +194,7 @@ class _Search:
         lead to another one.
         """
         for count, (before, after) in enumerate(itertools.pairwise(self.found), start=1):
-            allowed = self.options.change * before.gap * before.verified.certificate.size
+            allowed = SAME_STATE * before.gap * before.verified.certificate.size
             if before.passed and abs(after.load_factor - before.load_factor) > allowed:
                 return self.found[:count]
         return self.found
@@ -225,7 +233,7 @@ class _Search:
         if self._line is None:
             return self._grows and blocks.is_unlimited()
         last = self.found[-1] if self._last_found else None
-        return last is None or last.load_factor > self.options.on_line * self._line * last.ratio
+        return last is None or last.load_factor > ON_LINE * self._line * last.ratio
 
     @property
     def _grows(self) -> bool:
@@ -234,7 +242,7 @@ class _Search:
         if len(factors) < 3 or not np.all(factors > 0.0):
             return False
         works = np.array([one.ratio for one in self.found[-3:]])
-        grown = np.diff(np.log(factors)) >= self.options.grows * np.diff(np.log(works))
+        grown = np.diff(np.log(factors)) >= GROWS * np.diff(np.log(works))
         return bool(np.all(grown))
 
     @cached_property

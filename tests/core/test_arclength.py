@@ -15,13 +15,11 @@ from fenics_contact.solvers.arclength import (
     PathPoint,
 )
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from fenics_contact.solvers.kkt import COLD
 from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import (
     FAR,
-    Place,
     conditions,
     load_case,
     misses,
@@ -97,23 +95,6 @@ def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
     assert found == {(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)}
 
 
-def test_products_rise_where_the_orientation_has_changed_its_sign(folded):
-    """From place to place: past a fold the path leads back, up to the next fold."""
-    kkt, mu, places, short = conditions(folded), 1.0, [], EliminationOptions(allowed=0.1)
-    now = kkt.on_central_path(folded.bonded_state(kkt.work), mu, COLD)
-    while mu > 1e-4 or len(places) < 20:
-        place = Place.at(kkt, now, mu)
-        orientation = place.linear.orientation
-        step = place.elimination(short).step((-1.0, 1.0), orientation)
-        places.append((mu, orientation, step.reached))
-        now, mu = place.arrived(step)
-    back = [k for k, (_, orientation, there) in enumerate(places) if orientation < 0.0 and there]
-    assert len(back) >= 2 and 0 not in back and len(places) - 1 not in back
-    for k in back:
-        mu, (after, turned, _) = places[k][0], places[k + 1]
-        assert after > mu or turned > 0.0
-
-
 @pytest.mark.parametrize(
     ("wall", "friction", "elements"), [("W1", 1.0, 2), ("W3", 0.65, 1), ("W3", 1.0, 1)]
 )
@@ -126,12 +107,6 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
     assert max(left.values()) < 1e-6, left
     if wall == "W1":  # by an independent fixed point
         assert state.load_factor == pytest.approx(0.645963, abs=2e-6)
-
-
-def test_chosen_points_lead_past_folds_where_tangents_alone_do_not(folded):
-    assert fallen(folded, 1e-6, max_steps=60).mu <= 1e-6
-    with pytest.raises(SolverError, match=r"wanders|not at its end"):
-        fallen(folded, 1e-6, max_steps=60, elimination=EliminationOptions(points=0))
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ import pytest
 from fenics_contact import Load, SolveOptions, SolverError, limit_load
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.load_control import OPTIONS, capacity_curve, raise_load
-from fenics_contact.collapse.strategy import COULOMB, GIVEN, Strategy
+from fenics_contact.collapse.strategy import COULOMB, Strategy
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
 from fenics_contact.solvers.problem import State
-from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
+from tests.bank import BANK, GRAVITY, block_recipe, coulomb, wall_recipe
 from tests.core.problems import load_case, prepared
 
 block = prepared(block_recipe(0.4, 1.0, 0.3))
@@ -45,13 +45,6 @@ def test_path_brackets_the_limit_load(name, slip):
     assert factor[0] == 0.0 and factor[-1] == path.lower
     assert np.all(np.diff(factor) > 0.0) and np.all(np.diff(moved) > 0.0)
     assert work == pytest.approx(unit * moved, rel=1e-12)
-
-
-def test_load_that_nothing_limits():
-    pressed = replace(block_recipe(0.4, 1.0, 0.0, live=Load((0.0, -GRAVITY))), law=tresca(1e3))
-    with load_case(pressed.scene(1), GIVEN.kind) as case:
-        found = raised(case, GIVEN)
-    assert (found.status, found.load_factor, found.path) == ("unbounded", np.inf, None)
 
 
 # ---- with equilibrium at made-up load factors
@@ -90,31 +83,6 @@ def test_made_up_limit_is_bracketed(block, limit, caplog):
     assert "another state" in caplog.text
 
 
-def test_step_that_was_too_long_is_tried_again_from_close_by(block):
-    """Beyond 0.1 only states close by lead on, for once."""
-    asked: list[float] = []
-    too_long: list[float] = []
-
-    def there(factor: float, last: float) -> bool:
-        if factor > 0.1 and not too_long:
-            too_long.append(factor)
-        if too_long and factor >= too_long[0] > last:
-            return factor - last <= 1e-3 * factor
-        return factor <= 0.3
-
-    path = raised(block, made_up(there, asked)).path
-    assert asked.count(too_long[0]) == 2
-    assert too_long[0] in [step.load_factor for step in path.steps]
-    assert path.lower == pytest.approx(0.3, rel=2e-4)
-
-
-def test_nothing_under_the_dead_load_is_not_converged(block):
-    asked: list[float] = []
-    found = raised(block, made_up(lambda factor, _: False, asked))
-    assert (found.status, asked) == ("not_converged", [0.0])
-    assert math.isnan(found.load_factor)
-
-
 def test_path_ends_at_the_upper_bound_or_far_away(block):
     """A wedge that locks has no upper bound."""
     asked: list[float] = []
@@ -146,14 +114,6 @@ def test_capacity_curve_rises_to_the_limit_load_and_ends_beyond_the_onset(name):
     assert factors[-1] == pytest.approx(end.load_factor, rel=1e-5)
     assert works[-1] == pytest.approx(OPTIONS.beyond_onset * end.state.work, rel=5e-3)
     assert works == pytest.approx([unit * point.displacement for point in curve])
-
-
-def test_capacity_curve_of_load_control_are_its_steps(block):
-    end = raised(block)
-    curve = capacity_curve(block, end, 3, lambda *_: None)
-    assert [p.load_factor for p in curve] == [step.load_factor for step in end.path.steps]
-    nothing = replace(end, state=None, path=None)
-    assert capacity_curve(block, nothing, 3, lambda *_: None) == []
 
 
 @pytest.mark.slow

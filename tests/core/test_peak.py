@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -12,14 +11,14 @@ import pytest
 
 from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.answers.peak import NOT_ASKED
-from fenics_contact.collapse.peak import FELL, OPTIONS, TOO_DEAR, Above, find_peak
+from fenics_contact.collapse.peak import OPTIONS, TOO_DEAR, Above, find_peak
 from fenics_contact.collapse.strategy import COULOMB
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
-from fenics_contact.results.history import CapacityPoint, CurveEnd, Peak
+from fenics_contact.results.history import Peak
 from fenics_contact.sweeps.points import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.core.problems import load_case
@@ -101,19 +100,6 @@ def test_equilibrium_agrees_with_the_peak(result):
     assert equilibrium(rubble(), result.positive.peak.not_found_at).status != "equilibrium"
 
 
-@pytest.mark.parametrize("seed", [92, 112, 136])
-def test_no_peak_is_said_where_the_load_fell_on_the_way_only_by_the_bracket(seed):
-    """Block modes with products zero have none; of 136 the upper end is .1 % above."""
-    draw = Draw.of_seed(seed)
-    found = limit_load(draw.recipe().scene(draw.elements, fast=False, error=False, lowest=False))
-    path = [p.load_factor for p in found.collapse.trace if p.phase == "block modes, rising work"]
-    fallen = np.max(np.maximum.accumulate(path) - path)
-    assert fallen > 0.05 * found.load_factor
-    proved = found.bounds.upper < 1.002 * found.load_factor
-    assert proved is (seed == 136)
-    assert found.peak == (Peak("none") if proved else Peak("not_known", reason=FELL))
-
-
 def test_mirror_image_and_reversed_load_have_the_peak_of_the_opposite_sign(result):
     scene = rubble(mirrored=True, peak=True, direction="negative")
     mirrored = limit_load(scene)
@@ -122,11 +108,6 @@ def test_mirror_image_and_reversed_load_have_the_peak_of_the_opposite_sign(resul
     assert peak.load_factor == pytest.approx(-given.load_factor, rel=3e-4)
     assert peak.not_found_at == pytest.approx(-given.not_found_at, rel=3e-4)
     assert peak.displacement_m > 0.0 > peak.state.load_factor
-
-
-def test_load_control_says_what_its_path_carried():
-    path = limit_load(rubble(control="load")).positive.path
-    assert path.lower == pytest.approx(PEAK, rel=3e-4)
 
 
 def test_none_without_a_factorisation_where_the_collapse_reaches_the_upper_bound():
@@ -193,15 +174,3 @@ def test_files_hold_the_peak_and_the_curve_passes_it(result, tmp_path):
     assert record["capacity"]["points"] + record["capacity"]["not_found"] == 7
     works = [point.work for point in result.capacity]
     assert works == sorted(works)
-
-
-def test_curve_says_what_it_lacks():
-    def point(factor: float) -> CapacityPoint:
-        return CapacityPoint(factor, 1.0, 1.0, converged=not math.isnan(factor))
-
-    whole = CurveEnd.of([point(0.2), point(0.4), point(0.3)], 0.3)
-    assert whole == CurveEnd(3, 0, 0.3, True)
-    assert str(whole) == "capacity curve: 3 points"
-    lacking = CurveEnd.of([point(0.2), point(math.nan), point(0.4), point(math.nan)], 0.3)
-    assert (lacking.points, lacking.not_found, lacking.on_plateau) == (2, 2, False)
-    assert "2 not found" in str(lacking) and "ends at 0.4" in str(lacking)

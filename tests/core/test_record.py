@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from fenics_contact import SolverError, limit_load
@@ -57,19 +56,6 @@ def test_attempts_of_a_limit_load(found):
     assert record["reason"] is None
 
 
-def test_path_to_a_limit_load(found):
-    path = found.collapse.trace
-    assert path[0].phase == "block modes, rising work"
-    rising = [point for point in path if point.phase == "block modes, rising work"]
-    assert max(point.work for point in path) == pytest.approx(
-        found.collapse.attempts[-1].work, rel=0.01
-    )
-    assert len(rising) > 3
-    assert path[-1].load_factor == pytest.approx(found.load_factor, rel=0.05)
-    ratios = [point.work / point.displacement for point in path]
-    assert np.ptp(ratios) < 1e-9 * ratios[0]
-
-
 def test_load_factors_of_the_path_have_the_users_sign():
     scene = replace(BOND.scene(1), solve=SolveOptions(direction="negative", error=False))
     end = limit_load(scene).collapse
@@ -108,15 +94,6 @@ def test_reason_where_the_limit_of_factorisations_ends_the_search():
     assert len(end.attempts) == 2
 
 
-def test_attempts_without_a_factorisation_of_the_structure_are_told():
-    def counts_its_own(task: Task) -> None:
-        raise SolverError("lost")
-
-    with load_case(BOND.scene(1)) as case:
-        end = collapse_of(case, counts_its_own)
-    assert "counts its own found no state (2 times, the last one: lost)" in end.reason
-
-
 @pytest.mark.parametrize("stopped", [True, False])
 def test_more_time_is_advised_where_the_time_ended_this_direction(stopped):
     """Not where another direction was stopped after this one had come to its end."""
@@ -127,11 +104,3 @@ def test_more_time_is_advised_where_the_time_ended_this_direction(stopped):
         end = explained(case, replace(found, reason=watch.reason) if stopped else found)
     assert end.reason.endswith("try more time") is stopped
     assert ("finds nothing found no state" in end.reason) is not stopped
-
-
-def test_a_method_does_not_recommend_itself():
-    recipe = wall_recipe("W1", coulomb(0.65))
-    scene = replace(recipe.scene(1), solve=SolveOptions(method="monolithic"))
-    with load_case(scene) as case:
-        end = collapse_of(case, finds_nothing)
-    assert "'monolithic'" not in end.reason and "'auto'" in end.reason

@@ -76,24 +76,6 @@ def test_a_path_without_an_end_answers_to_the_tolerance(wall, monkeypatch):
         attempts.to_end(replace(task, tolerance=1e-12), start, 1.0)
 
 
-def test_states_from_others(wall):
-    """At more work, from one at less; and next to another one in a direction."""
-    task, (less, last) = task_of(wall), (solved(wall, part * FAR).state for part in (0.8, 0.9))
-    exact = solved(wall).state.load_factor
-    direction = (last.displacement - less.displacement) / (last.work - less.work)
-    for attempt, asked in (
-        (attempts.further_along_rising_work, replace(task, last=last)),
-        (attempts.next_to(last, direction), task),
-    ):
-        state = attempt(asked)[0].state
-        assert state.work == pytest.approx(task.work, rel=2e-3)
-        assert state.load_factor == pytest.approx(exact, rel=1e-6)
-    with pytest.raises(SolverError, match="no direction"):
-        attempts.next_to(last, None)(task)
-    with pytest.raises(SolverError, match="no state at less work"):
-        attempts.further_along_rising_work(task)
-
-
 @pytest.mark.parametrize(
     "equilibrium", [attempts.coulomb_equilibrium, attempts.fixed_point_equilibrium]
 )

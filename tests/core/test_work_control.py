@@ -51,41 +51,9 @@ def with_load_factor(times: float, converged: bool = True) -> Attempt:
     return attempt
 
 
-def noted(attempt: Attempt, tasks: list[Task]) -> Attempt:
-    """An attempt that keeps what it is asked for."""
-
-    def made(task: Task) -> Answer:
-        tasks.append(task)
-        return attempt(task)
-
-    return made
-
-
 def collapse(case: LoadCase, *attempts: Attempt, **options: float) -> Collapse:
     strategy = Strategy(attempts, GENERAL, work=WorkOptions(**options))
     return find_collapse(case, strategy, TOLERANCE)
-
-
-def test_next_attempt_is_made_where_one_finds_nothing(block):
-    tried: list[Task] = []
-    found = collapse(block, finds_nothing, noted(interior_point, tried), finds_nothing)
-    assert (found.status, found.work_ratio) == ("limit", 300.0)
-    assert found.load_factor == pytest.approx(0.3, rel=1e-7)
-    assert found.certificate.passed and len(tried) == len(found.history)
-    assert tried[0].work == pytest.approx(300.0 * block.bonded_work)
-    assert tried[0].last is None and tried[0].tolerance == TOLERANCE
-
-
-def test_work_grows_where_no_attempt_finds_a_state(block):
-    tried: list[Task] = []
-
-    def second(task: Task) -> Answer:
-        return interior_point(task) if len(tried) > 1 else finds_nothing(task)
-
-    found = collapse(block, noted(second, tried), first=100.0, growth=5.0)
-    works = [task.work / block.bonded_work for task in tried]
-    assert works == pytest.approx([100.0, 500.0])
-    assert (found.status, found.work_ratio) == ("limit", 500.0)
 
 
 def test_nothing_found_is_no_limit_load(block):
@@ -102,34 +70,7 @@ def test_wrong_load_factors_are_never_limit_loads(block, times):
     assert "equilibrium" in found.certificate.failures
 
 
-def test_states_on_the_way_or_not_converged_are_no_limit_loads(block):
-    """At so little work the load factor still rises."""
-    found = collapse(block, interior_point, first=0.01, largest=5.0)
-    assert found.status == "not_converged" and 0.0 < found.load_factor < 0.29
-    assert "limit" in found.certificate.failures
-    found = collapse(block, with_load_factor(1.0, converged=False), largest=1e2)
-    assert found.status == "not_converged"
-
-
-def test_best_of_several_states_is_reported(block):
-    """States further along are tried before those from afar, alone once one is verified."""
-    tried: list[Task] = []
-    further = noted(with_load_factor(1.1), tried)
-    strategy = Strategy((interior_point,), GENERAL, further, work=WorkOptions(gap=0.0))
-    found = find_collapse(block, strategy, TOLERANCE)
-    assert len(tried) == 1 and len(found.history) == 2
-    assert tried[0].last.load_factor == pytest.approx(0.3, rel=1e-7)
-    assert (found.status, found.work_ratio) == ("limit", 300.0)
-    assert found.load_factor == pytest.approx(0.3, rel=1e-7)
-
-
 # ---- scenes
-
-
-def test_nothing_limits_a_load_that_presses_on_the_ground():
-    with load_case(block_recipe(0.4, 0.4, 0.5, live=Load((0.1, -9.81))).scene(2)) as case:
-        found = find_collapse(case, COULOMB["auto"], TOLERANCE)
-    assert (found.status, found.load_factor) == ("unbounded", np.inf)
 
 
 @pytest.mark.parametrize("name", ["W1", "block"])
