@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.solvers.block_modes import INDENTATION, MODES, BlockModes, modes
+from fenics_contact.solvers.block_modes import INDENTATION, BlockModes, modes
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
+from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, outlined
@@ -23,7 +23,6 @@ from tests.core.problems import (
     load_case,
     on_an_inclined_roller,
     solved,
-    sprung,
     whole,
 )
 
@@ -75,19 +74,6 @@ def test_modes_are_rigid_motions_strains_and_bendings():
 
 
 @pytest.mark.mpi
-def test_columns_are_orthonormal_or_zero_and_of_one_block_each(case):
-    columns, body = basis(case.discretization.block_modes), np.repeat(node_bodies(case), 2)
-    product = columns.T @ columns
-    is_mode = np.diag(product) > 0.5
-    assert product == pytest.approx(np.diag(is_mode.astype(float)), abs=1e-12)
-    assert is_mode.sum() >= len(is_mode) - MODES
-    for own in np.split(columns, case.block_count, axis=1):
-        assert len(set(body[np.any(own != 0.0, axis=1)])) <= 1
-    supports = case.discretization.supports
-    assert np.all(columns[(2 * supports.nodes[:, None] + np.arange(2))[supports.held]] == 0.0)
-
-
-@pytest.mark.mpi
 def test_linear_displacements_of_free_blocks_come_back(case):
     """Restricted and prolonged: they are among the modes."""
     discretization, problem = case.discretization, case.problem
@@ -106,19 +92,6 @@ def test_linear_displacements_of_free_blocks_come_back(case):
     assert (back.load_factor, back.work) == (0.5, 7.0)
     again = made.restricted(back).displacement
     assert again == pytest.approx(restricted.displacement, abs=1e-12)
-
-
-def test_prolonged_states_have_the_indentation_of_their_joint_forces(case):
-    made, problem = case.discretization.block_modes, case.problem
-    a = np.random.default_rng(4).normal(size=made.reduced.size)
-    force = np.arange(1.0, problem.points + 1.0)
-    state = made.prolonged(State(a, made.reduced.elastic_part(a), 0.5, force, -force, 7.0))
-    indented = indentation(case) * problem.joint_forces(force, -force)
-    assert np.abs(indented).max() > 0.0
-    assert state.displacement == pytest.approx(basis(made) @ a + indented, abs=1e-12)
-    elastic = basis(made) @ made.reduced.elastic_part(a) + problem.elastic_part(indented)
-    assert state.elastic == pytest.approx(elastic, abs=1e-12)
-    assert np.array_equal(state.pressure, force) and np.array_equal(state.shear, -force)
 
 
 @pytest.mark.mpi
@@ -143,22 +116,6 @@ def test_reduced_structure_is_that_of_the_formula(case):
     assert stiffness @ rigid == pytest.approx(np.zeros_like(rigid), abs=1e-9 * unit)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("kind", [SYMMETRIC, GENERAL])
-def test_springs_of_the_reduced_structure_are_those_of_the_formula(case, kind):
-    random = np.random.default_rng(3)
-    reduced, tally = case.discretization.block_modes.reduced, Tally()
-    count = reduced.points
-    right = random.normal(size=reduced.size)
-    stiffness = case.discretization.block_modes.stiffness(kind, tally)
-    springs = stiffness.mean_diagonal * 10.0 ** random.uniform(-3, 3, (3, count))
-    springs[2] = (kind == GENERAL) * 0.5 * np.minimum(springs[0], springs[1])
-    factor = stiffness.factor(*springs[: 3 if kind == GENERAL else 2])
-    found = factor.solve(right)
-    assert sprung(reduced, *springs) @ found == pytest.approx(right, abs=1e-8)
-    assert tally.count == 1
-
-
 @pytest.mark.parametrize("friction", [2.0, 3.0])
 def test_structure_of_single_triangles_is_reproduced_exactly(friction):
     """Their modes are all that they have: the same state, to the last digits."""
@@ -176,16 +133,3 @@ def test_structure_of_single_triangles_is_reproduced_exactly(friction):
     for name in ("displacement", "pressure", "shear"):
         one, other = getattr(state, name), getattr(exact, name)
         assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())
-
-
-@pytest.mark.mpi
-def test_every_rank_has_all_of_the_reduced_structure(case):
-    made, comm = case.discretization.block_modes, case.problem.comm
-    reduced = made.reduced
-    assert reduced.comm.size == 1
-    assert reduced.size == MODES * case.block_count
-    state = made.restricted(case.bonded_state(case.bonded_work))
-    for values in (reduced.dead, reduced.law.friction, state.displacement, state.pressure):
-        assert all(np.array_equal(values, other) for other in comm.allgather(values))
-    back = made.prolonged(state)
-    assert np.array_equal(back.pressure, case.bonded_state(case.bonded_work).pressure)

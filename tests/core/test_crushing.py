@@ -141,7 +141,7 @@ def test_programs(make: Callable[[], Scene], expected: float):
 def test_walls_that_slide_and_crush(name, associative):
     """1 MPa. `associative`: `crushing_blocks` with 160 tangents, 0.396328 and 0.325332."""
     law = replace(coulomb(0.65), compressive_strength=1e6)
-    result = limit_load(wall_recipe(name, law).scene(error=False))
+    result = limit_load(wall_recipe(name, law).scene())
     end = result.positive
     assert result.status == "limit" and end.engine == "faces" and end.gap < 1e-3
     assert end.bounds.upper == pytest.approx(associative, rel=5e-6)

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError, JointLaw, Load, Scene, SolveOptions, limit_load, sweep
-from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.limit_load import limit_load_of
 from fenics_contact.meshing import polygons
 from tests.bank import GRAVITY, Variant, wall_recipe
 from tests.helpers import STONE, coulomb, mesh_of, on_ground
@@ -93,10 +91,10 @@ def test_with_the_angle_of_friction_the_load_factor_is_the_associative_one(wall)
     assert result.load_factor == pytest.approx(associative, rel=1e-7)
 
 
-@pytest.mark.parametrize("angle", [pytest.param(5.0, marks=pytest.mark.mpi), 15.0])
-def test_variants_and_methods_agree_on_a_wall(angle):
+@pytest.mark.mpi
+def test_variants_and_methods_agree_on_a_wall():
     """Mirrored, stiffer, of degree 2, and by the fixed point on the bound."""
-    recipe = wall_recipe("W4", law(angle))
+    recipe = wall_recipe("W4", law(5.0))
     result = limit_load(recipe.scene(1))
     assert result.status == "limit"
     assert result.bounds.lower <= result.load_factor <= result.bounds.upper
@@ -111,24 +109,6 @@ def test_variants_and_methods_agree_on_a_wall(angle):
         factor = found.load_factor_negative if other.solve.direction == "negative" else None
         factor = abs(found.load_factor if factor is None else factor)
         assert factor == pytest.approx(result.load_factor, rel=2e-6)
-
-
-def test_a_state_without_dilatancy_is_none_with_it():
-    """Its certificate fails: blocks that slide and do not open move into each other."""
-    from fenics_contact.results.certificate import certify
-    from tests.core.problems import load_case
-
-    recipe = wall_recipe("W1", coulomb(FRICTION))
-    with Discretization(recipe.scene(1)) as made:
-        end = limit_load_of(made).positive
-    with load_case(recipe.scene(1)) as case:
-        problem, state, mode = case.problem, end.state, end.mode
-        scales = case.scales_at(state.work)
-        passed = certify(problem, state, mode, scales, state.load_factor)
-        rough = problem.with_law(dilatancy=0.2 * problem.law.friction)
-        failed = certify(rough, state, mode, scales, state.load_factor)
-    assert passed.passed
-    assert {"mode_penetration", "penetration", "mode_power"} <= set(failed.failures)
 
 
 def test_a_sweep_changes_the_dilatancy():

@@ -12,13 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import Load, Material
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
-from tests.bank import Recipe, coulomb, outlined, stack_recipe, wall_recipe
+from tests.bank import coulomb, wall_recipe
 from tests.helpers import planar_faces
-from tests.property.crushing import crushing_blocks, voussoirs
 from tests.property.scenes import Draw
 from tests.second_solver import limit, misses, own_limit
 
@@ -74,56 +72,3 @@ def test_random_blocks(seed):
     if associative < np.inf or found.gap <= GAP:
         assert found.gap <= GAP and max(missed.values()) <= 1e-8
         judge(model, found)
-
-
-def pushed(recipe: Recipe, strength: float, weight: float = 1e4) -> FaceModel:
-    """Blocks that crush, pushed by their weight."""
-    stone = {"default": Material(1e9, 0.2, weight / 10.0, strength)}
-    loads = {"materials": stone, "dead": Load((0.0, -10.0)), "live": Load((10.0, 0.0))}
-    return planar_faces(replace(recipe, parts={**recipe.parts, **loads}).scene(1)).model
-
-
-def ring_recipe(sizes: tuple[int, float, float, float]) -> Recipe:
-    """Voussoirs, thickness, radius and embrace, on rough ground."""
-    blocks, faces = voussoirs(*sizes)
-    ends = [(low, high) for one, _, low, high in (faces[0], faces[-1])]
-    return outlined(blocks, coulomb(0.9), 0.2, groups={"base": ends})
-
-
-@pytest.mark.parametrize(
-    ("count", "height", "weight", "strength", "expected"),
-    [(1, 0.8, 19.6e3, 1e5, 0.4216), (1, 0.8, 19.6e3, 1e6, 0.49216), (2, 0.2, 1e4, 16e3, 0.75)],
-    ids=["column, 0.1 MPa", "column, 1 MPa", "two blocks"],
-)
-def test_columns(count, height, weight, strength, expected):
-    """(b - N / f_c) / h, where all of N is at the strength beside the edge."""
-    model = pushed(stack_recipe(count, 5.0, (0.4, height)), strength, weight)
-    by_hand = (0.4 - 0.4 * count * height * weight / strength) / (count * height)
-    assert certified(model).load_factor == pytest.approx(by_hand, rel=1e-5)
-    assert by_hand == pytest.approx(expected, rel=1e-6)
-
-
-#: Oppenheim's arch, a semicircle, a ring: voussoirs, thickness, radius, embrace.
-ARCHES = {
-    "oppenheim": (7, 0.15, 1.0, 157.5),
-    "semicircle": (11, 0.5, 2.0, 180.0),
-    "ring": (9, 0.25, 1.125, 180.0),
-}
-
-
-@pytest.mark.parametrize(
-    ("name", "strength", "expected"),
-    [
-        ("oppenheim", 1e5, 0.30976),
-        ("oppenheim", 1e6, 0.36687),
-        ("semicircle", 1e5, 0.26620),
-        ("semicircle", 1e6, 0.39445),
-        ("ring", 2e5, 0.316914),
-    ],
-)
-def test_arches(name, strength, expected):
-    """Friction .9 lets hinges open only; against a program of resultants, too."""
-    found = certified(pushed(ring_recipe(ARCHES[name]), strength))
-    assert found.load_factor == pytest.approx(expected, abs=6e-6)
-    independent = crushing_blocks(*voussoirs(*ARCHES[name]), strength, 1e4)
-    assert found.load_factor == pytest.approx(independent, rel=1e-5)

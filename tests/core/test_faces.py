@@ -6,7 +6,6 @@ at each corner (`tests.boxes`); states and modes are judged by other programs (`
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,7 +16,7 @@ from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_end
 from tests.bank import BANK
-from tests.boxes import box_model, box_wall, coursed, extruded
+from tests.boxes import box_model, box_wall
 from tests.second_solver import limit, misses, own_limit
 
 GAP = 1e-3
@@ -75,14 +74,6 @@ def test_associative_friction_gives_one_load_factor_in_any_dimension(name):
         assert associative_end(model) == pytest.approx(known, abs=1e-5)
 
 
-@pytest.mark.parametrize(("name", "d"), [("W1", 2), ("W1", 3), ("W4", 2), ("W4", 3)])
-def test_friction_that_is_dilatancy_is_associative(name, d):
-    model = wall(name, d)
-    known = BANK[f"{name} bracket 0.65"].interval[1]
-    associated = replace(model, dilatancy=model.friction)
-    assert load_factor(associated) == pytest.approx(known, abs=2e-5)
-
-
 def block(base: tuple[float, ...], height: float, friction: float, degrees: float) -> FaceModel:
     """One block of some base on ground, pushed at an angle from the first axis."""
     low, high = np.zeros(len(base) + 1), np.array([*base, height])
@@ -110,11 +101,3 @@ def test_block_tilts(d, degrees):
     reach = min(0.4 / max(np.cos(angle), 1e-9), 0.3 / max(np.sin(angle), 1e-9))
     found = load_factor(block((0.4, 0.3)[: d - 1], 1.0, 5.0, degrees))
     assert found == pytest.approx(reach, rel=1e-5)
-
-
-@pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize(("friction", "expected"), [(0.1, 0.1), (0.7, 0.5)])
-def test_stack_slides_or_tilts(d, friction, expected):
-    """Five blocks of 0.5 x 0.2: min(F, 0.5 / (5 x 0.2))."""
-    parts = (extruded(part, None if d == 2 else 0.3) for part in coursed([[1.0]] * 5, (0.5, 0.2)))
-    assert load_factor(box_model(*parts, friction)) == pytest.approx(expected, rel=1e-5)

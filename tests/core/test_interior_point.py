@@ -7,20 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import Load, SolverError, limit_load
+from fenics_contact import SolverError, limit_load
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.solvers.interior_point import (
     InteriorPointOptions,
     Tolerances,
     solve_interior_point,
 )
-from tests.bank import GRAVITY, block_recipe
+from tests.bank import block_recipe
 from tests.core.problems import BOND, FAR, Array, conditions, dense, misses, prepared, solved
 from tests.property.scenes import Draw
 
 bond, block = prepared(BOND), prepared(block_recipe(0.4, 0.4, 0.5), 2)
-
-LIFT = Load((0.0, GRAVITY))  # the weight upwards
 
 
 def program(case: LoadCase, bound: Array) -> float:
@@ -69,29 +67,6 @@ def test_elastic_branch_is_the_response_with_closed_joints(block):
     assert state.load_factor == pytest.approx(0.05, rel=1e-7)
     assert state.displacement == pytest.approx(u, abs=1e-7 * np.abs(u).max())
     assert state.pressure == pytest.approx(pressure, abs=1e-6 * pressure.max())
-
-
-def test_load_factor_rises_to_the_plateau_and_stays(block):
-    bound, ratios = 0.3 * block.first_pressure, (0.05, 0.2, 1.0, 5.0, 50.0, 500.0)
-    factors = [solved(block, ratio, bound).state.load_factor for ratio in ratios]
-    assert np.all(np.diff(factors) > -1e-9)
-    assert factors[1] > 1.05 * factors[0]
-    exact = block.problem.sum(bound) / -block.problem.dead[1::2].sum()
-    assert factors[-2:] == pytest.approx([exact] * 2, rel=1e-8)
-    # Half of the weight, where the bound follows the pressure, whatever its distribution.
-    assert solved(block).state.load_factor == pytest.approx(0.5, rel=1e-8)
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_start_from_far_away(bond, seed):
-    bound, random = 0.5 * bond.first_pressure, np.random.default_rng(seed)
-    kkt = conditions(bond, given=bound)
-    u = 10.0 * kkt.scales.displacement * random.standard_normal(len(bond.problem.dead))
-    forces = 20.0 * kkt.scales.force * random.standard_normal((2, len(bound)))
-    far, kept = bond.problem.state(u, -3.0, *forces), u.copy()
-    state = solve_interior_point(kkt, far, 1.0, Tolerances()).state
-    assert state.load_factor == pytest.approx(program(bond, bound), rel=1e-8)
-    assert np.array_equal(far.displacement, kept)
 
 
 def test_too_few_steps_and_no_numbers_are_errors(bond):

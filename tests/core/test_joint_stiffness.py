@@ -75,31 +75,6 @@ def test_solution_is_that_of_the_dense_system(case, kind):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", KINDS)
-def test_several_right_hand_sides_at_once(case, kind):
-    """Full ones, and sparse ones."""
-    problem, random = case.problem, np.random.default_rng(1)
-    springs = springs_of(case, kind, 5)
-    factor, rights = factor_of(case, kind, springs), random.normal(size=(3, problem.size))
-    exact = np.linalg.solve(sprung(problem, *springs), rights.T).T
-    size = 1e-9 * np.abs(exact).max()
-    for count in (3, 2):
-        found = factor.solve_all([part(problem, row, problem.dead) for row in rights[:count]])
-        found = [whole(problem, x) for x in found]
-        assert np.array(found) == pytest.approx(exact[:count], abs=size)
-    places = [np.array(rows, dtype=np.int32) for rows in ([1, 4], [problem.size - 1], [0])]
-    rights = np.zeros_like(rights)
-    for row, place in zip(rights, places, strict=True):
-        row[place] = random.normal(size=len(place))
-    columns = [(place, row[place]) for place, row in zip(places, rights, strict=True)]
-    solutions = factor.solve_sparse(columns)
-    found = np.concatenate(problem.comm.allgather(solutions.getDenseArray()))
-    solutions.destroy()
-    exact = np.linalg.solve(sprung(problem, *springs), rights.T)
-    assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
-
-
-@pytest.mark.mpi
 @pytest.mark.parametrize("seed", range(4))
 def test_sign_of_the_determinant(case, seed):
     """That of a coupled matrix, which a large coupling turns; without coupling it is positive."""
@@ -109,21 +84,6 @@ def test_sign_of_the_determinant(case, seed):
     sign, _ = np.linalg.slogdet(sprung(case.problem, *springs))
     assert factor_of(case, GENERAL, springs).determinant_sign == sign
     assert factor_of(case, SYMMETRIC, [normal, shear]).determinant_sign == 1.0
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_factor_used_after_another_one_is_an_error(case, kind):
-    live, column = case.problem.live, (np.array([0], dtype=np.int32), np.array([1.0]))
-    first = factor_of(case, kind, springs_of(case, kind, 1))
-    assert first.current
-    second = factor_of(case, kind, springs_of(case, kind, 2))
-    assert second.current and not first.current
-    uses = [lambda: first.solve(live), lambda: first.solve_all([live])]
-    uses.append(lambda: first.solve_sparse([column]))
-    for use in uses + ([lambda: first.determinant_sign] if kind == GENERAL else []):
-        with pytest.raises(SolverError, match="after another one"):
-            use()
-    second.solve(live)
 
 
 # ---- singular matrices

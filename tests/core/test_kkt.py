@@ -7,75 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import JointLaw
-from tests.bank import Recipe, tresca
 from tests.core.problems import BOND, FAR, Array, conditions, noisy, prepared, solved
 
 case = prepared(BOND)
 
-#: Frictionless joints, and given strength on the ground.
-mixed = prepared(
-    Recipe(BOND.draw, JointLaw("frictionless"), {"foundations": {"base": tresca(1e3)}})
-)
-
 
 def same(one: Array, other: Array, rel: float = 1e-8) -> None:
     assert one == pytest.approx(other, abs=rel * np.abs(other).max())
-
-
-@pytest.mark.parametrize("mu", [1.0, 1e-6])
-@pytest.mark.parametrize("given", [False, True])
-def test_all_products_are_equal(case, given, mu):
-    kkt = conditions(case, given=case.first_pressure + 1.0 if given else None)
-    now = kkt.on_central_path(case.bonded_state(kkt.work), mu)
-    expected = np.full_like(now.y, mu * kkt.scales.force * kkt.scales.displacement)
-    for product in kkt.products(now):
-        assert product == pytest.approx(expected, rel=1e-9)
-    assert np.all(now.positive > 0.0)
-    assert kkt.mean_product(now) == pytest.approx(mu, rel=1e-9)
-    assert now.s1 + now.s2 == pytest.approx(2.0 * kkt.law.bound(now.pressure), rel=1e-12)
-    assert now.s2 - now.s1 == pytest.approx(2.0 * now.shear, abs=1e-9 * kkt.scales.force)
-
-
-def test_point_next_to_a_state_keeps_forces_less_displacements(case):
-    kkt, state, problem = conditions(case), solved(case).state, case.problem
-    now, d, f = kkt.on_central_path(state, 1e-3), kkt.scales.displacement, kkt.scales.force
-    opening, slip = problem.normal @ state.displacement, problem.tangential @ state.displacement
-    same(now.pressure / f - now.y / d, state.pressure / f - opening / d, 1e-12)
-    same(now.shear / f - now.slip / d, state.shear / f - slip / d)
-    assert np.array_equal(now.u, state.displacement)
-    assert now.load_factor == kkt.state(now).load_factor == state.load_factor
-    assert replace(kkt, load_factor=0.25).on_central_path(state, 1e-3).load_factor == 0.25
-
-
-def test_points_without_friction_have_no_shear(mixed):
-    kkt, smooth = conditions(mixed), ~mixed.problem.law.frictional
-    now = kkt.on_central_path(mixed.bonded_state(kkt.work), 1e-2)
-    assert np.array_equal(kkt.law.frictional, ~smooth)
-    assert np.any(smooth) and np.any(~smooth)
-    assert np.all(now.shear[smooth] == 0.0)
-    assert kkt.count == len(smooth) + 2 * np.count_nonzero(~smooth)
-    linear = kkt.linearize(now)
-    shear = linear.laws.springs[1]
-    assert np.all(shear[smooth] == 0.0) and np.all(shear[~smooth] > 0.0)
-    (step,) = linear.directions([(kkt.residual(now), np.zeros((3, len(now.y))))])
-    for name in ("shear", "s1", "s2", "z1", "z2"):
-        assert np.all(getattr(step, name)[smooth] == 0.0)
-
-
-def test_residual_of_a_state_is_nothing_and_of_another_is_what_it_lacks(case):
-    kkt = conditions(case)
-    now = kkt.on_central_path(solved(case).state, 1e-12)
-    sizes = kkt.sizes(now, kkt.residual(now))
-    assert set(sizes) == {"equilibrium", "opening", "slip", "work", "complementarity"}
-    assert max(sizes.values()) < 1e-5
-    moved = kkt.residual(replace(now, load_factor=now.load_factor + 0.1)).equilibrium
-    same(moved - kkt.residual(now).equilibrium, -0.1 * case.problem.live)
-    less = replace(kkt, work=0.5 * kkt.work)
-    assert less.sizes(now, less.residual(now))["work"] == pytest.approx(1.0, rel=1e-9)
-    origin = np.linspace(-1.0, 1.0, len(now.y)) * kkt.scales.displacement
-    elsewhere = replace(kkt, problem=case.problem.with_law(slip_origin=origin))
-    same(elsewhere.residual(now).slip - kkt.residual(now).slip, origin)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 1.0], ids=["stiff points", "points with compliance"])

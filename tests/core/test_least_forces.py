@@ -25,7 +25,7 @@ SCENES = {
 def solved(request):
     """A result, its matrices, and the solver's joint forces at all points, shape (points, 2)."""
     name, law, variant = SCENES[request.param]
-    result = limit_load(wall_recipe(name, law).scene(2, variant=variant, error=False))
+    result = limit_load(wall_recipe(name, law).scene(2, variant=variant))
     assert result.status == "limit"
     state = result.positive.state
     with Discretization(result.scene) as whole:

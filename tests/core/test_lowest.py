@@ -12,7 +12,7 @@ from fenics_contact.console import summary
 from fenics_contact.meshing import polygons
 from fenics_contact.output.files import result_record
 from fenics_contact.output.report.answer import answer
-from tests.bank import BANK, PUSH, WEIGHT, block_recipe, coulomb, wall_recipe
+from tests.bank import BANK, PUSH, WEIGHT, coulomb, wall_recipe
 
 #: Rubble of five stones, corners in m. It has two collapse states, on every mesh tried.
 A, B, C = (0.323988, 1.506131), (0.425815, 1.574813), (0.400683, 0.972991)
@@ -91,13 +91,6 @@ def test_the_lowest_state_does_not_collapse_at_its_load_factor():
     assert "none found below the one reported; states were found from 0.30" in summary(result)
 
 
-def test_one_state_is_listed_once():
-    end = limit_load(block_recipe(0.4, 1.0, 0.3).scene(1, states="lowest")).positive
-    (state,) = end.states
-    assert (state.status, state.load_factor) == ("limit", pytest.approx(0.3, rel=1e-6))
-    assert state.start.startswith("path; ") and end.lowest.starts == state.start.count(";")
-
-
 def test_no_lower_state_is_told_where_the_path_is_as_low():
     end = limit_load(BANK["W1 coulomb 0.65"].scene(lowest=True)).positive
     assert (end.lowest.status, end.lowest.load_factor) == ("none", end.load_factor)
@@ -132,9 +125,3 @@ def test_ranks_agree_on_states(options):
     factors = [state.load_factor for state in together.states]
     assert sorted(factors) == pytest.approx([LOW, HIGH], rel=NEAR)
     assert all(found == factors for found in MPI.COMM_WORLD.allgather(factors))
-
-
-@pytest.mark.parametrize("method", ["fixed-point", "monolithic"])
-def test_the_search_does_not_hang_on_the_method(method):
-    end = limit_load(stones(method=method)).positive
-    assert end.lowest.load_factor == pytest.approx(LOW, rel=NEAR)

@@ -11,7 +11,7 @@ from fenics_contact.solvers.arclength import FALLING_PRODUCTS, ArclengthOptions,
 from fenics_contact.solvers.compiled import call, structure
 from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from tests.bank import coulomb, wall_recipe
-from tests.core.problems import Place, conditions, dense, prepared
+from tests.core.problems import Place, conditions, prepared
 
 #: All points are chosen, and solved for to many digits.
 ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9)
@@ -68,33 +68,7 @@ def test_slopes_are_those_of_differences(table, line):
         assert slopes == pytest.approx(difference, abs=1e-4 * np.abs(slopes).max())
 
 
-def test_points_that_a_tangent_leads_nowhere_are_infinitely_far(table):
-    table = table.copy()
-    table[14:19, 3] = np.nan  # the tangent
-    count = table.shape[1]
-    points = structure("points", count=count, table=table, mu=1e-2, log_mu_rate=-1.0, smallest=1e-3)
-    found = np.empty(count)
-    call("distances", points, 1.0, 0.5, np.zeros((2, count)), found)
-    assert np.isinf(found[3]) and np.all(np.isfinite(np.delete(found, 3)))
-
-
 # ---- steps of a wall
-
-
-def test_answers_are_displacements_that_do_no_work_on_the_live_load(place):
-    made, problem = place.elimination(), place.kkt.problem
-    made.step((-1.0, 1.0), 1.0)
-    rows = np.concatenate([dense(problem.normal), dense(problem.tangential)])
-    moved = [place.linear.hold_work(place.linear.factor.solve(row))[0] for row in rows]
-    assert np.all(np.abs(moved @ problem.live) <= 1e-8 * (np.abs(moved) @ np.abs(problem.live)))
-    unit = place.kkt.scales.force / place.kkt.scales.displacement
-    exact = unit * (moved @ rows.T)  # openings and slips for unit normal and shear forces
-    count = problem.points
-    found = np.concatenate([made.answers[0], made.answers[1]], axis=1)
-    assert 2 * EliminationOptions().points >= len(found) > 0
-    for pair in found.reshape(-1, 2, 2 * count):
-        missed = [np.abs(pair - exact[[point, count + point]]).max() for point in range(count)]
-        assert min(missed) <= 1e-8 * np.abs(pair).max()
 
 
 @pytest.mark.mpi
@@ -128,13 +102,3 @@ def test_no_point_is_farther_from_its_law_than_allowed(place, solved):
         sizes = place.kkt.sizes(now, place.kkt.residual(now))
         assert sizes["equilibrium"] <= 0.1 * allowed and sizes["work"] <= 1e-9
     assert 0.0 < lengths[1] < lengths[0]
-
-
-def test_tangent_leaves_the_path_with_the_square_of_the_step(case):
-    kkt = conditions(case)
-    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(elimination=ALL))
-    point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-1)
-    step = Place.at(kkt, point.iterate, point.mu).elimination()
-    left = [case.problem.max(step.distances(1.0, s)) for s in (1e-1, 1e-2)]
-    assert left[0] < 0.1
-    assert left[1] < 0.02 * left[0]

@@ -28,60 +28,6 @@ LAWS = {
 }
 
 
-def any_forces(faces: PlanarFaces, seed: int) -> np.ndarray:
-    """Forces of all faces within their laws, (n_1, n_2, t); some at an edge or nothing at all."""
-    model, random = faces.model, np.random.default_rng(seed)
-    count = model.shape[0]
-    most = np.where(model.crushing > 0.0, 0.5 / np.maximum(model.crushing, 1e-300), model.force)
-    normal = most * random.uniform(0.0, 1.0, count) * (random.random(count) > 0.1)
-    share = np.clip(random.uniform(-0.3, 1.3, count), 0.0, 1.0)
-    least = model.crushing * normal**2
-    first = least + share * (normal - 2.0 * least)
-    shear = random.uniform(-1.0, 1.0, count) * (model.strength + model.friction * normal)
-    return np.column_stack([first, normal - first, shear])
-
-
-@pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize(("elements", "degree"), [(1, 1), (3, 1), (2, 2)])
-def test_forces_of_faces_on_their_points(name, elements, degree):
-    scene = replace(wall_recipe("W4", LAWS[name]).scene(elements), degree=degree)
-    faces = planar_faces(scene)
-    joints, face = faces.joints, faces.faces.of_point
-    force = any_forces(faces, elements)
-    pressed, shear = faces.point_forces(force)
-    unit, count = faces.model.force, len(force)
-    # Sums, and the place of the resultant.
-    normal = force[:, 0] + force[:, 1]
-    assert np.bincount(face, pressed, count) == pytest.approx(normal, abs=1e-8 * unit)
-    assert np.bincount(face, shear, count) == pytest.approx(force[:, 2], abs=1e-8 * unit)
-    along = np.sum(joints.tangent * joints.position, axis=1)
-    ends = along[faces.faces.ends]
-    moment = np.bincount(face, pressed * (along - ends.mean(axis=1)[face]), count)
-    half = 0.5 * (ends[:, 1] - ends[:, 0])
-    assert moment == pytest.approx(half * (force[:, 1] - force[:, 0]), abs=1e-8 * unit)
-    # No tension, friction, strength.
-    assert pressed.min() >= 0.0
-    assert np.max(np.abs(shear) - joints.point_laws.bound(pressed)) <= 1e-8 * unit
-    if degree == 1:  # points of quadratic elements are too far apart for some blocks of pressure
-        strength = np.minimum(faces.crushing[face] * joints.length, 1e300)
-        assert np.max(pressed - strength) <= 1e-8 * unit
-
-
-def test_modes_of_the_model_are_motions_of_the_blocks():
-    faces = planar_faces(BANK["W1 coulomb 0.65"].scene(1))
-    found = FaceSearch(faces.model, 1e-3).run()
-    motions = faces.motions(found.mode)
-    assert motions.shape == faces.bodies.live.shape
-    resultants = faces.bodies.live
-    assert np.sum(resultants * motions) == pytest.approx(1.0, rel=1e-9)
-
-
-def test_reversed_load():
-    scene = wall_recipe("W3", PLAIN).scene(1)
-    one, other = planar_faces(scene).model, planar_faces(scene, -1.0).model
-    assert other.live == pytest.approx(-one.live) and other.dead == pytest.approx(one.dead)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_work_of_crushing_against_forces_on_a_grid(seed):
     """The largest -n . v with n_i >= kappa N^2."""

@@ -116,11 +116,11 @@ def test_no_marked_cell_changes_nothing():
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_load_factor_of_a_refined_wall_on_any_ranks(degree):
     """That of W1 does not depend on the mesh, that of W4 does."""
-    scene = wall_recipe("W1", coulomb(0.65)).scene(2, error=False)
+    scene = wall_recipe("W1", coulomb(0.65)).scene(2)
     finer = replace(refined(scene, 0.4, 0.175, 3), degree=degree)
     assert limit_load(finer).load_factor == pytest.approx(limit_load(scene).load_factor, rel=1e-7)
-    alone = wall_recipe("W4", coulomb(0.65)).scene(2, comm=MPI.COMM_SELF, error=False)
-    whole = wall_recipe("W4", coulomb(0.65)).scene(2, error=False)
+    alone = wall_recipe("W4", coulomb(0.65)).scene(2, comm=MPI.COMM_SELF)
+    whole = wall_recipe("W4", coulomb(0.65)).scene(2)
     factors = [limit_load(refined(one, 0.6, 0.9, 2)).load_factor for one in (alone, whole)]
     assert math.isfinite(factors[0])
     assert factors[1] == pytest.approx(factors[0], rel=1e-7)

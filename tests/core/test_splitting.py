@@ -94,39 +94,8 @@ def test_residuals_are_those_of_the_state(bond, minimise):
 
 
 @pytest.mark.mpi
-def test_slip_is_measured_from_its_origin(bond):
-    """Residuals with the origin are small."""
-    moved = bond.problem.with_law(slip_origin=np.full(bond.problem.points, 1e-6))
-    with replace(bond, problem=moved).solver() as solver:
-        state, residuals = solver.solve(*bond.ask, 1e-9)
-    assert max(residuals.values()) <= 1e-9
-    assert state_residuals(moved, state, bond.scales, moved.law.strength) == residuals
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("minimise", WAYS)
-def test_warm_start_takes_few_steps(bond, minimise):
-    with bond.solver(minimise) as solver:
-        state, _ = solver.solve(*bond.ask, 1e-9)
-        before, factors = solver.history.steps, solver.factorizations
-        again, _ = solver.solve(*replace(bond, start=state).ask, 1e-9)
-        assert solver.history.steps - before <= 2
-        assert solver.factorizations == factors
-    assert again.load_factor == pytest.approx(state.load_factor, rel=1e-8)
-
-
-@pytest.mark.mpi
 def test_failure_says_how_far_it_came(bond, monkeypatch):
     monkeypatch.setattr(joint_forces, "ACCEPTABLE", 0.0)
     with bond.solver() as solver:
         with pytest.raises(SolverError, match=r"residual .* after \d+ steps, asked 1.0e-30"):
             solver.solve(*bond.ask, 1e-30)
-
-
-@pytest.mark.mpi
-def test_contraction_of_sweeps(bond, monkeypatch):
-    monkeypatch.setattr(joint_forces, "SLOW_SWEEP", 0.9)
-    with bond.solver(alternately) as solver:
-        assert solver.history.contraction is None
-        solver.solve(*bond.ask, 1e-9)
-        assert 0.0 < solver.history.contraction < 0.9

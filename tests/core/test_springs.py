@@ -12,28 +12,6 @@ from fenics_contact.faces.system import Springs
 SHAPES = [(2, 2), (2, 5), (3, 3), (3, 7)]  # m, vectors
 
 
-def drawn(m: int, count: int, powers: float, units: int = 50) -> tuple[np.ndarray, ...]:
-    """Left and right vectors, and weights that range over some powers of ten."""
-    random = np.random.default_rng(m * count)
-    left, right = random.normal(size=(2, units, count, m))
-    return left, right, 10.0 ** random.uniform(-powers, powers, (units, count))
-
-
-def summed(left: np.ndarray, right: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return np.einsum("uk,ukm,ukn->umn", weights, left, right)
-
-
-@pytest.mark.parametrize(("m", "count"), SHAPES)
-def test_well_conditioned_matrices(m, count):
-    left, right, weights = drawn(m, count, 0.5)
-    for pair in ((right, right), (right + 0.1 * left, right)):
-        found = Springs(*pair).inverse(weights)
-        matrix = summed(*pair, weights)
-        well = np.linalg.cond(matrix) < 1e4
-        assert well.sum() > 10
-        assert found[well] == pytest.approx(np.linalg.inv(matrix[well]), rel=1e-9, abs=1e-9)
-
-
 def exact_inverse(vectors: np.ndarray, weights: np.ndarray) -> list[list[Fraction]]:
     """By cofactors, in fractions."""
     m = vectors.shape[1]

@@ -74,16 +74,6 @@ def test_high_friction_has_a_verified_state_within_its_bracket(name, friction):
     assert result.cost <= 600.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", JOINT_METHODS)
-@pytest.mark.parametrize(
-    "name", ["W1 tresca 0.5 kPa", "W1 tresca 8 kPa", "W3 tresca 8 kPa", "wedge 0.1", "wedge 0.3"]
-)
-def test_given_friction_and_the_wedge_by_joint_forces(name, method):
-    result = solved(BANK[name].scene(method=method))
-    assert result.load_factor == pytest.approx(BANK[name].expected, abs=6e-6)
-
-
 @pytest.mark.parametrize("method", JOINT_METHODS)
 def test_arch_by_joint_forces(method):
     result = solved(BANK["arch 7 0.15"].scene(method=method))
@@ -137,13 +127,6 @@ def test_slip_measured_by_load_steps_ends_in_a_verified_state(name):
     assert stepped.load_factor == pytest.approx(wall.expected, rel=1e-3)
 
 
-def test_both_directions_by_raising_the_load(tmp_path):
-    record = recorded(BANK["W3 tresca 2 kPa"].scene(control="load", direction="both"), tmp_path)
-    assert record["load_factor"] == pytest.approx(record["bounds"]["upper"], rel=1e-6)
-    lower = record["negative"]["bounds"]["lower"]
-    assert record["load_factor_negative"] == pytest.approx(lower, rel=1e-6)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["W2", "W4"])
 def test_load_factor_is_on_the_plateau_of_the_capacity_curve(name, tmp_path):
@@ -158,14 +141,6 @@ def test_load_factor_is_on_the_plateau_of_the_capacity_curve(name, tmp_path):
 
 
 # Several collapse states
-
-
-def test_states_at_friction_one(tmp_path):
-    """W1 has several; staircase rocking is at 0.64596."""
-    record = recorded(BANK["W1 bracket 1"].scene(states="lowest"), tmp_path)
-    found = [state["load_factor"] for state in record["states"]]
-    assert all(state["status"] == "limit" for state in record["states"])
-    assert record["load_factor"] == min(found) <= 0.6857
 
 
 def test_lowest_of_several_states(tmp_path):

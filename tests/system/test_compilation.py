@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -58,23 +55,6 @@ def test_only_the_first_run_compiles_and_says_nothing(name, ranks, tmp_path, mon
     assert made[0] and made[0] == made[1]
     assert sum(name.startswith("fenics_contact_laws_") for name in made[0]) == 1
     assert all(found["compile"] > 0.0 for found in seconds)
-
-
-@pytest.mark.slow
-def test_a_run_killed_while_it_compiled_does_not_stop_the_next(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    write_scene(tmp_path, {"output.pictures": False}, "block")
-    command = [sys.executable, "-m", "fenics_contact", "solve", "scene.toml"]
-    killed = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL)
-    cache, end = tmp_path / "cache", time.monotonic() + 60.0
-    while not list(cache.rglob("libffcx_*.c")) and time.monotonic() < end:
-        time.sleep(0.01)
-    killed.kill()
-    killed.wait()
-    left = [c for c in cache.rglob("libffcx_*.c") if not c.with_suffix(".c.cached").exists()]
-    assert left
-    found = run(["solve", "scene.toml"], tmp_path)
-    assert (found.code, found.err) == (0, "")
 
 
 @pytest.mark.parametrize("missing", ["laws of an earlier run", "laws and forms"])

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-import fenics_contact
 from tests.system.program import LEFT_OUT, Run, result, run, run_here, write_scene
 
 DOWN = {"loads.live.body": [0.0, -9.81]}
@@ -149,9 +148,3 @@ def test_codes_of_the_program(ranks, changes, mesh, code, status, tmp_path):
     assert result(tmp_path / "scene")["status"] == status
     words = {"limit": "load factor = ", "not_converged": "NOT CONVERGED"}
     assert found.out.count(words.get(status, status)) == 1
-
-
-def test_version_of_the_program(tmp_path):
-    found = run(["--version"], tmp_path)
-    assert (found.code, found.err) == (0, "")
-    assert found.out == f"fenics-contact {fenics_contact.__version__}\n"

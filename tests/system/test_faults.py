@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -147,18 +145,6 @@ def complete(folder: Path) -> set[str]:
     return names
 
 
-@pytest.mark.slow
-def test_ctrl_c_after_the_end(scene):
-    """MPI takes a second to end, on one rank."""
-    with started(scene) as program:
-        program.wait_for(lambda run: "written to" in run.out)
-        time.sleep(0.2)
-        program.process.send_signal(signal.SIGINT)
-        found = program.ended()
-    assert found.code in (0, -signal.SIGINT)  # 130 in a shell
-    assert found.err == "" and "result.json" in complete(program.output)
-
-
 def known(program: Started, name: str) -> None:
     """See that what was known when a run was stopped has been written."""
     names, record = complete(program.output), result(program.output)
@@ -199,20 +185,6 @@ def test_signals(number, moment, scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("factorizations", [1, 20, 60])
-def test_stopped_on_the_way(factorizations, scene):
-    """Lines of the path tell how far a run is."""
-    lines = "load factor"
-    with started(scene) as program:
-        program.wait_for(lambda run: lines in run.out)
-        time.sleep(0.02 * factorizations)
-        program.process.send_signal(signal.SIGTERM)
-        found = program.ended()
-    assert (found.code, found.err) == (143, "")
-    known(program, "SIGTERM")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("seconds", [0.0, 2.0, 4.0])
 def test_ctrl_c_in_the_face_engine(tmp_path, seconds, ranks):
@@ -239,17 +211,6 @@ def test_ctrl_c_in_the_face_engine(tmp_path, seconds, ranks):
 
 
 @pytest.mark.slow
-def test_ctrl_c_twice(scene):
-    with started(scene) as program:
-        program.wait_for(MOMENTS["solving"])
-        os.killpg(program.process.pid, signal.SIGINT)
-        os.killpg(program.process.pid, signal.SIGINT)
-        found = program.ended()
-    assert (found.code, found.err) == (130, "")
-    complete(program.output)
-
-
-@pytest.mark.slow
 @moments
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_to_mpirun(number, moment, scene):
@@ -261,18 +222,6 @@ def test_signals_to_mpirun(number, moment, scene):
     assert found.code in (0, 1, 128 + signal.SIGINT, 128 + signal.SIGTERM)
     assert "Traceback" not in found.err and "PETSC" not in found.err
     complete(program.output)
-
-
-@pytest.mark.slow
-def test_a_signal_that_mpirun_passes_on(scene):
-    with started(scene, 2) as program:
-        program.wait_for(MOMENTS["solving"])
-        time.sleep(0.5)
-        program.process.send_signal(signal.SIGUSR1)
-        found = program.ended()
-    assert found.code == 128 + signal.SIGUSR1
-    assert "Traceback" not in found.err and "PETSC" not in found.err
-    known(program, "SIGUSR1")
 
 
 @pytest.mark.slow
@@ -400,27 +349,3 @@ def test_output_to_a_full_disk(tmp_path):
 
 
 DOWN, STEEP = {"loads.live.body": [0.0, -9.81]}, {"joints": {}}
-ENDS = {
-    "limit": ({}, "block"),
-    "unbounded": (DOWN, "block"),
-    "unstable": (STEEP, "steep"),
-    "not_converged": ({"solve.tolerance": 1e-12, "solve.method": "active-set"}, "block"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "ranks"), [*itertools.product(list(ENDS)[:3], (1, 2)), ("not_converged", 1)]
-)
-def test_nothing_goes_to_standard_error(name, ranks, tmp_path):
-    changes, mesh = ENDS[name]
-    write_scene(tmp_path, changes, mesh)
-    assert run(["check", "scene.toml"], tmp_path, ranks).err == ""
-    found = run(["solve", "scene.toml"], tmp_path, ranks)
-    assert "Traceback" not in found.err and "PETSC" not in found.err
-    err = found.err
-    if ranks > 1 and found.code:  # of which Open MPI has something to say
-        notice = r"-{74}\nPrimary job .*aborted\.\n-{74}\n-{74}\nmpirun detected .*-{74}\n"
-        err = re.sub(notice, "", err, flags=re.S)
-    assert err == ""
-    assert result(tmp_path / "scene")["status"] == name

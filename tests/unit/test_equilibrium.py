@@ -16,7 +16,6 @@ from fenics_contact import (
     Load,
     Material,
     Movement,
-    OutputOptions,
     Scene,
     SolveOptions,
     SolverError,
@@ -25,7 +24,6 @@ from fenics_contact import (
     stands,
 )
 from fenics_contact.collapse import service_state
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import standing
 from fenics_contact.limit_load import Monitor
 from fenics_contact.meshing import polygons
@@ -61,12 +59,6 @@ def test_reversed_load_mirrors_the_state():
     assert shear[1] == pytest.approx(-shear[0], rel=1e-9)
 
 
-def test_load_beyond_the_limit_has_no_equilibrium():
-    found = equilibrium(BLOCK.scene(2), 0.31)
-    assert (found.status, found.state, found.displacement) == ("no_equilibrium", None, None)
-    assert found.reason == "with associative friction rigid blocks carry 0.3 at most"
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(("factor", "carried"), [(0.30001, 0.3), (1e6, 0.3), (-0.31, -0.3)])
 def test_load_that_is_proved_too_large_costs_no_factorisation(factor, carried):
@@ -96,17 +88,6 @@ def test_does_it_stand(name, answer):
     assert stands(BANK[name].scene(1)) is answer
 
 
-@pytest.mark.parametrize("name", ["block 0.7", "W3 coulomb 0.65", "sliding stack -0.001"])
-def test_what_stands_needs_no_matrix_of_the_blocks(name, monkeypatch):
-    """Nor does what falls."""
-
-    def refused(self, kind):
-        raise AssertionError("elastic solve")
-
-    monkeypatch.setattr(Discretization, "bonded", refused)
-    assert stands(BANK[name].scene(1)) == (name != "sliding stack -0.001")
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize("factor", [0.0, 0.29, -0.29])
 def test_state_of_joint_faces_with_strained_blocks(factor):
@@ -123,12 +104,6 @@ def test_state_of_joint_faces_with_strained_blocks(factor):
     moment = force[:, 1] @ (found.joints["position"][base][:, 0] - centre)
     assert moment == pytest.approx(0.2 * factor * weight, rel=1e-6, abs=1e-3)
     assert "by the forces of joint faces" in found.summary()
-
-
-def test_beyond_its_friction_a_block_does_not_stand():
-    found = standing(block_recipe(1.0, 0.4, 0.3).scene(1), 0.31)
-    assert found.status == "no_equilibrium" and found.factorizations == 0
-    assert found.reason.endswith("carry 0.3 at most")
 
 
 def test_faces_answer_where_the_search_on_elastic_blocks_finds_none(monkeypatch):
@@ -269,12 +244,6 @@ def test_files_of_a_fall(tmp_path):
     record = json.loads((tmp_path / "result.json").read_text())
     assert (record["status"], record["falling_blocks"]) == ("unstable", [0, 1])
     assert record["files"] == ["collapse.png"]
-
-
-def test_files_that_nobody_wants_are_not_written(tmp_path):
-    options = OutputOptions(paraview=False, pictures=False)
-    equilibrium(replace(BLOCK.scene(2), output=options), 0.2).write(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_where_associative_friction_proves_nothing_the_state_is_only_not_found():

@@ -229,23 +229,6 @@ def test_group_on_two_blocks_has_a_bar_to_each():
     assert result.ties["force"] == pytest.approx([0.5 * force] * 2, rel=1e-6)
 
 
-def rocking(sign: float, scale: float = 1.0) -> float:
-    """Load factor of an anchored pier pushed to one side, with all lengths times a scale."""
-    at = scale * np.array([sign, 1.0])
-    corners = [tuple(at * xy) for xy in ((0.0, 0.0), (0.5, 0.0), (0.5, 2.0), (0.0, 2.0))]
-    model = polygons([corners[:: int(sign)]], 0.25 * scale)
-    place, ground = (tuple(at * xy) for xy in ((0.12, 1.87), (-1.5, 0.0)))
-    area = scale**2
-    tie = Tie(place, 3e3 * area, ground=ground, stiffness=1e6 * scale, prestress=1e3 * area)
-    scene = tied(model, tie, friction=2.0, live=Load((sign * GRAVITY, 0.0)))
-    return limit_load(scene).load_factor
-
-
-@pytest.mark.parametrize(("sign", "scale"), [(-1.0, 1.0), (1.0, 1e-2), (1.0, 1e2)])
-def test_mirror_and_size_change_nothing(sign, scale):
-    assert rocking(sign, scale) == pytest.approx(rocking(1.0), rel=1e-6)
-
-
 def test_tie_holds_what_does_not_stand_alone():
     """A pier of which the dead load pulls the head, by hand: N = Q - M / h."""
     dead = Load((1.0 * GRAVITY, -GRAVITY))
