@@ -23,10 +23,8 @@ from tests.core.problems import (
     conditions,
     load_case,
     misses,
-    noisy,
     prepared,
     solved,
-    sprung,
 )
 
 #: All points are chosen, and solved for to many digits.
@@ -82,19 +80,6 @@ def test_rising_work_ends_at_the_work_asked_for(plain, times):
 # ---- folds
 
 
-def test_orientation_is_the_sign_of_the_bordered_determinant(folded):
-    kkt, live, found = conditions(folded), folded.problem.live, set()
-    start = kkt.on_central_path(solved(folded, 0.1).state, 1e-3)
-    for seed, size in ((0, 3.0), (3, 3.0), (10, 3.0), (18, 6.0)):  # the last: f_L.A^-1 f_L < 0
-        linear = kkt.linearize(noisy(start, seed, size))
-        matrix = sprung(folded.problem, *linear.laws.springs[:3])
-        border = np.block([[matrix, live[:, None]], [live[None], np.zeros((1, 1))]])
-        scale = np.sqrt(np.append(np.diag(matrix), np.abs(matrix).max()))
-        assert linear.orientation == -np.linalg.slogdet(border / np.outer(scale, scale))[0]
-        found.add((linear.orientation, np.sign(linear.flexibility)))
-    assert found == {(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)}
-
-
 @pytest.mark.parametrize(
     ("wall", "friction", "elements"), [("W1", 1.0, 2), ("W3", 0.65, 1), ("W3", 1.0, 1)]
 )
@@ -107,19 +92,3 @@ def test_folds_that_stall_the_interior_point_method_are_passed(wall, friction, e
     assert max(left.values()) < 1e-6, left
     if wall == "W1":  # by an independent fixed point
         assert state.load_factor == pytest.approx(0.645963, abs=2e-6)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_steps": 2}, "not at its end after 2 steps"),
-        ({"patience": 1, "largest_change": 0.3}, r"wanders, after \d+ steps"),
-        (
-            {"lost": 0, "elimination": EliminationOptions(points=0, rounds=0, allowed=0.0)},
-            "lost after 1",
-        ),
-    ],
-)
-def test_path_that_does_not_end(plain, options, message):
-    with pytest.raises(SolverError, match=f"central path: {message}"):
-        fallen(plain, 1e-4, **options)

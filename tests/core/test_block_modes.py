@@ -74,27 +74,6 @@ def test_modes_are_rigid_motions_strains_and_bendings():
 
 
 @pytest.mark.mpi
-def test_linear_displacements_of_free_blocks_come_back(case):
-    """Restricted and prolonged: they are among the modes."""
-    discretization, problem = case.discretization, case.problem
-    count, random = len(problem.dead) // 2, np.random.default_rng(2)
-    body = discretization.elasticity.node_body[:count]
-    free = ~np.isin(body, discretization.supports.body)
-    position = discretization.elasticity.space.tabulate_dof_coordinates()[:count, :2]
-    slope, shift = random.normal(size=(2, 2)), random.normal(size=(case.block_count, 2))
-    u = np.where(free[:, None], position @ slope + shift[body], 0.0).ravel()
-    assert problem.max(np.abs(u)) > 0.1
-    none, made = np.zeros(problem.points), discretization.block_modes
-    restricted = made.restricted(State(u, problem.elastic_part(u), 0.5, none, none, 7.0))
-    back = made.prolonged(restricted)
-    assert back.displacement == pytest.approx(u, abs=1e-12 * problem.max(np.abs(u)))
-    assert back.elastic == pytest.approx(problem.elastic_part(u), abs=1e-12)
-    assert (back.load_factor, back.work) == (0.5, 7.0)
-    again = made.restricted(back).displacement
-    assert again == pytest.approx(restricted.displacement, abs=1e-12)
-
-
-@pytest.mark.mpi
 def test_reduced_structure_is_that_of_the_formula(case):
     made, problem = case.discretization.block_modes, case.problem
     columns, reduced, stiffness = basis(made), made.reduced, dense(made.reduced.stiffness)

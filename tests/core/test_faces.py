@@ -14,10 +14,8 @@ import pytest
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import associative_end
-from tests.bank import BANK
 from tests.boxes import box_model, box_wall
-from tests.second_solver import limit, misses, own_limit
+from tests.second_solver import misses, own_limit
 
 GAP = 1e-3
 #: Friction of the walls.
@@ -62,16 +60,6 @@ def test_nothing_with_the_strengths_of_a_state_carries_more(name, d):
     own = own_limit(wall(name, d), found)
     assert own == pytest.approx(found.upper, rel=1e-6)
     assert found.load_factor <= own * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_associative_friction_gives_one_load_factor_in_any_dimension(name):
-    """A state in space, averaged with its mirror image, is one in the plane and conversely."""
-    known = BANK[f"{name} bracket 0.65"].interval[1]
-    for d in (2, 3):
-        model = wall(name, d)
-        assert limit(model, model.strength, model.friction) == pytest.approx(known, abs=6e-6)
-        assert associative_end(model) == pytest.approx(known, abs=1e-5)
 
 
 def block(base: tuple[float, ...], height: float, friction: float, degrees: float) -> FaceModel:

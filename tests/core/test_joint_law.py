@@ -66,16 +66,3 @@ def test_states_with_given_forces_less_displacements(mu):
     assert np.abs(left / (np.abs(difference) + np.abs(q) + np.sqrt(mu))).max() <= 1e-13
     left = at.shear - at.slip - q
     assert np.abs(left / (np.abs(difference) + np.abs(q) + np.sqrt(mu))).max() <= 1e-7
-
-
-def test_bound_and_dissipation_share_the_friction():
-    """What slip takes up is less than F r_N by what it lifts: D r_N."""
-    law = PointLaws(np.array([0.5]), np.array([2.0]), np.array([0.2]))
-    pressure, slip = np.array([10.0]), np.array([-3.0])
-    assert law.bound(pressure) == pytest.approx([7.0]) and law.given(pressure) == [5.0]
-    assert law.clearance(np.array([1.0]), slip) == pytest.approx([0.4])
-    work = -pressure * law.dilation(-slip, np.zeros(1)) - law.bound(pressure) * slip
-    assert law.dissipation(pressure, slip) == pytest.approx(work)
-    given = law.with_given(law.given(pressure))
-    assert given.bound(pressure) == law.bound(pressure) and given.dissipative == [0.0]
-    assert len(law.each(lambda values: values[:0]).opening_origin) == 0

@@ -20,13 +20,11 @@ from fenics_contact.solvers.joint_stiffness import (
 from tests.core.problems import (
     THREE_BLOCKS,
     Array,
-    dense,
     load_case,
     on_an_inclined_roller,
     part,
     sparse,
     sprung,
-    whole,
 )
 
 KINDS = [SYMMETRIC, GENERAL]
@@ -53,25 +51,6 @@ def springs_of(case: LoadCase, kind: str, seed: int) -> list[Array]:
 def factor_of(case: LoadCase, kind: str, springs: list[Array]) -> Factor:
     mine = [part(case.problem, k, case.problem.law.friction) for k in springs]
     return case.discretization.stiffness(kind).factor(*mine[: 3 if kind == GENERAL else 2])
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("kind", KINDS)
-def test_solution_is_that_of_the_dense_system(case, kind):
-    problem, tally = case.problem, case.discretization.tally
-    before, stiffness = tally.count, dense(problem.stiffness)
-    for seed in (1, 2):  # the second replaces the first
-        springs = springs_of(case, kind, seed)
-        matrix = sprung(problem, *springs)
-        exact = np.random.default_rng(2).standard_normal(len(matrix))
-        factor = factor_of(case, kind, springs)
-        found = factor.solve(part(problem, matrix @ exact, problem.dead))
-        rounding = 1e-16 * np.linalg.cond(matrix) + 1e-12
-        assert whole(problem, found) == pytest.approx(exact, abs=rounding)
-    assert tally.count == before + 2
-    assert np.array_equal(dense(problem.stiffness), stiffness)
-    mean = case.discretization.stiffness(kind).mean_diagonal
-    assert mean == pytest.approx(np.diag(stiffness).mean(), rel=1e-14)
 
 
 @pytest.mark.mpi

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fenics_contact import InputError, JointLaw, Scene
-from fenics_contact.discretization.elasticity import Elasticity, assemble
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import (
     GROUND,
-    JointOperators,
     Joints,
     find_joints,
-    joint_operators,
 )
 from fenics_contact.discretization.materials import displacement_space
-from fenics_contact.discretization.supports import Supports, find_supports
 from fenics_contact.meshing import polygons, wall
 from tests.helpers import (
     PUSH,
     STONE,
-    Drawing,
     coulomb,
-    dense,
     grid_blocks,
     mesh_of,
-    node_positions,
-    on_ground,
     tresca,
 )
 
@@ -51,59 +43,6 @@ def free_scene(model, joints=None, foundations=None) -> Scene:
 def at(joints: Joints, x: float, y: float) -> np.ndarray:
     """Points of the joints at a place."""
     return np.flatnonzero(np.abs(joints.position - [x, y]).max(axis=1) < 1e-9)
-
-
-@dataclass
-class Jointed:
-    """Joints of a scene and what they are made of; B_N and B_T by joint point, on all ranks."""
-
-    elasticity: Elasticity
-    supports: Supports
-    joints: Joints
-    operators: JointOperators
-    normal: np.ndarray
-    tangential: np.ndarray
-
-    @classmethod
-    def of(cls, scene: Scene) -> Jointed:
-        space = displacement_space(scene)
-        boundary = collect_boundary(scene.mesh, space)
-        supports, joints = find_supports(scene, boundary), find_joints(scene, boundary)
-        elasticity = assemble(scene, space, boundary, supports)
-        operators = joint_operators(joints, supports, elasticity.stiffness)
-        order = np.argsort(np.concatenate(scene.comm.allgather(operators.points)))
-        rows = (dense(matrix)[order] for matrix in (operators.normal, operators.tangential))
-        return cls(elasticity, supports, joints, operators, *rows)
-
-    def nodes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and bodies of all nodes."""
-        space = self.elasticity.space
-        own = self.elasticity.node_body
-        return node_positions(space), np.concatenate(space.mesh.comm.allgather(own))
-
-    def moved(self, displacement) -> tuple[np.ndarray, np.ndarray]:
-        """Opening and slip for a displacement as function of positions and bodies."""
-        values = displacement(*self.nodes()).ravel()
-        return self.normal @ values, self.tangential @ values
-
-
-def shaken(x, body):
-    return np.column_stack([np.sin(3 * x[:, 0] + body), x[:, 1] ** 2 * np.cos(body)])
-
-
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize(
-    "displacement", [shaken, lambda x, body: [2e-3, -1e-3] + 5e-3 * x @ [[0, 1], [-1, 0]]]
-)
-def test_rows_give_the_jump_of_any_displacement(degree, displacement):
-    model = Drawing.of(wall([[1, 1], [0.5, 1, 0.5]], elements=1)).turned(0.3).model()
-    jointed = Jointed.of(on_ground(model, coulomb(0.5), degree=degree))
-    joints = jointed.joints
-    first, second = (displacement(joints.position, joints.bodies[:, side]) for side in (0, 1))
-    first[joints.bodies[:, 0] == GROUND] = 0.0
-    opening, slip = jointed.moved(displacement)
-    assert opening == pytest.approx(np.sum(joints.normal * (second - first), axis=1), abs=1e-14)
-    assert slip == pytest.approx(np.sum(joints.tangent * (second - first), axis=1), abs=1e-14)
 
 
 def test_weights_are_those_of_the_trapezoidal_and_of_simpsons_rule():
@@ -148,20 +87,6 @@ def test_laws_of_groups():
     assert joints.friction == pytest.approx(np.where(head, 0.3, 0.0))
     assert joints.shear_strength == pytest.approx(np.where(bed, 5e3 * joints.length, 0.0))
     assert joints.shear_strength.sum() == pytest.approx(5e3 * 0.8, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    "others",
-    [
-        [],
-        [((0, 1.01), (1, 1), (1, 1))],
-        [((1, 1), (1, 1), (3, 3))],  # touches at a corner
-    ],
-)
-def test_blocks_apart_have_no_joint(others):
-    joints = joints_of(free_scene(grid_blocks(((0, 0), (1, 1), (2, 2)), *others).model()))
-    assert len(joints.length) == 0
-    assert joints.segments.shape == (0, 2)
 
 
 ROUGH, SMOOTH = coulomb(0.5), coulomb(0.1)

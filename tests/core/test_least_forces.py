@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 from fenics_contact import JointLaw, limit_load
 from fenics_contact.discretization.discretization import Discretization
@@ -79,28 +78,3 @@ def test_laws_hold_and_bounds_stay(solved):
     assert np.array_equal(least(result)[at_bound], raw[at_bound])
     moves = result.positive.joints.opens | result.positive.joints.slips | moved(result)
     assert np.array_equal(least(result)[moves], raw[moves])
-
-
-def test_no_admissible_forces_are_less(solved):
-    """No way to other forces of sticking points leads down: a linear program, with its gradient."""
-    result, whole, raw = solved
-    joints, found = whole.joints, least(result)
-    strict = joints.friction * raw[:, 0] + joints.shear_strength - np.abs(raw[:, 1])
-    free = (raw[:, 0] > 2e-6 * np.abs(raw).max()) & (strict > 2e-6 * np.abs(raw).max())
-    free &= ~moved(result)
-    assert np.any(free)
-    # Unknown are changes (normal, shear), each of size 1 at most, of the forces at these points.
-    now, friction = found[free] / np.abs(raw).max(), joints.friction[free]
-    count = len(now)
-    rows = nodal_rows(whole)[free].transpose(2, 1, 0).reshape(-1, 2 * count)
-    one, ratio, none = np.eye(count), np.diag(friction), np.zeros((count, count))
-    laws = np.block([[-one, none], [-ratio, one], [-ratio, -one]])
-    strength = joints.shear_strength[free] / np.abs(raw).max()
-    rest = friction * now[:, 0] + strength
-    slack = np.concatenate([now[:, 0], rest - now[:, 1], rest + now[:, 1]])
-    gradient = (now / joints.length[free, None]).T.ravel()
-    scale = np.abs(gradient).max()
-    slack = np.maximum(slack, 0.0)
-    best = linprog(gradient / scale, laws, slack, rows, np.zeros(len(rows)), (-1.0, 1.0))
-    assert best.status == 0
-    assert best.fun > -1e-6

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fenics_contact import Load, SolveOptions, SolverError, limit_load
-from fenics_contact.collapse.load_case import LoadCase, Task
+from fenics_contact import Load, SolveOptions, limit_load
+from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.load_control import OPTIONS, capacity_curve, raise_load
 from fenics_contact.collapse.strategy import COULOMB, Strategy
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.problem import State
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, wall_recipe
 from tests.core.problems import load_case, prepared
 
@@ -48,52 +45,6 @@ def test_path_brackets_the_limit_load(name, slip):
 
 
 # ---- with equilibrium at made-up load factors
-
-
-def made_up(there: Callable[[float, float], bool], asked: list[float]) -> Strategy:
-    """A strategy with states of equilibrium at some load factors.
-
-    Args:
-        there: Whether there is one at a load factor, next to one at another.
-        asked: Gets all load factors.
-    """
-
-    def equilibrium(task: Task, before: State, load_factor: float) -> State:
-        asked.append(load_factor)
-        if not there(load_factor, before.load_factor):
-            raise SolverError("made up")
-        bonded, none = task.case.bonded, np.zeros_like(before.shear)
-        u = bonded.dead + load_factor * bonded.live
-        return task.case.problem.state(u, load_factor, bonded.dead_pressure, none)
-
-    return replace(COULOMB["auto"], equilibrium=equilibrium)
-
-
-@pytest.mark.parametrize("limit", [0.0, 0.01, 0.2, 0.299])
-def test_made_up_limit_is_bracketed(block, limit, caplog):
-    """And the collapse found elsewhere is said not to be on the path."""
-    asked: list[float] = []
-    found = raised(block, made_up(lambda factor, _: factor <= limit, asked))
-    path = found.path
-    assert path.lower <= limit < path.upper
-    assert path.upper - path.lower <= 1.01e-4 * max(path.lower, 1e-2 * block.scales.load_factor)
-    assert asked[-1] == path.upper and asked.count(path.upper) == 2  # again, from close by
-    assert [step.load_factor for step in path.steps] == sorted(f for f in asked if f <= limit)
-    assert found.load_factor == pytest.approx(0.3, rel=1e-6)
-    assert "another state" in caplog.text
-
-
-def test_path_ends_at_the_upper_bound_or_far_away(block):
-    """A wedge that locks has no upper bound."""
-    asked: list[float] = []
-    path = raised(block, made_up(lambda factor, _: True, asked)).path
-    assert max(asked) <= 0.3 * (1 + 1e-9)
-    assert path.upper == np.inf and path.lower == pytest.approx(0.3, rel=2e-4)
-    with load_case(BANK["wedge 0.8"].scene(elements=1)) as case:
-        strategy = made_up(lambda factor, _: True, asked)
-        path = raised(case, replace(strategy, attempts=(), further=None)).path
-        assert path.lower > OPTIONS.largest * case.scales.load_factor
-    assert path.upper == np.inf and len(asked) < 100
 
 
 # ---- the capacity curve

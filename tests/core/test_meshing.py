@@ -13,13 +13,12 @@ from fenics_contact.geometry.gmsh_mesh import GmshMesh, bodies_of_cells, extract
 from fenics_contact.meshing import (
     arch,
     buttress,
-    model_from_arrays,
     polygons,
     running_bond,
     wall,
     wedge,
 )
-from tests.helpers import Drawing, cell_areas, coulomb, group_lengths, on_ground, rectangle
+from tests.helpers import cell_areas, coulomb, group_lengths, on_ground, rectangle
 
 L, H = 0.4, 0.175
 
@@ -83,41 +82,8 @@ def test_walls(draw, blocks, area, lengths):
     assert joint_length(model) == pytest.approx(joints, rel=1e-9)
 
 
-def test_elements_count_along_half_a_block_and_keep_their_shape():
-    # Two elements of 0.1 along half a block; 0.175 is divided in two as well.
-    triangles = extract(wall([[1]], (0.4, 0.175), 2), "wall")
-    squares = extract(wall([[1]], (0.4, 0.175), 2, quadrilaterals=True), "wall")
-    assert (triangles.cell_name, squares.cell_name) == ("triangle", "quadrilateral")
-    assert len(triangles.points) == len(squares.points) == 15
-    assert cell_areas(triangles) == pytest.approx(np.full(16, 0.1 * 0.0875 / 2), rel=1e-12)
-    assert cell_areas(squares) == pytest.approx(np.full(8, 0.1 * 0.0875), rel=1e-12)
-
-
 # Two blocks side by side on a longer one: their common corner lies on its side.
 T_JOINT = [rectangle(0, 0, 2, 1), rectangle(0, 1, 0.7, 2), rectangle(0.7, 1, 2, 2)]
-
-
-@pytest.mark.parametrize(("size", "direction"), [(0.45, 1), (0.45, -1), (5.0, 1)])
-@pytest.mark.parametrize("quadrilaterals", [False, True])
-def test_t_joint_has_matching_nodes_on_both_sides(size, direction, quadrilaterals):
-    outlines = [outline[::direction] for outline in T_JOINT]
-    model = polygons(outlines, size, quadrilaterals=quadrilaterals)
-    drawn = extract(model, "polygons")
-    # Along the bed joint every node is there twice, and thrice where three blocks meet.
-    x = np.sort(drawn.points[np.abs(drawn.points[:, 1] - 1.0) < 1e-9, 0])
-    at, count = np.unique(np.round(x, 9), return_counts=True)
-    assert np.array_equal(count, np.where(at == 0.7, 3, 2))
-    halves = 2 if quadrilaterals else 1
-    assert len(at) == 1 + halves * (int(np.ceil(0.7 / size)) + int(np.ceil(1.3 / size)))
-    assert joint_length(model) == pytest.approx(3.0, rel=1e-9)
-    assert group_areas(drawn) == pytest.approx({"blocks": 4.0}, rel=1e-12)
-    assert group_lengths(drawn) == pytest.approx({"base": 2.0}, rel=1e-12)
-    assert body_count(drawn) == 3
-
-
-def test_names_are_the_groups_of_blocks():
-    drawn = extract(polygons(T_JOINT, 0.5, names=["sill", "post", "post"]), "polygons")
-    assert group_areas(drawn) == pytest.approx({"sill": 2.0, "post": 2.0}, rel=1e-12)
 
 
 def test_groups_take_sides_on_their_segments():
@@ -183,25 +149,6 @@ def test_quadrilaterals_do_not_stick_to_the_next_drawing():
         options = ("Mesh.RecombineAll", "Mesh.SubdivisionAlgorithm", "Mesh.MeshSizeMax")
         assert [gmsh.option.getNumber(name) for name in options] == [0.0, 0.0, 1e22]
     assert extract(polygons(T_JOINT, 0.5), "x").cell_name == "triangle"
-
-
-def test_drawing_again_replaces_the_drawing():
-    with gmsh_session() as gmsh:
-        for _ in range(2):
-            wall([[1]], elements=1)
-            polygons(T_JOINT, 0.5)
-            assert [gmsh.model.list().count(name) for name in ("wall", "polygons")] == [1, 1]
-            assert gmsh.model.getCurrent() == "polygons"
-
-
-def test_model_from_arrays_names_its_groups():
-    points = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)]
-    cells = {"left": [[0, 1, 2, 3]], "right": [[1, 4, 5, 2]]}
-    facets = {"base": [[0, 1], [1, 4]]}
-    drawing = Drawing.of(model_from_arrays(points, cells | {"none": []}, facets, "two"))
-    assert np.array_equal(drawing.points, np.array(points, dtype=float))
-    assert {name: table.tolist() for name, table in drawing.cells.items()} == cells
-    assert drawing.facets["base"].tolist() == facets["base"]
 
 
 HALF = 0.5 * np.tan(np.radians(25.0))  # width of the wedge

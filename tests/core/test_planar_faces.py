@@ -11,7 +11,7 @@ from fenics_contact import JointLaw, Material
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.model import FaceModel, crushing_power
+from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import associative_end, crushed_by, state_under
 from tests.bank import BANK, Recipe, coulomb, stack_recipe, wall_recipe
@@ -26,18 +26,6 @@ LAWS = {
     "crushing": replace(PLAIN, compressive_strength=2e5),
     "given strength": JointLaw("tresca", bound=2e3),
 }
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_work_of_crushing_against_forces_on_a_grid(seed):
-    """The largest -n . v with n_i >= kappa N^2."""
-    random = np.random.default_rng(seed)
-    opening, kappa = random.normal(size=(1, 2)), 10.0 ** random.uniform(-1.0, 1.0, 1)
-    normal = np.linspace(0.0, 0.5 / kappa[0], 2001)
-    least = kappa[0] * normal**2
-    ends = [np.array([least, normal - least]), np.array([normal - least, least])]
-    best = max(float(np.max(-opening[0] @ end)) for end in ends)
-    assert crushing_power(opening, kappa)[0] == pytest.approx(best, rel=1e-5, abs=1e-6)
 
 
 # Elastic states at a given load

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fenics_contact import BlockMesh, Load, Scene, compat, limit_load
+from fenics_contact import BlockMesh, Scene, compat, limit_load
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.refinement import refine
 from tests.bank import coulomb, wall_recipe
-from tests.helpers import STONE, grid_blocks, mesh_of
 
 pytestmark = pytest.mark.mpi
 
@@ -77,26 +76,6 @@ def test_nothing_is_lost(elements):
     finer = refined(scene, 1.0, 0.9, 4)
     assert areas(finer.mesh) == pytest.approx(areas(scene.mesh), rel=1e-12)
     assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
-
-
-@pytest.mark.parametrize("divisions", [(1, 1), (2, 3)])
-def test_groups_of_quadrilaterals(divisions):
-    """The upper block stands on the lower one; its sides and materials stay what they are."""
-    drawn = grid_blocks(((0, 0), (1, 1), divisions), ((0, 1), (1, 1), (divisions[0], 1)))
-    mesh = mesh_of(drawn.odd_and_even().model())
-    scene = Scene(
-        mesh,
-        {"odd": STONE, "even": replace(STONE, density=1000.0)},
-        live=Load((9.81, 0.0)),
-        dead=Load((0.0, -9.81)),
-        joints={"default": coulomb(0.4)},
-        foundations={"bottom0": coulomb(0.5)},
-    )
-    finer = refined(scene, 1.0, 1.0, 3)
-    assert finer.mesh.domain.topology.cell_type.name == "triangle"
-    assert areas(finer.mesh) == pytest.approx(areas(mesh), rel=1e-12)
-    assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
-    assert limit_load(finer).load_factor == pytest.approx(limit_load(scene).load_factor, rel=1e-8)
 
 
 def test_angles_stay_wide():

@@ -85,20 +85,6 @@ def test_loads_a_billion_times_the_weight_have_an_answer():
         assert blocks.limit() == pytest.approx(GRAVITY / 1e9, rel=1e-6)
 
 
-def test_fall_is_a_motion_that_no_joint_resists():
-    """The block slides down a slope of 17.5 degrees with friction 0.3; each point by itself."""
-    with programs(block(coulomb(0.3), **bank.on_slope(17.5, (-GRAVITY, 0.0)))) as (blocks, made):
-        fall = blocks.fall()
-        assert np.sum(fall * made.bodies.dead) > 0.0
-        arm = made.joints.position - made.bodies.centre[0]
-        velocity = fall[0, :2] + fall[0, 2] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        opening = np.sum(velocity * made.joints.normal, axis=1)
-        slip = np.sum(velocity * made.joints.tangent, axis=1)
-        assert np.all(opening >= 0.3 * np.abs(slip) - 1e-9)
-    with programs(block(coulomb(0.3), **bank.on_slope(16.0, (-GRAVITY, 0.0)))) as (blocks, made):
-        assert blocks.fall() is None and blocks.frictionless.fall() is not None
-
-
 @pytest.mark.mpi
 @pytest.mark.parametrize(("live", "wedges"), [((0.3, -1.0), True), ((0.3, -0.2), False)])
 def test_wedging_forces_balance_the_live_load(live, wedges):

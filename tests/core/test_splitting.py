@@ -82,18 +82,6 @@ def test_sliding_block(block, minimise, chosen):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("minimise", WAYS)
-def test_residuals_are_those_of_the_state(bond, minimise):
-    problem = bond.problem
-    with bond.solver(minimise) as solver:
-        state, residuals = solver.solve(*bond.ask, 1e-9)
-    assert residuals == state_residuals(problem, state, bond.scales, problem.law.strength)
-    assert max(residuals.values()) <= 1e-9
-    assert state.work == bond.start.work
-    assert problem.dot(problem.live, state.displacement) == pytest.approx(state.work, rel=1e-9)
-
-
-@pytest.mark.mpi
 def test_failure_says_how_far_it_came(bond, monkeypatch):
     monkeypatch.setattr(joint_forces, "ACCEPTABLE", 0.0)
     with bond.solver() as solver:

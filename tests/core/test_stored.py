@@ -132,13 +132,6 @@ def test_a_result_is_final(tmp_path):
         result.stopped = "no"  # type: ignore[misc]
 
 
-def test_a_stored_mesh_says_where_it_belongs():
-    state = small().mesh.stored.__getstate__() | {"comm": (1, 7)}
-    new = object.__new__(type(small().mesh.stored))
-    with pytest.raises(InputError, match="it is of rank 1 of 7, and this is rank"):
-        new.__setstate__(state)
-
-
 def test_a_mesh_numbered_otherwise_is_refused():
     mesh = stored(small().mesh)
     wrong = replace(mesh.stored, numbering=mesh.stored.numbering[::-1])

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from fenics_contact import Scene
-from fenics_contact.discretization.elasticity import assemble
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.supports import Supports, find_supports
 from fenics_contact.meshing import polygons
-from tests.helpers import PUSH, STONE, Drawing, dense, grid_blocks, mesh_of
+from tests.helpers import PUSH, STONE, Drawing, grid_blocks, mesh_of
 
 
 def square(angle: float = 0.0, divisions: tuple[int, int] = (2, 2)) -> Drawing:
@@ -64,25 +61,3 @@ def test_roller_along_a_curve_holds_the_mean_normal(kink, both):
     model = polygons([outline], 3.0, groups={"sole": [((0, 0), (1, sag)), ((-1, sag), (0, 0))]})
     supports = supports_in(scene_with(model, {"sole": "roller"}))
     assert held_at(supports, 0.0, 0.0) == ([True, True] if both else [False, True])
-
-
-@pytest.mark.parametrize("degrees", [0.0, 30.0])
-def test_constrained_matrix_is_turned_and_cleared(degrees):
-    unsupported = scene_with(square(np.radians(degrees)).model(), {})
-    scene = replace(unsupported, supports={"bottom0": "roller", "top0": "fixed"})
-    space = displacement_space(scene)
-    boundary = collect_boundary(scene.mesh, space)
-    supports = find_supports(scene, boundary)
-    none = find_supports(unsupported, boundary)
-    bare = dense(assemble(unsupported, space, boundary, none).stiffness)
-    constrained = dense(assemble(scene, space, boundary, supports).stiffness)
-    turn = np.eye(len(bare))
-    for node, frame in zip(supports.nodes, supports.frame, strict=True):
-        turn[2 * node : 2 * node + 2, 2 * node : 2 * node + 2] = frame
-    expected = turn.T @ bare @ turn
-    mean = np.trace(bare) / len(bare)
-    held = (2 * supports.nodes[:, None] + np.arange(2))[supports.held]
-    assert len(held) == 9
-    expected[held] = expected[:, held] = 0.0
-    expected[held, held] = mean
-    assert constrained == pytest.approx(expected, abs=1e-12 * mean)

@@ -101,20 +101,6 @@ def test_kept_matrices_give_the_numbers_of_new_ones():
             assert bounds[0] == pytest.approx(bounds[1], rel=1e-12)
 
 
-def test_matrices_are_not_kept_where_they_would_differ():
-    first = scene()
-    stiffer = {"default": replace(first.materials["default"], young=2e9)}
-    with Discretization(first) as made:
-        for changes in (
-            {"materials": stiffer},
-            {"degree": 2},
-            {"plane": "stress"},
-            {"foundations": {}, "supports": {"base": "fixed"}},
-            {"mesh": scene().mesh},
-        ):
-            assert not made.shares_matrices(replace(first, **changes))
-
-
 @pytest.mark.mpi
 def test_sweep_of_a_scene():
     found = sweep(scene(), {BOTH: [0.2, 0.3], "loads.live.body": [[9.81, 0.0], [4.905, 0.0]]})

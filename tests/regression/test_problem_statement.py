@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, LimitLoad, Load, Material, limit_load
-from fenics_contact.meshing import buttress
 from tests.bank import (
     GRAVITY,
     PLAIN,
@@ -230,15 +229,6 @@ def test_block_with_a_toe_tips_more_easily_away_from_it():
     recipe = outlined([outline], coulomb(5.0), 0.1, groups=sides(base=(0, 0, 0.7, 0)))
     result = check(recipe, (0.7 - x) / y, -x / y)
     assert result.bounds.lower >= 0.0, "of the direction as given"
-
-
-@pytest.mark.parametrize("friction", [0.4, 0.5, 0.7])
-def test_buttress_holds_its_wall_on_one_side_only(friction):
-    """To the left the wall tips alone, at width over height = 1 / 3, and leaves the buttress."""
-    recipe = Recipe(lambda n, quads: buttress(6, 1.0, 1.5, 0.5, 0.5 / n, quads), coulomb(friction))
-    result = solved(recipe, direction="both")
-    assert result.load_factor_negative == pytest.approx(-1.0 / 3.0, rel=1e-6)
-    assert 0.36 < result.load_factor <= result.bounds.upper * (1.0 + 1e-8)
 
 
 # Stresses

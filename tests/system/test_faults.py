@@ -225,21 +225,6 @@ def test_signals_to_mpirun(number, moment, scene):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [[0], [1], [0, 1]])
-def test_a_signal_to_ranks(ranks, scene):
-    """All ranks end alike, whichever of them is asked."""
-    with started(scene, 2) as program:
-        program.wait_for(MOMENTS["solving"])
-        time.sleep(0.5)
-        for rank in ranks:
-            os.kill(program.ranks()[rank], signal.SIGTERM)
-        found = program.ended()
-    assert found.code == 128 + signal.SIGTERM
-    assert "Traceback" not in found.err and "PETSC" not in found.err
-    known(program, "SIGTERM")
-
-
-@pytest.mark.slow
 def test_time_is_over(scene):
     write_scene(scene, {"joints.default.friction": 0.65, "solve.time": 0.01}, "long wall")
     found = run(["solve", "scene.toml"], scene)

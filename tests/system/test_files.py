@@ -175,21 +175,6 @@ def test_nothing_else_is_written(solved):
         check_picture(solved.output / picture)
 
 
-def test_earlier_result_stays_where_a_folder_is_in_the_way(tmp_path):
-    write_scene(tmp_path, {"output.paraview": False})
-    assert run(["solve", "scene.toml"], tmp_path).code == 0
-    written = files(tmp_path / "scene")
-    motion = tmp_path / "scene" / "motion.json"
-    motion.unlink()
-    motion.mkdir()  # in the way of the next run
-    before = (tmp_path / "scene" / "result.json").read_text()
-    found = run(["solve", "scene.toml"], tmp_path)
-    assert (found.code, found.err.count("\n")) == (2, 1)
-    assert "'motion.json' is a folder" in found.err
-    assert files(tmp_path / "scene") == written
-    assert (tmp_path / "scene" / "result.json").read_text() == before
-
-
 def test_pictures_in_other_formats(tmp_path, capsys):
     formats = {"output.formats": ["svg", "pdf"], "output.paraview": False}
     scene = write_scene(tmp_path, WALL | formats, "wall")
@@ -202,16 +187,6 @@ def test_pictures_in_other_formats(tmp_path, capsys):
 
 
 # ---- fields of the blocks
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_every_piece_is_listed_once(ranks, solved, on_two_ranks):
-    # ParaView reads a piece as often as it is listed, and its cells then lie over one another.
-    root = ET.parse((solved, on_two_ranks)[ranks - 1].output / "blocks000000.pvtu").getroot()
-    names = sorted(part.attrib["Source"] for part in root.iter("Piece"))
-    assert names == [f"blocks_p{rank}_000000.vtu" for rank in range(ranks)]
-    assert {a.get("Name") for a in root.iterfind(".//PPointData/PDataArray")} >= POINT_ARRAYS
-    assert {a.get("Name") for a in root.iterfind(".//PCellData/PDataArray")} >= CELL_ARRAYS
 
 
 def test_fields_of_the_blocks(solved):
@@ -425,17 +400,6 @@ def solve_here(folder: Path, capsys, changes: dict[str, Any], mesh: str = "block
     return result(folder / "scene")
 
 
-@pytest.mark.parametrize("method", ["splitting", "active-set", "monolithic"])
-def test_methods_write_the_same_files(method, tmp_path, capsys):
-    scene = write_scene(tmp_path, WALL | {"solve.method": method}, "wall")
-    assert run_here(["solve", scene, "--set", "output.pictures=false"], capsys).code == 0
-    record = result(tmp_path / "scene")
-    assert record["method"] == method
-    assert record["load_factor"] == pytest.approx(FRICTION, rel=1e-6)
-    assert files(tmp_path / "scene") == PARAVIEW | {"result.json"}
-    assert ("splitting" in record["iterations"]) == (method != "monolithic")
-
-
 REFERENCE = {"stress-free": "stress-free state", "load-steps": "previous load step"}
 
 
@@ -570,12 +534,6 @@ def test_what_faces_prove_is_in_the_record(changes, exact, tmp_path, capsys):
         told = {key: end[key] for key in ("engine", "gap", "proof", "is_lowest")}
         assert told.items() <= record["ends"][name].items()
     assert (record["engine"], record["gap"]) == ("faces", record["ends"]["positive"]["gap"])
-
-
-def test_the_gap_of_the_path_is_that_of_its_certificate(tmp_path, capsys):
-    record = solve_here(tmp_path, capsys, {})
-    assert (record["engine"], record["gap"]) == ("path", record["residuals"]["limit"])
-    assert record["ends"]["positive"]["proof"] is None
 
 
 def test_the_console_says_what_faces_prove(tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from fnmatch import fnmatch
 from pathlib import Path
@@ -10,9 +9,9 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from benchmarks import compare, pictures, published, run, stability
+from benchmarks import compare, pictures, published, run
 from benchmarks.scenes import COST_SIZE, TIME_ERROR, comparison, matching
-from benchmarks.worker import Worker, save
+from benchmarks.worker import Worker
 
 alone = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts processes of its own")
 
@@ -26,14 +25,6 @@ def test_worker_answers_and_survives():
     assert worker.call("benchmarks.run:nothing", 60.0) == {"status": "AttributeError"}
     assert worker.call("benchmarks.run:measure", 0.0, **arguments) == {"status": "time-out"}
     worker.close()
-
-
-def test_rows_come_back_from_a_file(tmp_path):
-    rows = [{"scene": "W1, a", "seconds": 2.0}, {"scene": "W2", "status": "time-out"}]
-    save(tmp_path / "rows.csv", rows)
-    first, second = run.read(tmp_path / "rows.csv")
-    assert (first["scene"], first["seconds"], second["status"]) == ("W1, a", 2.0, "time-out")
-    assert math.isnan(second["seconds"])
 
 
 def test_tables_name_scenes_that_exist():
@@ -56,12 +47,6 @@ def test_comparison_says_what_is_slower_and_what_differs():
     assert "mean 1.000 of 2" in factors
     assert "mean 2.000 of 2; worst slower: 4.00" in seconds
     assert others.endswith(": other, lost")
-
-
-def test_stress_table_is_complete():
-    assert len(stability.CASES) == 192
-    assert stability.verdict("limit", "limit", right=False) == "WRONG"
-    assert stability.verdict("limit", "not_converged", right=False) == "not converged"
 
 
 NUMBERS = ("resolution", "displacements", "seconds", "error")

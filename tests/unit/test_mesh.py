@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from fenics_contact.geometry.gmsh_mesh import (
 from fenics_contact.geometry.gmsh_reader import ReadLimits, read
 from fenics_contact.geometry.mesh import BODY_IMBALANCE, ranks_of_bodies
 from fenics_contact.meshing import model_from_arrays, polygons, wall
-from tests.helpers import Drawing, mesh_of, rectangle
+from tests.helpers import mesh_of, rectangle
 
 SQUARE = rectangle(0.0, 0.0, 1.0, 1.0)
 ONE_CELL = {"blocks": [[0, 1, 2, 3]]}
@@ -65,16 +64,6 @@ def test_cells_that_share_a_facet_are_one_body_across_groups():
     assert set(mesh.cell_names) == {"soft", "hard"}
     groups = [g for part in mesh.comm.allgather(mesh.cell_groups) for g in part]
     assert sorted(sorted(mesh.cell_sets[g]) for g in groups) == [["hard"], ["soft"]]
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("quadrilaterals", [False, True])
-def test_bodies_do_not_depend_on_numbers(seed, quadrilaterals):
-    drawing = Drawing.of(wall([[1, 1], [0.5, 1, 0.5], [1, -1]], quadrilaterals=quadrilaterals))
-    usual, other = mesh_of(drawing.model()), mesh_of(drawing.renumbered(seed).model())
-    assert usual.body_count == other.body_count == 6
-    assert bodies_by_place(usual) == bodies_by_place(other)
-    assert sorted(usual.facet_names) == sorted(other.facet_names)
 
 
 @pytest.mark.parametrize(
@@ -183,13 +172,6 @@ def test_file_is_read_within_limits(limits, message, tmp_path):
     assert len(read(tmp_path / "square.msh").tags) == 4
     with pytest.raises(ValueError, match=message):
         read(tmp_path / "square.msh", limits)
-
-
-def test_gmsh_keeps_its_hands_off_ctrl_c():
-    before = signal.getsignal(signal.SIGINT)
-    with gmsh_session():
-        pass
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize("text", ["", "ply\nformat ascii 1.0\n", "<mesh/>"])

@@ -302,18 +302,6 @@ def test_blocks_by_name(result):
     assert {"displacement", "rotation"} < set(blocks)
 
 
-@pytest.mark.mpi
-def test_arrays_are_the_same_on_all_ranks():
-    found = limit_load(sliding_wall())
-    for arrays in (found.joints, found.blocks):
-        for name in arrays:
-            parts = found.scene.comm.allgather(arrays[name])
-            assert all(np.array_equal(part, parts[0]) for part in parts), name
-    turned = found.blocks["centre"] - found.blocks["centre"].mean(axis=0)
-    motion = found.layout.rigid_motion(np.column_stack([0.0 * turned, np.full(len(turned), 0.5)]))
-    assert found.layout.block_motions(motion)[:, 2] == pytest.approx(0.5)
-
-
 def test_pictures_return_their_axes(result):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")
