@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from fenics_contact.answers.question import Asked, Question
-from fenics_contact.collapse.face_collapse import MANY_BLOCKS, collapse_of
+from fenics_contact.collapse.face_collapse import collapse_of
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
-from fenics_contact.faces.lowest import OPTIONS as SEARCHES
 from fenics_contact.faces.lowest import STARTS, lowest_from
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.bounds import NOT_FROM_REST, SELF_STRESS, alike
 from fenics_contact.results.history import CollapseState, Lowest, alike_as_one
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 
 #: A state is lower by this part of the load factor's size at least.
 LOWER = 2e-3
@@ -67,7 +67,7 @@ class LowestAnswer(Asked):
         options = question.options
         asked = options.states == "lowest" or options.lowest
         return question.case.problem.coulomb and (
-            bool(asked) or question.case.block_count < MANY_BLOCKS
+            bool(asked) or question.case.block_count < SEARCH.many_blocks
         )
 
     @classmethod
@@ -104,7 +104,7 @@ class LowestAnswer(Asked):
         others = [CollapseState(name, "limit", one.load_factor, one.gap) for name, one in states]
         known = alike_as_one((*(end.states or (end.as_state,)), *others), end.size)
         if lower and every:
-            collapse = collapse_of(case, faces, best, SEARCHES.allowed)
+            collapse = collapse_of(case, faces, best, SEARCH.lowest_allowed)
             if collapse.status == "limit":
                 found_by = {"attempts": end.attempts, "trace": end.trace}
                 end = replace(collapse, searched=SEARCHED, **found_by)
@@ -157,12 +157,12 @@ def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | 
     if case.problem.comm.rank != 0:
         return None
     asked = case.discretization.scene.solve.states == "lowest"
-    effort = SEARCHES.asked if asked else SEARCHES.usual
+    effort = None if asked else SEARCH.usual_effort
     wait = case.discretization.effort.wait
     states: dict[str, FaceState] = {}
     try:
         for name in names:
-            search = FaceSearch(faces.model, SEARCHES.gap, effort, wait)
+            search = FaceSearch(faces.model, SEARCH.lowest_gap, effort, wait)
             state = lowest_from(search, STARTS[name])
             if state is not None:
                 states[name] = state

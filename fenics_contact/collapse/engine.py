@@ -19,24 +19,9 @@ from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.work_control import find_collapse, growth
 from fenics_contact.results.history import alike_as_one
 from fenics_contact.results.result import Collapse
+from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class EngineOptions:
-    """When which engine is asked.
-
-    Attributes:
-        many: Blocks from which on the path has
-        soon: so much, in units of one factorisation of the structure: about 20 bonded solves.
-    """
-
-    many: int = 100
-    soon: float = 25.0
-
-
-OPTIONS = EngineOptions()
 
 
 def collapse_by_engine(case: LoadCase) -> Collapse:
@@ -51,12 +36,12 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
         return _unless_unlimited(case, face_collapse(case))
     if options.engine == "path" or options.method != "auto" or options.control != "work":
         return _by_path(case)
-    many = case.block_count >= OPTIONS.many
+    many = case.block_count >= SEARCH.large_wall
     found = face_collapse(case) if many and not options.fast else None
     limited = found is not None and found.status == "limit"
     if limited:
         case.record.best = found
-    with case.discretization.effort.at_most(OPTIONS.soon if many else math.inf):
+    with case.discretization.effort.at_most(SEARCH.soon if many else math.inf):
         end = _by_path(case, limited)
     least = -options.tolerance * case.scales.load_factor
     # The dead load alone stands: what needs the live load to stand is another state.

@@ -23,36 +23,17 @@ from fenics_contact.collapse.reasons import missed
 from fenics_contact.discretization.faces import CrushedPlace
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
-from fenics_contact.faces.limit import OPTIONS as LIMIT
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.results.certificate import Certificate
 from fenics_contact.results.history import Trial
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.scene.units import PER_METRE, Units
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
 
-
-@dataclass(frozen=True)
-class FieldOptions:
-    """Numbers of the blocks' strains.
-
-    Attributes:
-        spring: Of the joints, in units of the mean diagonal of K.
-        steps: In which the springs' forces are taken away again.
-        loaded: Faces with less than this part of the largest force do not crush.
-        near: A face is at its strength where so little of its force is left for the other end.
-    """
-
-    spring: float = 1e-8
-    steps: int = 3
-    loaded: float = 1e-6
-    near: float = 1e-4
-
-
-OPTIONS = FieldOptions()
 
 #: Joints that crush that the report lists.
 LISTED = 8
@@ -103,15 +84,10 @@ class CrushingAnswer(Answer):
         return Table(rows, "Joints that crush", head, note)
 
 
-#: Blocks from which on a larger gap is asked for by default, and both gaps.
-MANY_BLOCKS = 1000
-GAP, GAP_OF_MANY = 1e-3, 5e-3
-
-
 def asked_gap(case: LoadCase) -> float:
     """The gap that a state may have, as the scene asks for it or by default."""
     given = case.discretization.scene.solve.gap
-    default = GAP if case.block_count < MANY_BLOCKS else GAP_OF_MANY
+    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else SEARCH.gap_of_many
     return default if given is None else given
 
 
@@ -172,7 +148,7 @@ def _trial(attempt: FaceAttempt) -> Trial:
 def _collapse(case: LoadCase, faces: PlanarFaces, found: _Found, asked: float) -> Collapse:
     """What was found as a collapse."""
     state = found.state
-    if state is None or state.gap > max(asked, LIMIT.limit):
+    if state is None or state.gap > max(asked, SEARCH.rough_gap):
         best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
         reason = f"the search on face forces ended with {best}"
         nothing = Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
@@ -211,10 +187,10 @@ def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor
     mine = case.discretization.operators.points
     pressure, shear = (forces[mine] for forces in faces.point_forces(force))
     right = problem.dead + load_factor * problem.live + problem.joint_forces(pressure, shear)
-    spring = np.full(problem.points, OPTIONS.spring * case.stiffness.mean_diagonal)
+    spring = np.full(problem.points, SEARCH.field_spring * case.stiffness.mean_diagonal)
     factor = case.stiffness.factor(spring, spring)
     u = np.zeros_like(right)
-    for _ in range(OPTIONS.steps):
+    for _ in range(SEARCH.field_steps):
         u = u + factor.solve(right - problem.stiffness @ u)
     return problem.state(u, load_factor, pressure, shear)
 
@@ -259,7 +235,7 @@ def certified(
         "mode_penetration": problem.max(_closing(case, faces, mode)) / largest,
         "limit": abs(state.gap),
     }
-    allowed = max(asked, LIMIT.limit)
+    allowed = max(asked, SEARCH.rough_gap)
     # The gap is no estimate of an error.
     return Certificate(residuals, np.nan, None, state.upper, state.load_factor, size, allowed)
 
@@ -269,11 +245,11 @@ def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     model = faces.model
     normal = model.normal(force)
     left = force[:, :2] - (model.crushing * normal**2)[:, None]
-    at_strength = (model.crushing > 0.0) & (normal > OPTIONS.loaded * normal.max(initial=0.0))
+    at_strength = (model.crushing > 0.0) & (normal > SEARCH.no_force * normal.max(initial=0.0))
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(at_strength[:, None] & (left <= OPTIONS.near * normal[:, None])):
+    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])):
         point = faces.faces.ends[face, 1 - end]
         length = float(normal[face] / faces.crushing[face])
         x, y = map(float, joints.position[point])

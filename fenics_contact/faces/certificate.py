@@ -25,41 +25,8 @@ import numpy as np
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Iterate, Program, Row, Tolerances, solve
 from fenics_contact.faces.model import FaceModel
-from fenics_contact.faces.programs import CLOSING
 from fenics_contact.faces.system import Equations
-
-
-@dataclass(frozen=True)
-class CertificateOptions:
-    """Numbers of the certificate.
-
-    Attributes:
-        slack: Strength added for the mode, in units of the typical force.
-        near: Products at the start of (a), in units of those of the elastic state.
-        far: Products at the start of (b), likewise.
-        goal: Gap at which (b) ends; it costs one or two steps more than the gap asked for.
-        least: Load factors may move by this part of their size at least, or
-        moves: by this part of the iterate's gap, but
-        most: by no more.
-    """
-
-    slack: float = 1e-7
-    near: float = 10.0
-    far: float = 100.0
-    goal: float = 3e-7
-    least: float = 1e-3
-    moves: float = 0.3
-    most: float = 0.2
-
-
-OPTIONS = CertificateOptions()
-
-MODE = Tolerances(1e-7)
-NEAR_MODE = Tolerances(1e-6)
-#: (b) is held against a mode of its own, so that its multipliers matter little.
-LEAST_GAP = Tolerances(1e-6, 1e-9, 1e-2)
-#: Relative error of equilibrium of a state at most.
-EQUILIBRIUM = 1e-8
+from fenics_contact.search_options import SEARCH
 
 
 @dataclass(frozen=True)
@@ -89,6 +56,11 @@ class FaceState:
     iterate: Iterate
 
 
+def to_least_gap() -> Tolerances:
+    """What ends (b). It is held against a mode of its own, so that its multipliers matter little."""
+    return Tolerances(10.0 * SEARCH.face_gap, motion=SEARCH.rough_gap)
+
+
 @dataclass(frozen=True)
 class Certifier:
     """Programs (a) and (b) of one model."""
@@ -96,7 +68,6 @@ class Certifier:
     model: FaceModel
     equations: Equations
     sign: float = 1.0
-    options: CertificateOptions = OPTIONS
 
     def near(self, elastic: Iterate, work: float) -> tuple[FaceState | None, float]:
         """A state near an elastic one under some work; the limit with its strengths.
@@ -104,7 +75,7 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = np.clip(self.options.moves * elastic.gap, self.options.least, self.options.most)
+        moves = np.clip(SEARCH.moves * elastic.gap, SEARCH.least_move, SEARCH.most_move)
         box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
         start = replace(
             elastic,
@@ -115,7 +86,7 @@ class Certifier:
         mode = self.mode(elastic.force, start)
         if mode is None:
             return None, np.nan
-        mu = max(start.mu, 1e-6 * size / self.model.shape[0]) * self.options.far
+        mu = max(start.mu, 1e-6 * size / self.model.shape[0]) * SEARCH.far_products
         state = self.least_gap(elastic, mode.motion, mu, box)
         return state or self.least_gap(None, mode.motion), mode.load_factor
 
@@ -127,13 +98,13 @@ class Certifier:
     def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
         model = self.model
-        strength = model.own_strength(force) + self.options.slack * model.force
+        strength = model.own_strength(force) + SEARCH.mode_slack * model.force
         program = self._program(strength, model.dilatancy)
         near = None
         if start is not None:
-            near = solve(program, start, NEAR_MODE, self.options.near * start.mu)
+            near = solve(program, start, Tolerances(10.0 * SEARCH.face_gap), SEARCH.near_products * start.mu)
         if near is None or not near.within(1e-5):
-            near = solve(program, None, MODE)
+            near = solve(program)
         if not near.within(1e-5):
             return None
         work = abs(float(model.live @ near.motion))
@@ -158,7 +129,7 @@ class Certifier:
         program = replace(program, cost=cost, rows=rows)
         found: Iterate | None = None
         if near is not None:
-            goal = self.options.goal * model.size(near.load_factor)
+            goal = SEARCH.certified_gap * model.size(near.load_factor)
             known = power.bound(model.strength)
 
             def enough(iterate: Iterate) -> bool:
@@ -169,22 +140,22 @@ class Certifier:
                 return own - self.sign * iterate.load_factor < goal
 
             start = replace(near, motion=mode, duals=self._duals(mode))
-            found = solve(program, start, LEAST_GAP, mu, enough=enough)
+            found = solve(program, start, to_least_gap(), mu, enough=enough)
             if not (found.missing < 1e-7 and (found.gap < 1e-2 or found.solved)):
                 found = None
         if found is None:
-            found = solve(program, None, LEAST_GAP)
+            found = solve(program, None, to_least_gap())
         return self.state(found, mode)
 
     def state(self, found: Iterate, mode: Array) -> FaceState | None:
         """An iterate as a certified state; None without equilibrium, or with a mode that closes."""
         model = self.model
-        if not (found.missing < EQUILIBRIUM and np.isfinite(found.load_factor)):
+        if not (found.missing < 10.0 * SEARCH.face_equilibrium and np.isfinite(found.load_factor)):
             return None
         power = model.power(mode)
         relative = np.abs(model.relative(mode)).max(initial=1e-300)
         closing = float(power.closing.max(initial=0.0)) / relative
-        if closing > CLOSING:  # it bounds nothing
+        if closing > SEARCH.closing:  # it bounds nothing
             return None
         closed = power.closing * np.maximum(found.force[:, : model.pressing], 0.0)
         upper = power.bound(model.own_strength(found.force)) + float(closed.sum())

@@ -24,7 +24,7 @@ further correctors by J. Gondzio, Comput. Optim. Appl. 6 (1996) 137.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,37 +32,10 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import Array, Positive
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.system import Equations, Springs
+from fenics_contact.search_options import SEARCH, SearchOptions
 
 #: By cones.
 Arrays = tuple[Array, ...]
-
-
-@dataclass(frozen=True)
-class KernelOptions:
-    """Numbers of the interior point method.
-
-    Attributes:
-        steps: At most.
-        short: A step below this is short.
-        patience: Short steps in a row that end it.
-        stale: Steps without a better iterate that end it.
-        back: Of the way to the boundary that a step takes.
-        proximal: Added to M, in units of displacement over force, times the relative gap.
-        pushes: Further correctors at most.
-        band: Of products, in units of those aimed at, into which they push.
-    """
-
-    steps: int = 60
-    short: float = 0.2
-    patience: int = 6
-    stale: int = 12
-    back: float = 0.995
-    proximal: float = 1e-7
-    pushes: int = 2
-    band: tuple[float, float] = (0.1, 10.0)
-
-
-OPTIONS = KernelOptions()
 
 
 @dataclass(frozen=True)
@@ -78,9 +51,9 @@ class Row:
 class Tolerances:
     """What ends the method: relative gap, equilibrium, and motions."""
 
-    gap: float = 1e-7
-    equilibrium: float = 1e-9
-    motion: float = 1e-6
+    gap: float = field(default_factory=lambda: SEARCH.face_gap)
+    equilibrium: float = field(default_factory=lambda: SEARCH.face_equilibrium)
+    motion: float = field(default_factory=lambda: SEARCH.face_motion)
 
 
 @dataclass(frozen=True)
@@ -163,9 +136,6 @@ class Iterate(Point):
         return near and self.missing_motion < missing_motion
 
 
-#: What ends a program unless something else is asked for.
-EXACT = Tolerances()
-
 #: Whether an iterate is good enough.
 Enough = Callable[[Iterate], bool]
 
@@ -173,21 +143,22 @@ Enough = Callable[[Iterate], bool]
 def solve(
     program: Program,
     start: Iterate | None = None,
-    tolerances: Tolerances = EXACT,
+    tolerances: Tolerances | None = None,
     mu: float | None = None,
     enough: Enough = lambda iterate: False,
-    options: KernelOptions = OPTIONS,
+    options: SearchOptions = SEARCH,
 ) -> Iterate:
     """The best iterate that steps from a start lead to.
 
     Args:
         program: What to solve.
         start: Where from; by default a point far from all boundaries.
-        tolerances: What ends the steps.
+        tolerances: What ends the steps; those of `SearchOptions` by default.
         mu: Least product at a given start.
         enough: Ends the steps, too.
         options: Numbers of the method.
     """
+    tolerances = tolerances or Tolerances()
     with np.errstate(all="ignore"):  # what is not finite ends the steps
         method = _Method(program, options)
         point = method.cold(mu) if start is None else method.inside(start, mu)
@@ -195,7 +166,7 @@ def solve(
         least = np.inf
         best_step = 0
         short = 0
-        for step in range(options.steps + 1):
+        for step in range(options.face_steps + 1):
             here = _Local(method, point)
             iterate = here.iterate
             score = max(
@@ -209,14 +180,14 @@ def solve(
                 best_step = step
             if score < 1.0 or enough(iterate):
                 return replace(iterate, solved=True)
-            if step == options.steps or step > best_step + options.stale:
+            if step == options.face_steps or step > best_step + options.face_stale:
                 break
             try:
                 point, length = here.advanced()
             except SolverError:
                 break
-            short = short + 1 if length < options.short else 0
-            if length < 1e-7 or short >= options.patience:
+            short = short + 1 if length < options.face_short else 0
+            if length < 1e-7 or short >= options.face_patience:
                 break
         return best or iterate
 
@@ -224,7 +195,7 @@ def solve(
 class _Method:
     """Sizes of one program, and where to start."""
 
-    def __init__(self, program: Program, options: KernelOptions) -> None:
+    def __init__(self, program: Program, options: SearchOptions) -> None:
         model = program.model
         self.program = program
         self.model = model
@@ -391,7 +362,7 @@ class _Local:
         step = predictor.plus(corrector)
         if not curved:
             step = self._pushed(self._weighted(predictor, corrector, length), target)
-        length = self._length(step, self.method.options.back)
+        length = self._length(step, self.method.options.step_fraction)
         if length < 0.1:
             equal = zip(self.method.cones, self.scaled, strict=True)
             goal = 0.7 * mu
@@ -517,7 +488,7 @@ class _Local:
 
     def _pushed(self, step: Point, target: float) -> Point:
         """A step with outlying products pushed back, as long as that makes it longer."""
-        low, high = self.method.options.band
+        band = self.method.options.product_band
         length = self._straight(step)
         for _ in range(self.method.options.pushes if length < 0.9 else 0):
             tried = min(1.0, 1.3 * min(length, 1.0) + 0.1)
@@ -526,7 +497,7 @@ class _Local:
             parts = zip(self.method.cones, self.scaled, step.slacks, step.duals, strict=True)
             for cone, one, ds, dz in parts:  # (l + a W^-1 ds) o (l + a W dz)
                 after = one.products + tried * one.linear(ds, dz) + tried**2 * one.cross(ds, dz)
-                changes.append(cone.pushed(after, low * aim, high * aim))
+                changes.append(cone.pushed(after, aim / band, aim * band))
             more = step.plus(self._direction(changes, 0.0))
             longer = self._straight(more)
             if longer < 1.02 * length:

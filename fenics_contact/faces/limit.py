@@ -25,45 +25,9 @@ from fenics_contact.faces.kernel import Iterate, Program, Tolerances, elastic_re
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.programs import associative_state
 from fenics_contact.faces.system import Equations
+from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class LimitOptions:
-    """Numbers of the search.
-
-    Attributes:
-        work: W, in units of that of the elastic response to the live load of factor 1.
-        growth: Of W where the limit with the state's strengths is
-        far: above it by this part of its size, at most
-        works: times.
-        first: Relative gap of the elastic state with Coulomb's law.
-        rough: Gap below which an iterate is a state.
-        theta: Part of Coulomb's law in the steps that follow.
-        steps: At most.
-        gap: Relative gap of each.
-        tried: Part of the dissipation that the bound misses, from which the certificate is tried.
-        settled: Part below which more steps do not help.
-        limit: Gap of a state that counts as one at all, and part of its size by which the load
-            factor of a state whose live load does negative work may be below the associative limit.
-    """
-
-    work: float = 300.0
-    growth: float = 10.0
-    far: float = 0.02
-    works: int = 3
-    first: float = 1e-2
-    rough: float = 0.1
-    theta: float = 0.5
-    steps: int = 10
-    gap: float = 3e-2
-    tried: float = 5e-2
-    settled: float = 1e-3
-    limit: float = 1e-2
-
-
-OPTIONS = LimitOptions()
 
 
 @dataclass(frozen=True)
@@ -88,9 +52,8 @@ class FaceSearch:
         self,
         model: FaceModel,
         asked: float,
-        effort: int = 600,
+        effort: int | None = None,
         check_stop: Callable[[], None] = lambda: None,
-        options: LimitOptions = OPTIONS,
     ) -> None:
         """Take a model, the gap asked for, and the most factorisations.
 
@@ -101,9 +64,8 @@ class FaceSearch:
         self.best: FaceState | None = None
         self.attempts: list[FaceAttempt] = []
         self._asked = asked
-        self._effort = effort
+        self._effort = SEARCH.face_effort if effort is None else effort
         self._check_stop = check_stop
-        self._options = options
         self._certifier = Certifier(model, self.equations)
 
     def run(self) -> FaceState | None:
@@ -126,14 +88,14 @@ class FaceSearch:
         """
         self._check_stop()
         upper = associative_state(self.model, self.equations)
-        if not upper.within(self._options.limit):
+        if not upper.within(SEARCH.rough_gap):
             return
         for sign in (1.0, -1.0):
             self._check_stop()
             certifier = Certifier(self.model, self.equations, sign)
             found = certifier.of(upper.force)
             size = self.model.size(upper.load_factor)
-            least = upper.load_factor - self._options.limit * size
+            least = upper.load_factor - SEARCH.rough_gap * size
             if sign < 0.0 and found is not None and found.load_factor < least:
                 found = None
             self._take(f"associative friction, work {sign:+g}", upper.load_factor, found)
@@ -143,7 +105,7 @@ class FaceSearch:
     @property
     def work(self) -> float:
         """W, the first one."""
-        return self._options.work * elastic_response(self.model, self.equations).work
+        return SEARCH.first_work * elastic_response(self.model, self.equations).work
 
     @property
     def _found(self) -> bool:
@@ -151,7 +113,7 @@ class FaceSearch:
 
     def _rank(self, state: FaceState) -> tuple[bool, bool, float]:
         """Order of states: those with a small gap, that need no live load to stand, come first."""
-        rough = state.gap > max(self._asked, self._options.limit)
+        rough = state.gap > max(self._asked, SEARCH.rough_gap)
         negative = state.load_factor < -self._asked * self.model.size(0.0)
         return rough, negative, state.gap
 
@@ -162,13 +124,13 @@ class FaceSearch:
 
     def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
-        options, model = self._options, self.model
-        for again in range(options.works):
-            work *= options.growth if again else 1.0
-            state = self.elastic(1.0, np.zeros(model.shape[0]), work, options.first)
+        model = self.model
+        for again in range(SEARCH.face_works):
+            work *= SEARCH.work_growth if again else 1.0
+            state = self.elastic(1.0, np.zeros(model.shape[0]), work, SEARCH.rough_gap)
             limit = self._certified("Coulomb's law", state, work)
-            below = limit - state.load_factor > options.far * model.size(state.load_factor)
-            if self._found or self.is_spent or not (state.gap < options.rough and below):
+            below = limit - state.load_factor > SEARCH.far_limit * model.size(state.load_factor)
+            if self._found or self.is_spent or not (state.gap < SEARCH.face_state_gap and below):
                 break
         return state, work
 
@@ -180,24 +142,23 @@ class FaceSearch:
 
     def _with_given_part(self, pressed: Array, work: float) -> None:
         """Steps with a part of the bound given, from some pressing forces."""
-        options = self._options
         model = self.model
-        theta = options.theta
-        for _ in range(options.steps):
+        theta = SEARCH.coulomb_part
+        for _ in range(SEARCH.part_steps):
             if self.is_spent:
                 break
-            state = self.elastic(theta, pressed, work, options.gap)
+            state = self.elastic(theta, pressed, work, SEARCH.part_gap)
             own = np.maximum(model.normal(state.force), 0.0)
             slip = np.linalg.norm(model.relative(state.motion)[:, model.pressing :], axis=1)
             # Work of friction by which the bound differs from the state's own, over lambda W.
             change = model.free_friction * np.abs(own - pressed)
             missed = (1.0 - theta) * float(np.sum(change * slip))
             missed /= work * model.size(state.load_factor)
-            near = state.gap < options.rough
+            near = state.gap < SEARCH.face_state_gap
             pressed = own if near else 0.5 * (pressed + own)
-            if near and missed < options.tried:
+            if near and missed < SEARCH.part_tried:
                 self._certified(f"theta {theta:g}", state, work)
-                if self._found or missed < options.settled:
+                if self._found or missed < SEARCH.part_settled:
                     break
 
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:

@@ -14,36 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_contact.faces.certificate import LEAST_GAP, Certifier, FaceState
+from fenics_contact.faces.certificate import Certifier, FaceState, to_least_gap
 from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Program, Row, solve
 from fenics_contact.faces.limit import FaceSearch
+from fenics_contact.search_options import SEARCH
 
-
-@dataclass(frozen=True)
-class LowestOptions:
-    """Numbers of the searches.
-
-    Attributes:
-        gap: eps, relative; the load factor stands when it changes by less.
-        allowed: Gap of a state at most.
-        pairs: At most.
-        rough: Relative gap of elastic states to start from, and of certified states next to them.
-        settled: Change of pressing forces, relative, below which a start's steps end.
-        usual: Factorisations of one start at most, after which no other program is begun, and
-        asked: where the user asks for the lowest state.
-    """
-
-    gap: float = 1e-4
-    allowed: float = 1.5e-4
-    pairs: int = 10
-    rough: float = 1e-2
-    settled: float = 3e-2
-    usual: int = 150
-    asked: int = 600
-
-
-OPTIONS = LowestOptions()
 
 #: Starts, the usual one first: elastic states with a part theta of Coulomb's law, the rest of the
 #: bound given by a part of the pressing forces under the dead load; and steps at most, in which
@@ -66,18 +42,18 @@ def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceStat
     pressed = part * search.dead_forces
     settled = False
     for step in range(steps):
-        state = search.elastic(theta, pressed, search.work, OPTIONS.rough)
+        state = search.elastic(theta, pressed, search.work, SEARCH.rough_gap)
         own = np.maximum(search.model.normal(state.force), 0.0)
-        settled = float(np.abs(own - pressed).sum()) < OPTIONS.settled * float(own.sum())
+        settled = float(np.abs(own - pressed).sum()) < SEARCH.start_settled * float(own.sum())
         pressed = own
         if not (step == 0 or settled or step == steps - 1):
             continue
         first, _ = certifier.near(state, search.work)
-        if first is not None and first.gap > OPTIONS.rough:
+        if first is not None and first.gap > SEARCH.rough_gap:
             again = certifier.of(first.force)
             first = again if again is not None and again.gap < first.gap else first
         found = None if first is None else lowered(search, certifier, first)
-        if found is not None and found.gap <= OPTIONS.allowed:
+        if found is not None and found.gap <= SEARCH.lowest_allowed:
             return found
         if settled or (found is not None and search.is_spent):
             break
@@ -90,17 +66,17 @@ def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceS
     best = start
     mode = start.mode
     last = start.load_factor
-    for _ in range(OPTIONS.pairs):
+    for _ in range(SEARCH.lowest_pairs):
         if search.is_spent:
             break
         state = _least(certifier, mode, last)
-        if state is None or state.gap > OPTIONS.allowed:
+        if state is None or state.gap > SEARCH.lowest_allowed:
             break
-        if state.load_factor < best.load_factor or best.gap > OPTIONS.allowed:
+        if state.load_factor < best.load_factor or best.gap > SEARCH.lowest_allowed:
             best = state
         moved = abs(state.load_factor - last)
         last = state.load_factor
-        if moved < OPTIONS.gap * model.size(last):
+        if moved < SEARCH.lowest_gap * model.size(last):
             break
         next_mode = certifier.mode(state.force)
         if next_mode is None:
@@ -113,8 +89,8 @@ def _least(certifier: Certifier, mode: Array, last: float) -> FaceState | None:
     """The state of least load factor with a small gap to a mode."""
     model = certifier.model
     power = model.power(mode)
-    least = power.bound(model.strength) - OPTIONS.gap * model.size(last)
+    least = power.bound(model.strength) - SEARCH.lowest_gap * model.size(last)
     row = Row(-model.free_friction * power.slip, 1.0, least)
     laws = model.strength, model.friction, model.friction
     program = Program(model, certifier.equations, *laws, -1.0, rows=(row,))
-    return certifier.state(solve(program, None, LEAST_GAP), mode)
+    return certifier.state(solve(program, None, to_least_gap()), mode)

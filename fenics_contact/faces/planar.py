@@ -20,14 +20,7 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.rigid_motions import RigidBodies
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-
-#: Shear modulus of a face's springs, in units of Young's modulus.
-SHEAR = 0.4
-#: A face is taken to be at least so long, in units of the median one.
-SHORTEST = 0.02
-#: Steps of Newton's method for the pressures of a face.
-STEPS = 60
-
+from fenics_contact.search_options import SEARCH
 
 @dataclass(frozen=True)
 class PlanarFaces:
@@ -121,7 +114,7 @@ class PlanarFaces:
         most = np.minimum(self.crushing, 1e300)
         pressure = np.column_stack([normal / np.maximum(total, 1e-300), np.zeros(count)])
         shares = np.column_stack([np.ones(len(lever)), lever])
-        for _ in range(STEPS):
+        for _ in range(SEARCH.face_steps):
             raw = np.sum(pressure[face] * shares, axis=1)
             carried = length * np.clip(raw, 0.0, most[face])
             missing = target - _sums(face, carried[:, None] * shares, count)
@@ -183,9 +176,9 @@ def _compliance(layout: Layout, faces: Faces, length: Array) -> Array:
     used = length[length > 0.0]
     typical = float(np.median(used)) if len(used) else 1.0
     young = max(material.young for material in layout.scene.materials.values())
-    length = np.maximum(length, SHORTEST * typical)
+    length = np.maximum(length, SEARCH.shortest_face * typical)
     normal = typical / (0.5 * young * length)
-    shear = typical / (SHEAR * young * length)
+    shear = typical / (0.4 * young * length)
     own = joints.compliance[faces.ends[:, 0]]
     shear = np.where(own > 0.0, own, shear)
     return np.column_stack([normal, normal, shear])

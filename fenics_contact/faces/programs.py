@@ -32,36 +32,17 @@ from fenics_contact.faces.kernel import (
 )
 from fenics_contact.faces.model import FaceModel, crushing_power
 from fenics_contact.faces.system import Equations
+from fenics_contact.search_options import SEARCH
 
-#: Relative error of equilibrium above which there is none.
-NO_EQUILIBRIUM = 1e-7
-#: By how much a mode may close, in units of its largest relative motion.
-CLOSING = 1e-6
-#: Searches at most.
-SEARCHES = 4
-#: An end is sharp where an equilibrium is so near, relative.
-SHARP = 1e-8
-#: An end that is as far from a state, relative, as this is looked for again.
-FAR = 1e-5
-#: With next to nothing added to Newton's matrix: it would be missing in the mode's equation.
-FIRM = KernelOptions(proximal=1e-11)
 #: Relative rounding.
 EPS = float(np.finfo(float).eps)
-#: What ends a solve, and the relative gap up to which it answers where it stalls before (motions:
-#: ten times the error).
-SETTLED = Tolerances(1e-7, 1e-9, 1e-6)
-ROUGH = 1e-2
-#: Least load factor at which a load does the work that it does on closed faces at a factor of 1.
-LEAST = 1e-4
-
-
 def associative_state(model: FaceModel, equations: Equations) -> Iterate:
     """The state of the largest load factor."""
     friction = model.friction
     return solve(Program(model, equations, model.strength, friction, friction))
 
 
-def associative_end(model: FaceModel, sharp: float = SHARP) -> float | None:
+def associative_end(model: FaceModel) -> float | None:
     """Load factor that nothing exceeds, proved by an admissible mode; None if none was found.
 
     All rounding is against it. Where the kernel comes to no end, it begins again from the live
@@ -69,8 +50,8 @@ def associative_end(model: FaceModel, sharp: float = SHARP) -> float | None:
 
     Args:
         model: The faces; slip is taken to be associative, with the dilatancy F.
-        sharp: The search ends when the end is so near to an equilibrium, relative.
     """
+    firm = replace(SEARCH, proximal=SEARCH.firm_proximal)
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -79,7 +60,7 @@ def associative_end(model: FaceModel, sharp: float = SHARP) -> float | None:
 
     def near(iterate: Iterate) -> bool:
         nonlocal end, stands
-        stands = stands or iterate.missing <= NO_EQUILIBRIUM
+        stands = stands or iterate.missing <= 10.0 * SEARCH.face_equilibrium
         work = float(model.live @ iterate.motion)
         if work <= 0.0:
             return False
@@ -99,15 +80,15 @@ def associative_end(model: FaceModel, sharp: float = SHARP) -> float | None:
         if found is not None and (end is None or found < end):
             end = found
         reached = carried + iterate.load_factor
-        if end is None or iterate.missing > NO_EQUILIBRIUM:
+        if end is None or iterate.missing > 10.0 * SEARCH.face_equilibrium:
             return False
-        return abs(end - reached) <= sharp * model.size(reached)
+        return abs(end - reached) <= SEARCH.sharp_end * model.size(reached)
 
-    for _ in range(SEARCHES):
+    for _ in range(SEARCH.end_searches):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
-        found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=FIRM)
+        found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor
-        if stands and end is not None and end - carried <= FAR * model.size(carried):
+        if stands and end is not None and end - carried <= SEARCH.blunt_end * model.size(carried):
             return end
         loaded = replace(model, dead=model.dead + carried * model.live)
     return end if stands else None
@@ -195,7 +176,7 @@ def _by_work(model: FaceModel) -> Iterate | None:
     equations = Equations(alone)
     work = elastic_response(alone, equations).work
     found = _state(alone, equations, work)
-    if found is None or found.load_factor < LEAST:
+    if found is None or found.load_factor < SEARCH.small_factor:
         return None
     part = found.load_factor
     return replace(found, motion=found.motion / part, force=found.force / part)
@@ -204,8 +185,8 @@ def _by_work(model: FaceModel) -> Iterate | None:
 def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | None:
     """The elastic state in which the live load, if there is one, does some work."""
     laws = model.strength, model.friction, model.dilatancy
-    found = solve(Program(model, equations, *laws, work, elastic=True), tolerances=SETTLED)
-    near = found.within(ROUGH, SETTLED.equilibrium, 10.0 * SETTLED.motion)
+    found = solve(Program(model, equations, *laws, work, elastic=True))
+    near = found.within(SEARCH.rough_gap, SEARCH.face_equilibrium, 10.0 * SEARCH.face_motion)
     return found if near else None
 
 

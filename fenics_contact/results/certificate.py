@@ -20,47 +20,29 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact.results.bounds import LoadFactor
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
-#: What a converged result may miss, relative to typical force, displacement or power.
-TOLERANCES: Mapping[str, float] = {
-    "equilibrium": 1e-6,
-    "tension": 1e-6,
-    "penetration": 1e-6,
-    "complementarity": 1e-6,
-    "friction": 1e-5,
-    "slip_direction": 1e-5,
-    "work": 1e-8,
-    "mode_work": 1e-6,
-    "mode_penetration": 1e-5,
-    "mode_elastic": 1e-4,
-    "mode_power": 1e-4,
-    # For the state's own friction bound: as the bound follows, the load factor may still change by
-    # 10 to 1 000 times as much. A larger gap counts where a larger tolerance is asked for.
-    "limit": 3e-6,
-    "bracket": 1e-6,
-    # Moment of a joint beyond that of its compressive strength: in units of force times length.
-    "crushing": 1e-6,
-}
+#: Digits of u, relative: so much may `State.elastic` differ from that part of u.
+ROUNDING = 1e-13
 
 
-@dataclass(frozen=True)
-class CertificateOptions:
-    """Numbers of the residuals.
+def tolerances() -> dict[str, float]:
+    """What a converged result may miss, relative to typical force, displacement or power.
 
-    Attributes:
-        rounding: Digits of u, relative: so much may `State.elastic` differ from that part of u.
-        products: Complementarity may be missed by this part of the tolerance asked for: what
-            products are left is part of the gap.
-        small_factor: Load factors are judged relative to this part of the typical one at least.
+    For the state's own friction bound: as the bound follows, the load factor may still change by 10
+    to 1 000 times the "limit". A larger gap counts where a larger tolerance is asked for.
+    "crushing" is the moment of a joint beyond that of its compressive strength, in units of force
+    times length.
     """
-
-    rounding: float = 1e-13
-    small_factor: float = 1e-3
-    products: float = 1e-2
-
-
-OPTIONS = CertificateOptions()
+    state = "equilibrium", "tension", "penetration", "complementarity"
+    return {
+        **dict.fromkeys((*state, "mode_work", "bracket", "crushing"), SEARCH.verified),
+        **dict.fromkeys(("friction", "slip_direction", "mode_penetration"), SEARCH.verified_slip),
+        **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.verified_mode),
+        "work": SEARCH.verified_work,
+        "limit": SEARCH.verified_gap,
+    }
 
 
 @dataclass(frozen=True)
@@ -99,7 +81,7 @@ class Certificate:
     def tolerances(self) -> dict[str, float]:
         """What the residuals may be, by name."""
         allowed = {**TOLERANCES, "limit": max(TOLERANCES["limit"], self.tolerance)}
-        products = OPTIONS.products * self.tolerance
+        products = SEARCH.products_left * self.tolerance
         allowed["complementarity"] = max(TOLERANCES["complementarity"], products)
         return {name: allowed[name] for name in self.residuals}
 
@@ -150,7 +132,7 @@ def certify(
         rigid_limit: Limit load of the rigid blocks with the friction of the state; nan: unknown.
         points: Numbers of this rank's joint points, by which to name the worst.
     """
-    size = max(abs(state.load_factor), OPTIONS.small_factor * scales.load_factor)
+    size = max(abs(state.load_factor), SEARCH.small_factor * scales.load_factor)
     missed = abs(rigid_limit - state.load_factor)
     residuals = {
         **state_residuals(problem, state, scales),
@@ -179,7 +161,7 @@ def state_residuals(
     forces = problem.dead + state.load_factor * problem.live
     forces += problem.joint_forces(state.pressure, state.shear)
     elastic = problem.elastic_part(state.displacement)
-    rounding = OPTIONS.rounding * problem.max(np.abs(state.displacement))
+    rounding = ROUNDING * problem.max(np.abs(state.displacement))
     if problem.max(np.abs(state.elastic - elastic)) <= rounding:
         elastic = state.elastic  # has more digits
     joints = _joint_misses(problem, state, scales, bound)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, Linearization, PerturbedKKT, Residual
+from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Residual
 from fenics_contact.solvers.nonlinear_elimination import (
     EliminationOptions,
     NonlinearElimination,
@@ -72,40 +72,6 @@ RISING_WORK = Path(0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class ArclengthOptions:
-    """Numbers of the continuation.
-
-    Attributes:
-        max_steps: Factorisations at most.
-        patience: Steps in which s has to advance by log 2; else the path wanders.
-        largest_change: Of s in one step; of its logarithm where T rises.
-        aimed: Change of s for which the points are chosen that follow their laws.
-        past: Part of the end at which a path ends, so that rounding does not fall short of it.
-        close: Distance from the path that may be left at the end, relative to p and q.
-        corrections: Steps at most to get that close.
-        shorter: By how much less far from the laws a step leads that is made again.
-        least: Least such distance, in units of the usual one.
-        lost: Steps in a row that do not reach the path, until it is lost.
-        smallest: Size of p and q by which changes are measured, at least: smaller ones are of no
-            consequence. In typical units.
-        elimination: Numbers of a step.
-    """
-
-    max_steps: int = 600
-    patience: int = 120
-    largest_change: float = 3.0
-    aimed: float = 2.0
-    past: float = 1e-3
-    close: float = 0.1
-    corrections: int = 6
-    shorter: float = 0.3
-    least: float = 0.03
-    lost: int = 6
-    smallest: float = 1e-3
-    elimination: EliminationOptions = field(default_factory=EliminationOptions)
-
-
-@dataclass(frozen=True)
 class PathPoint:
     """A point on or near a path.
 
@@ -137,18 +103,18 @@ class Continuation:
     """Follows one path of one structure."""
 
     def __init__(
-        self, kkt: PerturbedKKT, path: Path, options: ArclengthOptions | None = None
+        self, kkt: PerturbedKKT, path: Path, options: SearchOptions = SEARCH
     ) -> None:
         """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))
         self.path = path
-        self.options = options or ArclengthOptions()
+        self.options = options
 
     def begin(self, start: State, mu: float) -> PathPoint:
         """The point with all products equal to mu next to a state from elsewhere."""
         kkt = replace(self.kkt, work=start.work)
-        return PathPoint(kkt.on_central_path(start, mu, COLD), mu, start.work)
+        return PathPoint(kkt.on_central_path(start, mu, SEARCH.from_bound), mu, start.work)
 
     def follow(self, point: PathPoint, end: float) -> PathPoint:
         """The point where the path ends that `points` follows."""
@@ -172,38 +138,38 @@ class Continuation:
                 by log 2 for too many of them.
         """
         options = self.options
-        goal = self.path.progress(end, end) + options.past
-        usual = limit = options.elimination.allowed
+        goal = self.path.progress(end, end) + options.path_past
+        usual = limit = options.allowed_distance
         before: PathPoint | None = None  # where the last step that reached the path began
         best = self._progress(point)
         best_step = astray = 0
-        for step in range(options.max_steps):
+        for step in range(options.path_steps):
             progress = self._progress(point)
-            if progress >= goal - 0.5 * options.past:
-                yield self.settled(point, options.close)
+            if progress >= goal - 0.5 * options.path_past:
+                yield self.settled(point, options.path_close)
                 return
             if progress >= best + np.log(2.0):
                 best = progress
                 best_step = step
-            if step - best_step >= options.patience:
+            if step - best_step >= options.path_patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            earlier = before if limit > options.least * usual else None
-            rounds = options.elimination.rounds if earlier is None else 0
+            earlier = before if limit > options.path_least * usual else None
+            rounds = options.late_rounds if earlier is None else 0
             point, new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:
-                limit *= options.shorter
+                limit *= options.path_shorter
                 _, point, _ = self._next(earlier, goal, limit, 0)
             else:
-                limit = min(limit / options.shorter, usual)
+                limit = min(limit / options.path_shorter, usual)
                 astray = 0 if reached else astray + 1
                 if reached:
                     yield point
                 before = point if reached else None
                 point = new
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *point.numbers)
-            if astray > options.lost or not np.all(np.isfinite(point.numbers)):
+            if astray > options.path_lost or not np.all(np.isfinite(point.numbers)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
-        raise SolverError(f"central path: not at its end after {options.max_steps} steps")
+        raise SolverError(f"central path: not at its end after {options.path_steps} steps")
 
     def without_products(self, point: PathPoint) -> float:
         """Load factor with products zero at the point passed last, to first order.
@@ -217,11 +183,11 @@ class Continuation:
 
     def settled(self, point: PathPoint, close: float) -> PathPoint:
         """The point after steps across the path alone, until it is close, relative to p and q."""
-        allowed = self.options.elimination.allowed
-        for _ in range(self.options.corrections):
+        allowed = self.options.allowed_distance
+        for _ in range(self.options.path_corrections):
             if self.distance(point) <= close:
                 break
-            _, point, _ = self._next(point, None, allowed, self.options.elimination.rounds)
+            _, point, _ = self._next(point, None, allowed, self.options.late_rounds)
         return point
 
     def _progress(self, point: PathPoint) -> float:
@@ -232,7 +198,7 @@ class Continuation:
         """Largest distance of a point from the path, relative to p and q."""
         kkt = replace(self.kkt, work=point.work)
         now = point.iterate
-        least = self.options.smallest
+        least = self.options.path_smallest
         d = kkt.scales.displacement
         f = kkt.scales.force
         residual = kkt.residual(now)
@@ -254,17 +220,17 @@ class Continuation:
         path = self.path
         linear = self._linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
-        rates = Rates(point.mu, path.log_mu_rate, options.smallest)
-        numbers = replace(options.elimination, allowed=limit, rounds=rounds)
+        rates = Rates(point.mu, path.log_mu_rate, options.path_smallest)
+        numbers = replace(options, allowed_distance=limit, late_rounds=rounds)
         elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
         reach = None
         to_goal = 0.0
-        largest = options.largest_change
+        largest = options.path_change
         back = -largest / (1.0 + largest) if path.work_rate else -largest
         if goal is not None:
             to_goal = path.change_to(point.mu, point.work, goal)
             reach = back, min(to_goal, largest)
-        step = elimination.step(reach, linear.orientation * options.aimed)
+        step = elimination.step(reach, linear.orientation * options.path_aimed)
         s = max(back, min(step.s, to_goal))
         moved = step.moved
         mu = path.mu(point.mu, s)

@@ -32,6 +32,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.joint_stiffness import JointRows, JointStiffness
 from fenics_contact.solvers.problem import Array, Closing, ContactProblem, Owner, SparseMap, State
@@ -41,8 +42,6 @@ Integers = npt.NDArray[np.int32]
 #: Motions of a block in the plane: three rigid ones, three strains, two bendings.
 MODES = 8
 
-#: c above: a fit to bricks of 6 to 561 nodes, linear triangles; within a third from 15 nodes on.
-INDENTATION = 0.6
 #: Combinations of a block's modes shorter than this, squared, are none: held, or on too few nodes.
 DEPENDENT = 1e-10
 
@@ -136,7 +135,7 @@ class BlockModes(Closing):
         nodes = comm.allreduce(np.bincount(blocks.body, minlength=blocks.count))
         refinement = np.log(np.maximum(nodes / 3.0, 1.0))[blocks.body]
         diagonal = problem.stiffness.diagonal()
-        self._indentation = np.asarray(INDENTATION * np.repeat(refinement, 2) / diagonal)
+        self._indentation = np.asarray(SEARCH.indentation * np.repeat(refinement, 2) / diagonal)
         of_points = []
         for operator in (problem.normal, problem.tangential):
             start, columns, values = operator.matrix.getValuesCSR()

@@ -14,44 +14,11 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.errors import SolverError
-from fenics_contact.solvers.kkt import COLD, Iterate, PerturbedKKT, Residual
+from fenics_contact.search_options import SEARCH, SearchOptions
+from fenics_contact.solvers.kkt import Iterate, PerturbedKKT, Residual
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
-
-
-#: Change of the load factor at most in the step to a state that is accepted with less than asked
-#: for, in units of that of `Tolerances`. The certificate takes its forces for given: it does
-#: not tell that they still change.
-SETTLED = 20.0
-#: Steps at most from the first iterate that is exact enough, while its load factor still changes.
-RESTING = 3
-#: Load factors are judged relative to themselves, or to this part of the typical one.
-SMALL_FACTOR = 1e-3
-#: Part of the way to the boundary that a step goes.
-STEP_FRACTION = 0.995
-#: Products that are aimed at, at least, in units of the tolerance.
-LEAST = 1e-2
-#: Length up to which a step is replaced by one to equal products.
-SHORT = 0.1
-#: Number of corrector weights that are tried.
-WEIGHTS = 9
-
-
-@dataclass(frozen=True)
-class InteriorPointOptions:
-    """When the method stops.
-
-    Attributes:
-        max_steps: Steps at most.
-        window: Steps over which the error has to halve; else the method has stalled.
-        acceptable: Error up to which a stalled state is accepted where less was asked for: at the
-            limit load digits are lost. What it is worth the certificate tells.
-    """
-
-    max_steps: int = 80
-    window: int = 20
-    acceptable: float = 1e-9
 
 
 @dataclass(frozen=True)
@@ -95,7 +62,7 @@ def solve_interior_point(
     start: State,
     mu: float,
     tolerances: Tolerances,
-    options: InteriorPointOptions | None = None,
+    options: SearchOptions = SEARCH,
 ) -> Solution:
     """State of the conditions with products zero.
 
@@ -105,16 +72,15 @@ def solve_interior_point(
         mu: Products of the first iterate, in units of force times displacement; below 1 for a
             state next to the solution.
         tolerances: How exact the state has to be.
-        options: When to stop.
+        options: When to stop: `interior_steps`, `interior_window`, `interior_acceptable`.
 
     Raises:
-        SolverError: If neither the tolerance nor `options.acceptable` is reached.
+        SolverError: If neither the tolerance nor `interior_acceptable` is reached.
     """
-    options = options or InteriorPointOptions()
     asked = tolerances.residual
     anything = tolerances.load_factor == np.inf
-    typical = SMALL_FACTOR * kkt.scales.load_factor
-    now = best = kkt.on_central_path(start, mu, COLD if mu >= 1.0 else 0.0)
+    typical = SEARCH.small_factor * kkt.scales.load_factor
+    now = best = kkt.on_central_path(start, mu, SEARCH.from_bound if mu >= 1.0 else 0.0)
     reached = np.inf  # error of the best iterate
     best_sizes: dict[str, float] = {}
     best_is_last = False
@@ -122,7 +88,7 @@ def solve_interior_point(
     errors: list[float] = []
     since_exact = 0
     last, last_change, last_products = np.inf, 1.0, 1.0  # load factor, its change, mean product
-    for step in range(options.max_steps + 1):
+    for step in range(options.interior_steps + 1):
         residual = kkt.residual(now)
         sizes = kkt.sizes(now, residual)
         error = float(np.max(list(sizes.values())))  # nan where any is nan
@@ -133,7 +99,7 @@ def solve_interior_point(
         change = abs(now.load_factor - last)
         products = sizes["complementarity"]
         falls = max(products / last_products, change / last_change if last_change else 0.0)
-        quiet = anything or change <= SETTLED * allowed
+        quiet = anything or change <= SEARCH.settled_change * allowed
         at_rest = anything or change * min(falls, 1.0) <= allowed
         last, last_change, last_products = now.load_factor, change, products
         exact = error <= asked
@@ -150,18 +116,18 @@ def solve_interior_point(
         # Equilibrium loses digits while springs are stiff: it does not tell progress.
         joints = max(size for name, size in sizes.items() if name != "equilibrium")
         errors.append(float(np.nan_to_num(min([joints, *errors[-1:]]), nan=np.inf)))
-        window = options.window
+        window = options.interior_window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
-        if (exact and at_rest) or since_exact > RESTING or stalled or not np.isfinite(error):
+        if (exact and at_rest) or since_exact > SEARCH.resting_steps or stalled or not np.isfinite(error):
             break
-        if step == options.max_steps:
+        if step == options.interior_steps:
             break
         try:
-            now = next_iterate(kkt, now, residual, LEAST * asked)
+            now = next_iterate(kkt, now, residual, SEARCH.least_products * asked)
         except SolverError as failure:
             _log.debug("    %s", failure)
             break
-    if not reached <= max(asked, options.acceptable):
+    if not reached <= max(asked, options.interior_acceptable):
         raise SolverError(
             f"interior point: residual {reached:.1e} after {step} steps, asked {asked:.1e}"
         )
@@ -192,20 +158,20 @@ def next_iterate(kkt: PerturbedKKT, now: Iterate, residual: Residual, least: flo
     target = max(here / kkt.count * max(ahead / here, 0.0) ** 3, least * unit)
     rest = Residual(np.zeros_like(now.u), none, none, 0.0)
     (corrector,) = linear.directions([(rest, target - second)])
-    weights = np.linspace(1.0, min(part, 1.0) ** 2, WEIGHTS)
+    weights = np.linspace(1.0, min(part, 1.0) ** 2, SEARCH.corrector_weights)
     ratios = towards + weights[:, None] * (corrector.positive / now.positive)
     lengths = _lengths(kkt, ratios)
     longest = int(np.argmax(lengths))
     length = float(lengths[longest])
     step = step.moved(float(weights[longest]), corrector)
-    if length < SHORT:
+    if length < SEARCH.short_step:
         (step,) = linear.directions([(residual, here / kkt.count - products)])
         length = float(_lengths(kkt, (step.positive / now.positive)[None])[0])
-    return now.moved(min(1.0, STEP_FRACTION * length), step)
+    return now.moved(min(1.0, SEARCH.step_fraction * length), step)
 
 
 def _lengths(kkt: PerturbedKKT, ratios: Array) -> Array:
     """Longest steps, at most 1 / step fraction, for directions relative to the iterate."""
     largest = np.max(-ratios, axis=1, initial=0.0)
     kkt.problem.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    return np.asarray(1.0 / np.maximum(largest, STEP_FRACTION))
+    return np.asarray(1.0 / np.maximum(largest, SEARCH.step_fraction))

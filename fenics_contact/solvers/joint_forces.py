@@ -40,6 +40,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.bound_qp import BoundQP
 from fenics_contact.solvers.problem import (
     Array,
@@ -63,25 +64,8 @@ NORMAL = (0,)
 TANGENTIAL = (1,)
 BOTH = (0, 1)
 
-#: All rho, in units of typical joint force over displacement: larger ones take more proximal steps,
-#: with smaller ones programs are harder to solve, and digits are lost. Joint laws that are missed
-#: by so many times more than equilibrium call for a larger one, a step that contracts less than
-#: `SLOW_STEP` for a smaller one.
-HOLDS = 0.1 * 0.2 ** np.arange(7)
-BALANCE = 1e2
-SLOW_STEP = 0.3
-#: Hold on the forces, D in units of A's diagonal: makes programs definite.
-FORCE_HOLD = 1e-7
-#: Steps without half the residual after which the best state is judged, and what it may miss.
-PATIENCE = 12
-ACCEPTABLE = 1e-7
-#: Tolerance on programs, relative to the change in the last step, and its limits.
-ACCURACY = 1e-3
-LIMITS = 1e-12, 1e-3
-#: Sweeps end at this residual, relative to the change in the last step; those that contract less
-#: than `SLOW_SWEEP` are ended by a step for all forces.
-SWEEP_ACCURACY = 0.1
-SLOW_SWEEP = 0.1
+#: Relative rounding of programs: no tolerance is smaller.
+ROUNDING = 1e-12
 
 _log = logging.getLogger("fenics_contact")
 
@@ -134,7 +118,7 @@ class DelassusOperator(Closing):
             self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
             self.matrix = SparseMap(self._assembled(points))
             owner.callback(self.matrix.close)
-            self.hold = FORCE_HOLD / (1.0 + FORCE_HOLD) * self.matrix.diagonal()
+            self.hold = SEARCH.force_hold / (1.0 + SEARCH.force_hold) * self.matrix.diagonal()
             self._owner = owner.pop_all()
 
     def right(self, near: Array, held: Array, work: float) -> tuple[Array, Array]:
@@ -207,7 +191,7 @@ class DelassusOperator(Closing):
         total = sum(sizes)
         entries = [*self._flexibility(points, start), *self._border(start, total)]
         rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-        values = np.where(rows == columns, 1.0 + FORCE_HOLD, 1.0) * values
+        values = np.where(rows == columns, 1.0 + SEARCH.force_hold, 1.0) * values
         table = coo_matrix((values, (rows - start, columns)), (size, total)).tocsr()
         csr = table.indptr.astype(PETSc.IntType), table.indices.astype(PETSc.IntType), table.data
         matrix = PETSc.Mat().createAIJ(((size, total), (size, total)), csr=csr, comm=comm)
@@ -307,7 +291,7 @@ class ProximalStep:
         found = x.copy()
         found[rows] = 0.0
         rest = self.right - self.operator.matrix @ found
-        tolerance = float(np.clip(ACCURACY * self.change, *LIMITS))
+        tolerance = float(np.clip(SEARCH.program_accuracy * self.change, ROUNDING, SEARCH.program_accuracy))
         lower, upper = self.bounds
         found[rows] = program.solve(rest[rows], lower[rows], upper[rows], x[rows], tolerance)
         return found
@@ -316,7 +300,7 @@ class ProximalStep:
         """Openings and slips that x misses the joint laws by, relative to typical ones."""
         lower, upper = self.bounds
         gradient = self.operator.matrix @ x - self.right
-        unit = self.operator.hold / FORCE_HOLD
+        unit = self.operator.hold / SEARCH.force_hold
         miss = np.minimum((x - lower) * unit, np.maximum((x - upper) * unit, gradient))
         miss = np.abs(miss[: 2 * self.operator.points])
         largest = self.operator.matrix.comm.allgather(float(np.max(miss, initial=0.0)))
@@ -333,13 +317,13 @@ def alternately(step: ProximalStep, x: Array) -> Array:
     """Minimiser by sweeps, ended by a step for all forces where they contract slowly, from x."""
     history = step.history
     residual = step.residual(x)
-    while residual > SWEEP_ACCURACY * step.change:
+    while residual > SEARCH.sweep_accuracy * step.change:
         x = step.minimise(TANGENTIAL, step.minimise(NORMAL, x))
         before = residual
         residual = step.residual(x)
         history.sweeps += 1
-        history.log_contraction += float(np.log(max(residual / before, LIMITS[0])))
-        if not residual <= SLOW_SWEEP * before:
+        history.log_contraction += float(np.log(max(residual / before, ROUNDING)))
+        if not residual <= SEARCH.slow_sweep * before:
             return at_once(step, x)
     return x
 
@@ -391,6 +375,7 @@ class JointForceSolver(Closing):
         state = State(u, start.elastic, start.load_factor, pressure, shear, work)
         best: tuple[float, State, dict[str, float]] = np.inf, state, {}
         errors: list[float] = []
+        patience = SEARCH.hold_patience
         level = 0
         last = 1.0
         while not best[0] <= tolerance:
@@ -399,13 +384,13 @@ class JointForceSolver(Closing):
             residuals = dict(self._residuals(self._problem, state, scales, bound))
             errors.append(float(np.max(list(residuals.values()))))
             best = min(best, (errors[-1], state, residuals), key=lambda found: found[0])
-            if not min(errors[-PATIENCE:]) < 0.5 * min([np.inf, *errors[:-PATIENCE]]):
+            if not min(errors[-patience:]) < 0.5 * min([np.inf, *errors[:-patience]]):
                 break
             level, last = self._adapted(level, last, near, state, residuals)
         self.history.steps += len(errors)
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
-        if not best[0] <= max(tolerance, ACCEPTABLE):
+        if not best[0] <= max(tolerance, SEARCH.hold_acceptable):
             raise SolverError(f"{reached}, asked {tolerance:.1e}")
         return best[1], best[2]
 
@@ -420,16 +405,16 @@ class JointForceSolver(Closing):
         size = self._problem.max(np.abs(state.displacement)) or 1.0
         change = self._problem.max(np.abs(state.displacement - near.displacement)) / size
         joints = max(value for name, value in residuals.items() if name != "equilibrium")
-        if joints > BALANCE * residuals["equilibrium"]:
+        if joints > SEARCH.hold_balance * residuals["equilibrium"]:
             level = max(level - 1, 0)
-        elif last < 1.0 and change > SLOW_STEP * last:
-            level = min(level + 1, len(HOLDS) - 1)
+        elif last < 1.0 and change > SEARCH.slow_hold * last:
+            level = min(level + 1, SEARCH.holds - 1)
         return level, min(change, last, joints + residuals["equilibrium"])
 
     def _step(self, level: int, near: State, bound: Array, scales: Scales, change: float) -> State:
         """The state one proximal step from another, by a rho, after a change."""
         size = scales.displacement
-        rho = HOLDS[level] * scales.force / size
+        rho = SEARCH.hold * SEARCH.hold_factor**level * scales.force / size
         if rho not in self._operators:
             operator = DelassusOperator(self._problem, self._points, rho)
             self._operators[rho] = self._owner.enter_context(operator)

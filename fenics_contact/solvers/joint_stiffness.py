@@ -19,6 +19,7 @@ import numpy.typing as npt
 from petsc4py import PETSc
 
 from fenics_contact.errors import SolverError
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.problem import Array, Closing, Owner, SparseMap
@@ -38,10 +39,8 @@ PLAIN = {"icntl_6": 0, "cntl_1": 0.0, "icntl_8": 0, "icntl_33": 1, "icntl_27": 6
 #: Least pivot, in units of the mean diagonal of K. A smaller one is rounding next to a mechanism;
 #: the work of the live load limits the mechanism.
 SMALLEST_PIVOT = 1e-20
-#: MUMPS' number of the minimum fill ordering, which is quicker to find than the default, and the
-#: unknowns up to which it is used; beyond the default needs less memory.
+#: MUMPS' number of the minimum fill ordering.
 MINIMUM_FILL = 2
-MINIMUM_FILL_UP_TO = 100_000
 
 
 @dataclass(frozen=True)
@@ -220,7 +219,7 @@ class JointStiffness(Closing):
         if self._kind == GENERAL:
             pivot = np.nan_to_num(SMALLEST_PIVOT * self.mean_diagonal)  # PETSc 3.22 checks
             values = {**PLAIN, "cntl_4": float(pivot)}
-            small = self._matrix.getSize()[0] <= MINIMUM_FILL_UP_TO
+            small = self._matrix.getSize()[0] <= SEARCH.minimum_fill
             prefix = "fenics_contact_small_" if small else "fenics_contact_large_"
             if small:
                 values["icntl_7"] = MINIMUM_FILL

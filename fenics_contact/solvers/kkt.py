@@ -28,37 +28,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.compiled import call
 from fenics_contact.solvers.joint_law import LinearLaws, PointLaws, Slacks
 from fenics_contact.solvers.joint_stiffness import Factor, JointStiffness
 from fenics_contact.solvers.problem import Array, ContactProblem, Scales, State
 
-#: Least distance of shear from its bound, in units of the bound, at a state from elsewhere.
-COLD = 1e-9
-
 #: Points whose given bound is below this part of the typical force transmit no shear.
 NO_FRICTION = 1e-12
-
-
-@dataclass(frozen=True)
-class KKTOptions:
-    """Numbers of the Newton steps.
-
-    Attributes:
-        largest_spring: Cap on springs, in units of the mean diagonal of K; larger ones would
-            cancel digits.
-        sliding_spring: Spring that resists steps, not slip, at points without friction, in units
-            of force over displacement: without it blocks on frictionless joints have no stiffness.
-        cancellation: A direction is solved for once more if its two parts are larger than their
-            sum by this factor: its digits have cancelled.
-        equilibrium_weight: Of the equilibrium residual. Stiff springs cancel some of its digits
-            while the iterates still move; it recovers as they come to rest.
-    """
-
-    largest_spring: float = 1e10
-    sliding_spring: float = 1e-8
-    cancellation: float = 10.0
-    equilibrium_weight: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -114,7 +91,7 @@ class PerturbedKKT:
     load_factor: float | None
     law: PointLaws
     least_strength: float = 0.0
-    options: KKTOptions = field(default_factory=KKTOptions)
+    options: SearchOptions = SEARCH
 
     @classmethod
     def coulomb(

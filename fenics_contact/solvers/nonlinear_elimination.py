@@ -25,39 +25,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.compiled import Structure, call, structure
 from fenics_contact.solvers.kkt import Iterate, Linearization
 from fenics_contact.solvers.problem import Array
 
 Integers = npt.NDArray[np.int64]
 
-#: Times that the interval is halved in which more points begin to bend than may be chosen.
-_BISECTIONS = 6
-#: Length of s at least on either side of where the path is reached.
-_ROOM = 1e-4
-
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class EliminationOptions:
-    """Numbers of a step. Distances are those of points from their laws, relative to p and q.
-
-    Attributes:
-        points: Points chosen at most, before a step.
-        late: Points at most that are chosen at once where they end the way to the path.
-        rounds: How often points are chosen late in one step.
-        chosen: Distance from which on a point is chosen.
-        allowed: Largest distance of a point that is not chosen.
-        solved: What is left of the equations of chosen points, relative to p and q.
-    """
-
-    points: int = 32
-    late: int = 16
-    rounds: int = 8
-    chosen: float = 0.15
-    allowed: float = 0.3
-    solved: float = 3e-2
 
 
 @dataclass(frozen=True)
@@ -132,10 +107,10 @@ class NonlinearElimination:
         correction: Iterate,
         tangent: Iterate,
         rates: Rates,
-        options: EliminationOptions | None = None,
+        options: SearchOptions = SEARCH,
     ) -> None:
         """Take Newton's equations at the place, Newton's correction c and the tangent t by s."""
-        self.options = options or EliminationOptions()
+        self.options = options
         self._linear = linear
         self._correction = correction
         self._tangent = tangent
@@ -184,7 +159,8 @@ class NonlinearElimination:
             reached = last.x[-1] >= 1.0
             if reached and reach is not None:
                 x = np.append(last.x[:-1], back)
-                reach = min(reach[0], back - _ROOM), max(reach[1], back + _ROOM)
+                room = SEARCH.path_room
+                reach = min(reach[0], back - room), max(reach[1], back + room)
                 forward = np.append(np.zeros(len(x) - 1), np.sign(ahead))
                 last = self._trace((1.0, 0.0, 0.0, 1.0), x, forward, reach)
             return self._arrived(last, bool(reached))
@@ -246,7 +222,7 @@ class NonlinearElimination:
             low = 1e-5
             high = 1.0
             first = np.zeros_like(found)
-            for _ in range(_BISECTIONS):
+            for _ in range(SEARCH.bisections):
                 middle = float(np.sqrt(low * high))
                 tried = distances(middle)
                 if self._too_many(tried):
@@ -256,16 +232,16 @@ class NonlinearElimination:
                     low = middle
                     first = tried
             # Distances end at about one. Farther on, points that bend first are no more the worst.
-            found = np.where(first > options.chosen, np.inf, found)
+            found = np.where(first > options.chosen_from, np.inf, found)
         return self._worst(found, options.points)
 
     def _too_many(self, distances: Array) -> bool:
         """Whether more points bend than may be chosen."""
-        return np.count_nonzero(distances > self.options.chosen) > self.options.points
+        return np.count_nonzero(distances > self.options.chosen_from) > self.options.points
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points furthest from their laws, at most so many."""
-        place = np.flatnonzero(distances > min(self.options.chosen, self.options.allowed))
+        place = np.flatnonzero(distances > min(self.options.chosen_from, self.options.allowed_distance))
         return place[np.argsort(-distances[place], kind="stable")[:most]]
 
     def _choose(self, points: Integers) -> None:
@@ -311,10 +287,10 @@ class NonlinearElimination:
         forward = np.append(np.zeros(len(x) - 1), 1.0)
         few = end = self._trace(line, x, forward, (-1.0, 1.0))
         kept = self._chosen, self.answers
-        for _ in range(self.options.rounds):
+        for _ in range(self.options.late_rounds):
             if not end.bends:
                 break
-            self._choose(self._worst(self._distances, self.options.late))
+            self._choose(self._worst(self._distances, self.options.late_points))
             x = self._with_more(end)
             if not call("near", self._curve(line, (-1.0, 1.0)), x):
                 break
@@ -349,8 +325,8 @@ class NonlinearElimination:
             c=by_normal_then_shear.T,
             answers=self.answers,
             others=others,
-            allowed=self.options.allowed,
-            solved=self.options.solved,
+            allowed=self.options.allowed_distance,
+            solved=self.options.points_solved,
             **dict(zip(("part", "s", "of_part", "of_s"), line, strict=True)),
             **dict(zip(("low", "high"), reach, strict=True)),
         )

@@ -39,7 +39,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fenics_contact.collapse.rigid_blocks.model import (
-    OPTIONS,
     BlockModel,
     LinearProgram,
     wedging_forces,
@@ -92,7 +91,7 @@ def given_friction(model: BlockModel, iterations: int) -> GivenFriction:
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
     else:
         missing, multipliers, _ = largest.least_missing()
-        factor = -np.inf if missing > OPTIONS.rounding else np.inf
+        factor = -np.inf if missing > SEARCH.program_rounding else np.inf
         if factor > 0.0 and wedging_forces(model) is None:
             raise SolverError(f"rigid-block linear program failed: {answer.message}")
     slip = np.abs(largest.columns.T @ multipliers)[-len(model.strength) :]
@@ -146,7 +145,7 @@ def least_forces(
     all_sums = LinearProgram(costs.ravel(), columns, right, np.tile(ends, (count, 1)))
     answer = all_sums.answer("highs-ds", {"maxiter": iterations})
     spent = int(answer.nit)
-    if answer.status == 2 and single.least_missing()[0] > OPTIONS.rounding:
+    if answer.status == 2 and single.least_missing()[0] > SEARCH.program_rounding:
         return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
     if answer.status != 0:
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
@@ -170,7 +169,7 @@ def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -
     """
     dilatancy = model.planar.model.dilatancy
     given = BlockModel.of(model.planar, dilatancy, model.strength)
-    search = _Search(model, given, check_stop, upper + OPTIONS.rounding * abs(upper))
+    search = _Search(model, given, check_stop, upper + SEARCH.program_rounding * abs(upper))
     try:
         search.run()
     except (SolverError, Stopped, _SpentError) as error:
@@ -235,24 +234,24 @@ class _Search:
             factor = self._raised(part)
             least = part.least
             size = self.upper - self.lower if np.isfinite(self.upper) else abs(self.lower)
-            enough = factor > self.lower + OPTIONS.gain * size or self.lower == -np.inf < factor
+            enough = factor > self.lower + SEARCH.least_gain * size or self.lower == -np.inf < factor
             self.lower = max(self.lower, factor)
             if not enough:
                 break
         if not (np.isfinite(self.lower) and np.isfinite(self.upper)):
             return
-        width = thinnest = OPTIONS.thinnest * (self.upper - self.lower)
+        width = thinnest = SEARCH.thinnest_slice * (self.upper - self.lower)
         while not self._closed:
             end = min(self.lower + width, self.upper)
             factor = min(self._raised(self._slice(end, least)), end)
             gain = factor - self.lower
             self.lower = max(factor, self.lower)
             if factor == end:
-                width /= OPTIONS.shrinks
-            elif gain <= OPTIONS.gain * width:
+                width /= SEARCH.slice_shrinks
+            elif gain <= SEARCH.least_gain * width:
                 if width <= thinnest:
                     return
-                width = max(OPTIONS.shrinks * width, thinnest)
+                width = max(SEARCH.slice_shrinks * width, thinnest)
 
     @property
     def _closed(self) -> bool:
@@ -268,7 +267,7 @@ class _Search:
     def _raised(self, part: _Slice) -> float:
         """No collapse state of a slice is below this, as far as it is worth while."""
         low, high = part.ends
-        worthwhile = low + OPTIONS.gain * (high - low) if high < np.inf else low
+        worthwhile = low + SEARCH.least_gain * (high - low) if high < np.inf else low
         for step in itertools.count():
             limit = self._limit(part.least)
             if limit.factor > high:
@@ -276,7 +275,7 @@ class _Search:
             # Faces that slip and whose n is not known yet, those with the most power first.
             power = self.model.planar.model.free_friction * limit.slip * self._doubt(part)
             order = np.argsort(-power, kind="stable")
-            faces = order[power[order] > OPTIONS.unloaded * power.max(initial=0.0)]
+            faces = order[power[order] > SEARCH.unloaded * power.max(initial=0.0)]
             if not len(faces):
                 return limit.factor
             # At first the slice may turn out to be no gain.
@@ -292,7 +291,7 @@ class _Search:
         """Differences of what n may be, N/m, up to the unit of forces; 0 where it is known."""
         unit = self.model.unit
         doubt = np.minimum(part.most - part.least, unit)
-        return np.where(doubt > OPTIONS.unloaded * unit, doubt, 0.0)
+        return np.where(doubt > SEARCH.unloaded * unit, doubt, 0.0)
 
     def _minimise(self, part: _Slice, faces: Indices) -> None:
         """Find n of faces of a slice, all together while that halves the doubt."""
@@ -307,7 +306,7 @@ class _Search:
             if doubt > 0.5 * before:
                 break
         while len(faces) and not part.empty:
-            first = faces[: OPTIONS.at_once]
+            first = faces[: SEARCH.faces_at_once]
             values = self._least(part, np.eye(len(part.least))[first])
             part.least[first] = np.maximum(values, part.least[first])
             part.most[first] = part.least[first]
@@ -335,8 +334,8 @@ class _Search:
 
     def _iterations(self) -> int:
         """Iterations of HiGHS that are left to the next program."""
-        left = (OPTIONS.pivots - self.pivots) // self.model.forces.shape[0]
-        if left < 1 or self.solved >= OPTIONS.programs:
+        left = (SEARCH.pivots - self.pivots) // self.model.forces.shape[0]
+        if left < 1 or self.solved >= SEARCH.programs:
             raise _SpentError(f"{self.solved} linear programs did not bring it to an end")
         self.check_stop()
         return left

@@ -24,45 +24,9 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Indices
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import solved
 from fenics_contact.solvers.problem import Array
-
-
-@dataclass(frozen=True)
-class ProgramOptions:
-    """Numbers of the linear programs, and of the search for the lower end (`lower_end`).
-
-    Attributes:
-        feasibility: HiGHS' primal and dual tolerance, forces in the program's unit.
-        iterations: Of HiGHS at most, for each row and column: it may go round in circles.
-        rounding: Missing forces in units of the largest dead load, summed, that count as none; and
-            by how much an upper end that HiGHS found is raised, relative.
-        large: Unknowns above which a program takes a second or more: it is solved in a process of
-            its own, or by the face engine.
-        programs: Programs of the search at most.
-        pivots: Its iterations of HiGHS times equations at most, which bounds the time on large
-            walls.
-        gain: Least gain of a step, in units of the slice: for less, slices get smaller.
-        shrinks: Factor by which slices get smaller, and larger again.
-        thinnest: Slices are not thinner than this part of the first bracket.
-        at_once: Faces for each of which n is found by one program.
-        unloaded: Normal forces that count as none, and slip rates, in units of the largest one.
-    """
-
-    feasibility: float = 1e-10
-    iterations: int = 50
-    rounding: float = 1e-8
-    large: int = 5000
-    programs: int = 120
-    pivots: int = 2_500_000
-    gain: float = 0.05
-    shrinks: float = 0.25
-    thinnest: float = 0.01
-    at_once: int = 8
-    unloaded: float = 1e-9
-
-
-OPTIONS = ProgramOptions()
 
 
 @dataclass(frozen=True)
@@ -84,8 +48,8 @@ class LinearProgram:
     def arguments(self, method: str, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Arguments of scipy's `linprog`."""
         names = "primal_feasibility_tolerance", "dual_feasibility_tolerance"
-        steps = OPTIONS.iterations * sum(self.columns.shape)
-        options = dict.fromkeys(names, OPTIONS.feasibility) | {"maxiter": steps} | (options or {})
+        steps = SEARCH.program_iterations * sum(self.columns.shape)
+        options = dict.fromkeys(names, SEARCH.feasibility) | {"maxiter": steps} | (options or {})
         equations = self.columns, self.right
         return self.cost, None, None, *equations, self.ends, method, None, options
 
@@ -164,7 +128,7 @@ class BlockModel:
     @property
     def is_large(self) -> bool:
         """Whether a program takes longer than to start a process for it."""
-        return bool(self.forces.shape[1] > OPTIONS.large)
+        return bool(self.forces.shape[1] > SEARCH.large_program)
 
     @property
     def units(self) -> FaceModel:
@@ -243,7 +207,7 @@ def wedging_forces(model: BlockModel) -> Array | None:
     right = -model.planar.model.live / unit
     balance = LinearProgram(np.ones(len(ends)), model.forces, right, ends)
     missing, _, x = balance.least_missing()
-    if missing > OPTIONS.rounding:
+    if missing > SEARCH.program_rounding:
         return None
     least = balance.answer("highs-ds")
     return model.point_forces(unit * (least.x if least.status == 0 else x))

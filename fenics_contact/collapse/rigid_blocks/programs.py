@@ -36,7 +36,6 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.collapse.rigid_blocks.lower_end import lower_end
 from fenics_contact.collapse.rigid_blocks.model import (
-    OPTIONS,
     BlockModel,
     LinearProgram,
     wedging_forces,
@@ -63,14 +62,14 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
     """
     # On large walls the face engine is twenty times as fast as HiGHS; its forces are the proof.
     found = state_under(model.units, load_factor) if model.is_large else None
-    if found is not None and found.missing <= OPTIONS.rounding:
+    if found is not None and found.missing <= SEARCH.program_rounding:
         return None
     standing = model.standing(load_factor)
     # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
     plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
     if standing.answer("highs-ds", plain).status != 0:
         missing, multipliers, _ = standing.least_missing()
-        if missing > OPTIONS.rounding:
+        if missing > SEARCH.program_rounding:
             return model.planar.motions(-multipliers)
     motion = crushed_by(model.units, load_factor) if model.crushes else None
     return None if motion is None else model.planar.motions(motion)
@@ -95,7 +94,7 @@ def largest_load(
             work = float(model.planar.model.live @ multipliers)
             motion = model.planar.motions(multipliers) / work if work else None
             return float(answer.x[0]) * model.load, motion
-    if largest.least_missing()[0] > OPTIONS.rounding:
+    if largest.least_missing()[0] > SEARCH.program_rounding:
         return None, None
     if wedging_forces(model) is not None:
         return np.inf, None
