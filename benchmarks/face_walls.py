@@ -34,13 +34,13 @@ from benchmarks import masonry
 from benchmarks.scenes import matching
 from benchmarks.worker import HOME, save
 from fenics_contact import Tie
-from fenics_contact.collapse.face_collapse import GAP, GAP_OF_MANY, MANY_BLOCKS
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.meshing import wall
+from fenics_contact.search_options import SEARCH
 from tests.bank import (
     FACADE_STONE,
     LEFTWARDS,
@@ -135,7 +135,7 @@ def measure(kind: str, name: str, make: Make, share: float) -> Row:
     with Discretization(scene) as made:
         model = PlanarFaces.of(made).model
     start = time.process_time()
-    search = FaceSearch(model, GAP if blocks < MANY_BLOCKS else GAP_OF_MANY)
+    search = FaceSearch(model, SEARCH.gap if blocks < SEARCH.many_blocks else SEARCH.gap_of_many)
     state = search.run()
     row: Row = dict.fromkeys(NAMES, "") | {
         "kind": kind,
@@ -215,7 +215,9 @@ def closing(rows: list[Row]) -> Iterator[str]:
             np.array([row[name] for row in some], dtype=float)
             for name in ("gap", "factorizations", "seconds")
         )
-        asked = [GAP if row["blocks"] < MANY_BLOCKS else GAP_OF_MANY for row in some]
+        asked = [
+            SEARCH.gap if row["blocks"] < SEARCH.many_blocks else SEARCH.gap_of_many for row in some
+        ]
         checked = [row["recomputed"] for row in some if row["recomputed"]]
         yield (
             f"{kind}: {np.sum(gap <= asked)} of {len(some)} within the gap asked for, largest"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,23 +21,20 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.strategy import Task, along_block_modes
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
-    ArclengthOptions,
     Continuation,
 )
 from fenics_contact.solvers.joint_stiffness import GENERAL, Tally
 from fenics_contact.solvers.kkt import PerturbedKKT
-from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 
 HERE = Path(__file__).parent
 BLUE, ORANGE, GREEN, RED, GREY = "#0b62a4", "#e67300", "#2a8a3e", "#c0392b", "#666666"
 
 #: Short steps, so that the points show the curve; the program itself takes longer ones.
-FINE = ArclengthOptions(
-    max_steps=2000, largest_change=0.25, elimination=EliminationOptions(allowed=0.05)
-)
+FINE = replace(SEARCH, path_steps=2000, path_change=0.25, allowed_distance=0.05)
 
 #: Work at the end, in units of that on the bonded structure: of W3, and of the wall of 410 blocks.
 WORK_W3, WORK_LARGE = 420.0, 400.0

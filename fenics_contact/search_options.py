@@ -32,8 +32,8 @@ class SearchOptions:
     #: Times by which parts of a direction are larger than their sum where it is solved for again:
     #: its digits have cancelled.
     cancellation: float = 10.0
-    #: Weight of the equilibrium residual: stiff springs cancel some of its digits while the iterates
-    #: still move; it recovers as they come to rest.
+    #: Weight of the equilibrium residual: stiff springs cancel some of its digits while iterates
+    #: move; it recovers as they come to rest.
     equilibrium_weight: float = 1e-3
     #: Least distance of shear from its bound, in units of it, at a state from elsewhere.
     from_bound: float = 1e-9
@@ -78,8 +78,8 @@ class SearchOptions:
     path_least: float = 0.03
     #: Steps in a row that do not reach the path, until it is lost.
     path_lost: int = 6
-    #: Size of p and q by which changes are measured, at least, in typical units: smaller ones are of
-    #: no consequence.
+    #: Size of p and q by which changes are measured, at least, in typical units: smaller ones are
+    #: of no consequence.
     path_smallest: float = 1e-3
 
     # ---- one step of it: points that follow their exact laws (solvers/nonlinear_elimination)
@@ -101,8 +101,8 @@ class SearchOptions:
     path_room: float = 1e-4
 
     # ---- states by joint forces (solvers/joint_forces)
-    #: Largest rho, in units of typical joint force over displacement: larger ones take more proximal
-    #: steps, with smaller ones programs are harder to solve, and digits are lost.
+    #: Largest rho, in units of typical joint force over displacement: larger ones take more
+    #: proximal steps, with smaller ones programs are harder to solve, and digits are lost.
     hold: float = 0.1
     #: Factor from one rho to the next smaller one.
     hold_factor: float = 0.2
@@ -132,6 +132,307 @@ class SearchOptions:
     #: Unknowns up to which the minimum fill ordering is used, which is quicker to find than the
     #: default; beyond the default needs less memory.
     minimum_fill: int = 100_000
+
+    # ---- programs on face forces (faces/kernel, faces/programs)
+    #: Relative gap at which a program ends.
+    face_gap: float = 1e-7
+    #: Error of equilibrium at which it ends, over the largest force; ten times that is none.
+    face_equilibrium: float = 1e-9
+    #: Error of its motions, over the typical displacement.
+    face_motion: float = 1e-6
+    #: Steps at most.
+    face_steps: int = 60
+    #: Length below which a step is short.
+    face_short: float = 0.2
+    #: Short steps in a row that end a program.
+    face_patience: int = 6
+    #: Steps without a better iterate that end it.
+    face_stale: int = 12
+    #: Added to Newton's matrix, in units of displacement over force, times the relative gap.
+    proximal: float = 1e-7
+    #: The same where a mode is proved: it would be missing in the mode's equation.
+    firm_proximal: float = 1e-11
+    #: Further correctors at most.
+    pushes: int = 2
+    #: Factor of products, about those aimed at, out of which these pull them.
+    product_band: float = 10.0
+    #: Distance of a proved end and an equilibrium, relative, at which the search for it ends.
+    sharp_end: float = 1e-8
+    #: Distance from which on an end is looked for again.
+    blunt_end: float = 1e-5
+    #: Searches at most.
+    end_searches: int = 4
+    #: Least length of a face's springs, in units of the median one.
+    shortest_face: float = 0.02
+
+    # ---- search for a limit by face forces (faces/limit, faces/certificate)
+    #: Relative gap of a state that counts as one at all.
+    rough_gap: float = 1e-2
+    #: Gap below which an iterate is a state to go on from.
+    face_state_gap: float = 0.1
+    #: Factorisations of a search at most.
+    face_effort: int = 600
+    #: Part of its size by which a state is below the limit with its strengths, from which on it
+    #: does too little work.
+    far_limit: float = 0.02
+    #: Works at most.
+    face_works: int = 3
+    #: Part of Coulomb's law in the steps that follow, the rest of the bound being given.
+    coulomb_part: float = 0.5
+    #: Steps at most.
+    part_steps: int = 10
+    #: Relative gap of each.
+    part_gap: float = 3e-2
+    #: Part of the dissipation that the bound misses, from which on the certificate is tried.
+    part_tried: float = 5e-2
+    #: Part below which more steps do not help.
+    part_settled: float = 1e-3
+    #: Strength added for the mode, in units of the typical force.
+    mode_slack: float = 1e-7
+    #: Products at the start of the mode's program, in units of those of the elastic state.
+    near_products: float = 10.0
+    #: Those at the start of the state's program.
+    far_products: float = 100.0
+    #: Gap at which a state's program ends; it costs one or two steps more than the gap asked for.
+    certified_gap: float = 3e-7
+    #: Part of the elastic state's gap by which the load factor may move,
+    moves: float = 0.3
+    #: but by this part of its size at least
+    least_move: float = 1e-3
+    #: and at most.
+    most_move: float = 0.2
+    #: How far a mode may close, in units of its largest relative motion.
+    closing: float = 1e-6
+
+    # ---- lower states by face forces (faces/lowest)
+    #: Change of the load factor, relative, that ends a search.
+    lowest_gap: float = 1e-4
+    #: Gap of a state at most.
+    lowest_allowed: float = 1.5e-4
+    #: Pairs of programs at most.
+    lowest_pairs: int = 10
+    #: Change of pressing forces, relative, below which a start's steps end.
+    start_settled: float = 3e-2
+    #: Factorisations of one start at most, unasked.
+    usual_effort: int = 150
+
+    # ---- which engine, and what it is asked for (collapse/engine, collapse/face_collapse)
+    #: Blocks from which on a wall is large: its path has larger products, and has to end soon.
+    large_wall: int = 100
+    #: Cost of the path of such a wall, in factorisations: about 20 bonded solves.
+    soon: float = 25.0
+    #: Gap asked for by default,
+    gap: float = 1e-3
+    #: and of many blocks,
+    gap_of_many: float = 5e-3
+    #: from so many on; lower states are then not looked for unasked.
+    many_blocks: int = 1000
+    #: Springs of joints while blocks are strained by given forces, in units of K's mean diagonal.
+    field_spring: float = 1e-8
+    #: Steps in which these springs' forces are taken away again.
+    field_steps: int = 3
+    #: Forces, and motions, below this part of the largest one are none.
+    no_force: float = 1e-6
+    #: A face is at its strength where so little of its force is left for the other end.
+    at_strength: float = 1e-4
+
+    # ---- linear programs of rigid blocks (collapse/rigid_blocks)
+    #: HiGHS' primal and dual tolerance, forces in the program's unit.
+    feasibility: float = 1e-10
+    #: Iterations of HiGHS at most, for each row and column: it may go round in circles.
+    program_iterations: int = 50
+    #: Missing forces, in units of the largest dead load, that count as none; and what an upper end
+    #: by HiGHS is raised by, relative.
+    program_rounding: float = 1e-8
+    #: Unknowns above which a program takes a second or more: it gets a process of its own, or the
+    #: face engine.
+    large_program: int = 5000
+    #: Programs of the search for a lower end at most.
+    programs: int = 120
+    #: Its iterations of HiGHS times equations at most, which bounds the time on large walls.
+    pivots: int = 2_500_000
+    #: Least gain of a step, in units of the slice: for less, slices get smaller,
+    least_gain: float = 0.05
+    #: by this factor,
+    slice_shrinks: float = 0.25
+    #: down to this part of the first bracket.
+    thinnest_slice: float = 0.01
+    #: Faces for each of which the least normal force is found by one program.
+    faces_at_once: int = 8
+    #: Normal forces and slip rates that count as none, in units of the largest one.
+    unloaded: float = 1e-9
+
+    # ---- what counts as verified (results/certificate, collapse/collapse_mode)
+    #: What a state may miss of its conditions, in typical units.
+    verified: float = 1e-6
+    #: The same of friction, the direction of slip, and penetration in the mode.
+    verified_slip: float = 1e-5
+    #: Of the mode's power, and its straining.
+    verified_mode: float = 1e-4
+    #: Of the work that is prescribed.
+    verified_work: float = 1e-8
+    #: Gap of the load factor to the limit with the state's own friction, relative.
+    verified_gap: float = 3e-6
+    #: Complementarity may be missed by this part of the tolerance asked for: what products are left
+    #: is part of the gap.
+    products_left: float = 1e-2
+    #: A joint moves if it does so faster than this part of the fastest one.
+    moving: float = 1e-4
+    #: Products of open and sliding joints in an elastic mode, force times displacement.
+    mode_products: float = 1e-12
+    #: Cap on springs of closed joints in it, in units of K's mean diagonal.
+    mode_spring: float = 1e3
+
+    # ---- path to a collapse (collapse/strategy); products in force times elastic displacement
+    #: Products while the work rises. Smaller ones take more steps, larger ones miss low states.
+    rising_products: float = 1e-2
+    #: Part of that with which the path is followed where it leads to no state.
+    smaller_products: float = 0.1
+    #: They grow like this power of the number of blocks of large walls, whose paths turn back more.
+    products_of_many: float = 0.8
+    #: Where block modes are left, and the interior point method is tried first;
+    end_products: float = 3e-3
+    #: then a tenth of that, so many times in all.
+    path_ends: int = 4
+    #: Times that the products fall at most, each time at more work,
+    falls: int = 3
+    #: by this factor.
+    further_work: float = 1.5
+    #: `path_patience` on the structure: it needs 19 steps without progress at most where its path
+    #: is followed, and wanders for hundreds.
+    structure_patience: int = 40
+    #: `interior_window` next to a state.
+    finish_window: int = 4
+    #: `interior_acceptable` there: digits are lost along a mechanism.
+    finish_acceptable: float = 1e-7
+    #: Products next to a state at another load,
+    warm_products: float = 3e-2
+    #: and at nearly the same one; and those of block modes on the way to a peak.
+    close_products: float = 3e-4
+
+    # ---- growing work, its costs (collapse/work_control), in factorisations of the structure
+    #: First work per square of the number of blocks, if that is more: large walls are far from
+    #: their plateau.
+    work_of_many: float = 0.2
+    #: Works, and load factors, that are looked at, in units of the first, and typical, ones.
+    largest: float = 1e3
+    #: Works in a row without a state that end it.
+    missing_works: int = 3
+    #: Gap of a collapse state, in units of the tolerance: as its friction bound follows, the load
+    #: factor still changes by 10 to 40 times as much.
+    work_gap: float = 2.5e-2
+    #: The load factor of one state changes by so many times its gap at most with more work.
+    same_state: float = 100.0
+    #: A load factor of this part of that under the live load alone, at the same work, is unlimited.
+    on_line: float = 0.1
+    #: Nor is one limited that grows like this power of the work.
+    grows: float = 0.9
+    #: Cost of one attempt at most,
+    attempt_cost: float = 300.0
+    #: and of a collapse.
+    collapse_cost: float = 500.0
+    #: The same with iterations on the bound: some 10 states with given friction,
+    iterated_attempt: float = 1500.0
+    #: and of all of these, or of all collapses while joints tear.
+    iterated_cost: float = 3000.0
+    #: Tolerance on load factors unless another one is asked for.
+    usual_tolerance: float = 1e-6
+    #: Collapses at most while joints tear: walls do so along two or three mechanisms.
+    torn_states: int = 20
+
+    # ---- fixed point on the friction bound (collapse/coulomb)
+    #: Iterations at most.
+    bound_iterations: int = 150
+    #: Least relaxation, where the iteration cycles,
+    least_relaxation: float = 0.05
+    #: the largest one,
+    largest_relaxation: float = 2.0
+    #: and that where changes keep one direction: growth, not a cycle.
+    fast_relaxation: float = 50.0
+    #: Iterations without a smaller change that make a cycle.
+    cycle: int = 6
+    #: Contractions closer to one than this count as this in the estimate of the error.
+    slowest: float = 0.999
+    #: Factor of what secants promise: the slowest direction hides among others.
+    secant_safety: float = 3.0
+    #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
+    #: interior point method it is the square of that,
+    bound_precision: float = 1e-2
+    #: and the smallest one by joint forces.
+    bound_exact: float = 1e-9
+
+    # ---- rising load (collapse/load_control)
+    #: Relative width to which the limit load is bracketed, if the tolerance is no larger.
+    load_width: float = 1e-4
+    #: Steps at most.
+    load_steps: int = 200
+    #: Cost of all at most, in factorisations.
+    load_cost: float = 2000.0
+    #: That of the search under the dead load alone where a load factor is given.
+    rest_cost: float = 60.0
+    #: Works at the end of the capacity curve and at the onset of the collapse.
+    beyond_onset: float = 1.4
+
+    # ---- peak of the path (collapse/peak)
+    #: A load factor is higher than another one by this, relative; so much a path falls past a peak.
+    higher: float = 2e-3
+    #: Cost until something is seen, in units of that of the collapse,
+    peak_seen: float = 1.5
+    #: in all,
+    peak_found: float = 10.0
+    #: and where the peak was asked for.
+    peak_asked: float = 50.0
+    #: Blocks from which on it is looked for only if asked.
+    peak_blocks: int = 380
+    #: Where the load factor of the path with its larger products fell by this, relative, block
+    #: modes do not tell that there is no peak.
+    dip: float = 5e-2
+    #: A path that ends so far from the collapse, relative, ends at another one.
+    another_path: float = 2e-2
+    #: Products on block modes where the path is lost with `close_products`.
+    peak_products: float = 1e-3
+    #: Products on the structure, where it is followed from block modes,
+    peak_far: float = 1e-4
+    #: and to the peak,
+    peak_close: float = 1e-5
+    #: from where the state is looked for with these.
+    first_close: float = 3e-5
+    #: Accuracy of the load factor, relative; a dip is stepped over to one five times that higher.
+    peak_accuracy: float = 1e-4
+    #: States that are settled on the way at most.
+    peak_states: int = 16
+    #: `path_change` on block modes: peaks are narrow,
+    peak_change: float = 0.8
+    #: and on the structure,
+    peak_change_on_structure: float = 0.15
+    #: with `path_patience`.
+    peak_patience: int = 15
+
+    # ---- what a load factor owes to the mesh (mesh_error)
+    #: Cost of hinges of other lengths, in units of that of the collapse, unasked,
+    hinge_share: float = 0.5
+    #: and where it is asked for.
+    hinge_asked: float = 3.0
+    #: Halvings of the elements at hinges: first state,
+    few_halvings: float = 30.0
+    #: and second one.
+    many_halvings: float = 300.0
+    #: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
+    own_halvings: float = 2.0
+    #: Displacements that change joint forces by their own size, in units of those at the work.
+    hinge_give: float = 3e-3
+    #: Distance of the mode's kinematic load factor, relative.
+    hinge_agrees: float = 1e-5
+    #: `path_corrections` while joints settle,
+    hinge_corrections: int = 2
+    #: with so many `points`.
+    hinge_points: int = 12
+    #: Meshes at most until an accuracy is reached,
+    meshes: int = 8
+    #: with so many displacements.
+    mesh_size: int = 200_000
+    #: An error is at least this part of that on the mesh before: load factors may agree by chance.
+    error_falls: float = 0.25
 
 
 #: What every search reads.

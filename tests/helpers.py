@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from operator import methodcaller
 from typing import Any
 
@@ -14,6 +15,7 @@ from petsc4py import PETSc
 from fenics_contact import BlockMesh, JointLaw, Load, Material, Scene
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.faces.planar import PlanarFaces
+from fenics_contact.search_options import SEARCH
 from tests.bank import GRAVITY, PUSH, WEIGHT, coulomb, tresca
 from tests.drawing import Drawing, cell_areas, grid_blocks, group_lengths, rectangle, rotation
 
@@ -24,6 +26,19 @@ STONE = Material(1e9, 0.2, 2000.0)
 
 #: The picture that a notebook shows of an object, by Jupyter's protocol.
 notebook_picture = methodcaller("_repr_png_")
+
+
+@contextmanager
+def numbers(**values: float) -> Iterator[None]:
+    """Other numbers of all searches for a while."""
+    before = {name: getattr(SEARCH, name) for name in values}
+    try:
+        for name, value in values.items():
+            object.__setattr__(SEARCH, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            object.__setattr__(SEARCH, name, value)
 
 
 def mesh_of(model: Any) -> BlockMesh:

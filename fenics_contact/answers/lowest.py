@@ -94,7 +94,7 @@ class LowestAnswer(Asked):
             return cls.not_known(reason), replace(end, states=end.states or (end.as_state,))
         states = sorted(found.states.items(), key=lambda item: item[1].load_factor)
         best = states[0][1]
-        lower = best.load_factor < end.load_factor - LOWER * end.size
+        lower = best.load_factor < end.load_factor - SEARCH.higher * end.size
         told = Lowest(
             "lower" if lower else "none",
             best.load_factor if lower else end.load_factor,

@@ -11,14 +11,14 @@ from dataclasses import replace
 from typing import Self
 
 from fenics_contact.answers.question import Asked, Question
-from fenics_contact.collapse.load_control import OPTIONS as RISING
-from fenics_contact.collapse.peak import ABOVE, OPTIONS, Above, find_peak
+from fenics_contact.collapse.peak import Above, find_peak
 from fenics_contact.collapse.service_state import service_state
 from fenics_contact.results.bounds import alike
 from fenics_contact.results.history import Peak
 from fenics_contact.results.result import Collapse, Table
 from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 
 #: Why it is not known.
 NOT_ASKED = "solve.peak = false; solve.peak = true looks for it"
@@ -81,7 +81,7 @@ class PeakAnswer(Asked):
         if end.path is not None:
             last = end.path.steps[-1]
             carried = end.path.lower, end.path.upper, last.work, last.displacement
-            found = above(end.path.lower) > ABOVE
+            found = above(end.path.lower) > SEARCH.higher
             return cls(Peak("found", *carried) if found else Peak("none")), end
         at_any_cost = question.by_curve or bool(question.options.peak)
         peak = find_peak(case, above, question.cost, at_any_cost)
@@ -130,9 +130,9 @@ def _beyond(question: Question, above: Above, found: Peak) -> Peak:
     Its search is taken to its end, which may cost as much as a load that rises to a collapse.
     """
     case = question.case
-    target = found.load_factor + 5.0 * OPTIONS.accuracy * above.size
+    target = found.load_factor + 5.0 * SEARCH.peak_accuracy * above.size
     effort = case.discretization.effort
-    with effort.at_most(RISING.cost):
+    with effort.at_most(SEARCH.load_cost):
         state = service_state(case, target)
         tried = state.status != "equilibrium" and effort.left >= 1.0
     return replace(found, not_found_at=target) if tried else found

@@ -15,27 +15,11 @@ import numpy as np
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.errors import SolverError
 from fenics_contact.results.certificate import Certificate, certify, kinematic_factor
-from fenics_contact.solvers.kkt import COLD, KKTOptions, PerturbedKKT
+from fenics_contact.search_options import SEARCH
+from fenics_contact.solvers.kkt import PerturbedKKT
 from fenics_contact.solvers.problem import Array, Scales, State
 
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class ModeOptions:
-    """Numbers of the elastic mode.
-
-    Attributes:
-        mu: Products of open and sliding joints, in units of force times displacement.
-        stiffest: Cap on the springs of closed joints, in units of the mean diagonal of K. No
-            forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
-    """
-
-    mu: float = 1e-12
-    stiffest: float = 1e3
-
-
-OPTIONS = ModeOptions()
 
 
 @dataclass(frozen=True)
@@ -103,7 +87,9 @@ def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
 
 def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
     """du/dT and d(lambda)/dT = 1 / (f_L . A^-1 f_L) at a state; as `elastic_mode`."""
-    near = kkt.on_central_path(state, OPTIONS.mu, COLD)
-    options = KKTOptions(largest_spring=OPTIONS.stiffest, sliding_spring=OPTIONS.mu)
+    near = kkt.on_central_path(state, SEARCH.mode_products, SEARCH.from_bound)
+    # No forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
+    spring = SEARCH.mode_products
+    options = replace(SEARCH, largest_spring=SEARCH.mode_spring, sliding_spring=spring)
     linear = replace(kkt, options=options).linearize(near)
     return linear.live_response / linear.flexibility, 1.0 / linear.flexibility

@@ -19,7 +19,8 @@ import numpy as np
 
 from fenics_contact.errors import SolverError
 from fenics_contact.results.history import History, Step
-from fenics_contact.solvers.interior_point import Solution
+from fenics_contact.search_options import SEARCH
+from fenics_contact.solvers.interior_point import Solution, Tolerances
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
@@ -53,41 +54,20 @@ def settled(
     return False
 
 
-@dataclass(frozen=True)
-class FixedPointOptions:
-    """Numbers of the iteration.
-
-    Attributes:
-        max_iterations: Iterations at most.
-        relaxation: Least and largest omega; the largest falls where the iteration cycles.
-        fast: Largest omega where changes keep one direction: growth, not a cycle.
-        cycle: Iterations without a smaller change that make a cycle.
-        precision: Tolerance of a state, in units of that change to the power `order`.
-        order: That power.
-        loosest: Largest tolerance of a state.
-        tightest: Smallest tolerance of a state.
-    """
-
-    max_iterations: int = 150
-    relaxation: tuple[float, float] = (0.05, 2.0)
-    fast: float = 50.0
-    cycle: int = 6
-    precision: float = 1e-4
-    order: float = 2.0
-    loosest: float = 1e-4
-    tightest: float = 1e-12
-
-
-OPTIONS = FixedPointOptions()
-#: Contractions closer to one than this count as this in the estimate of the error.
-SLOWEST = 0.999
-#: Factor of what secants promise: the slowest direction hides among others.
-SAFETY = 3.0
-
 #: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
 #: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
 #: residuals. Raises `SolverError` where none is found.
 GivenFriction = Callable[[Array, State, float, float], Solution]
+
+
+def to_second_order(change: float) -> float:
+    """Tolerance of a state, which costs little, after a change of the bound of at most one."""
+    return max((SEARCH.bound_precision * change) ** 2, Tolerances().residual)
+
+
+def to_first_order(change: float) -> float:
+    """The same where each digit of a state is dear."""
+    return max(SEARCH.bound_precision * change, SEARCH.bound_exact)
 
 
 @dataclass(frozen=True)
@@ -100,7 +80,7 @@ class FixedPoint:
         tolerance: On the load factor and on the bound, relative.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
-        options: Numbers of the iteration.
+        exact: Tolerance of a state for the last change of the bound.
     """
 
     problem: ContactProblem
@@ -108,7 +88,7 @@ class FixedPoint:
     tolerance: float
     monitor: Callable[[Step], None]
     factorizations: Callable[[], int]
-    options: FixedPointOptions = OPTIONS
+    exact: Callable[[float], float] = to_second_order
 
     def run(self, start: State, bound: Array) -> tuple[Solution, History]:
         """State whose friction bound g is Coulomb's, and the history, which says if it converged.
@@ -120,7 +100,7 @@ class FixedPoint:
         Raises:
             SolverError: If `solve` finds no state for the first bound.
         """
-        relaxation = _Relaxation(self.problem.sum, self.options)
+        relaxation = _Relaxation(self.problem.sum)
         steps: list[Step] = []
         found: list[Solution] = []
         counts = [self.factorizations()]
@@ -144,7 +124,7 @@ class FixedPoint:
 
         converged = False
         try:
-            converged = settled(state, renewed, bound, self.options.max_iterations)
+            converged = settled(state, renewed, bound, SEARCH.bound_iterations)
         except SolverError as error:
             if not found:
                 raise
@@ -153,9 +133,7 @@ class FixedPoint:
 
     def _state(self, bound: Array, start: State, change: float) -> Solution:
         """State with given bound, as exact as the last change of the bound deserves."""
-        options = self.options
-        tolerance = options.precision * min(change, 1.0) ** options.order
-        tolerance = float(np.clip(tolerance, options.tightest, options.loosest))
+        tolerance = self.exact(min(change, 1.0))
         mu = float(np.clip(1e-2 * change, 1e-8, 1.0))
         while mu < 1.0:
             try:
@@ -177,9 +155,9 @@ class FixedPoint:
     def _series(self, steps: Sequence[Step]) -> float:
         """Sum of all further changes over the last: a geometric series, by changes and secants."""
         contraction = History(tuple(steps)).contraction
-        contraction = min(contraction or 0.5, SLOWEST)
+        contraction = min(contraction or 0.5, SEARCH.slowest)
         secant = min(step.secant for step in steps[len(steps) // 2 :])
-        slow = SAFETY * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
+        slow = SEARCH.secant_safety * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
         return max(slow, contraction / (1.0 - contraction))
 
     def _load_factor_error(self, steps: Sequence[Step]) -> float:
@@ -201,8 +179,8 @@ class FixedPoint:
         omega = np.array([step.relaxation for step in last[:-1]])
         rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
         secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SLOWEST) - 1.0)
-        return max(series, SAFETY * creeps)
+        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+        return max(series, SEARCH.secant_safety * creeps)
 
 
 class _Relaxation:
@@ -213,20 +191,18 @@ class _Relaxation:
         secant: Change of F r_N - g over that of g, 1 - c for a contraction c.
     """
 
-    def __init__(self, total: Callable[[Array], float], options: FixedPointOptions) -> None:
+    def __init__(self, total: Callable[[Array], float]) -> None:
         """Start with omega = 1; `total` sums an array over all ranks."""
         self._total = total
-        self._options = options
         self._last: Array | None = None
         self._omega = 1.0
-        self._cap = options.relaxation[1]
+        self._cap = SEARCH.largest_relaxation
         self._best = np.inf
         self._since = 0
         self.cycles, self.secant = 0, 1.0
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
-        options = self._options
         last = self._omega
         aligned = self._last is not None and self._follow(difference, self._last)
         if change < 0.9 * self._best:
@@ -234,14 +210,14 @@ class _Relaxation:
             self._since = 0
         elif not aligned:
             self._since += 1
-        if self._since >= options.cycle:
-            self._cap = max(0.5 * min(self._cap, 1.0), options.relaxation[0])
+        if self._since >= SEARCH.cycle:
+            self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.least_relaxation)
             self._since = 0
             self.cycles += 1
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
             self._omega = 2.0 * last
-        cap = options.fast if aligned and self.cycles == 0 else self._cap
-        self._omega = float(np.clip(self._omega, options.relaxation[0], cap))
+        cap = SEARCH.fast_relaxation if aligned and self.cycles == 0 else self._cap
+        self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, cap))
         self._last = difference
         return self._omega
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from fenics_contact.collapse.face_collapse import face_collapse
 from fenics_contact.collapse.load_case import LoadCase
@@ -74,7 +74,7 @@ def _by_path(case: LoadCase, limited: bool = False) -> Collapse:
     if scene.solve.control == "load":
         return raise_load(case, strategy, scene.solve)
     if limited:
-        strategy = replace(strategy, work=replace(strategy.work, asks=False))
+        strategy = replace(strategy, asks=False)
     return find_collapse(case, strategy, scene.solve.tolerance)
 
 
@@ -82,7 +82,7 @@ def _by_rising_load(case: LoadCase) -> Collapse:
     """The collapse next to the end of a load that rises step by step: the dearest way, at last."""
     scene = case.discretization.scene
     strategy = strategy_of(scene)
-    with case.discretization.effort.at_most(strategy.work.cost):
+    with case.discretization.effort.at_most(strategy.options.collapse_cost):
         return raise_load(case, strategy, scene.solve)
 
 

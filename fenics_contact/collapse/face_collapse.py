@@ -249,7 +249,9 @@ def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])):
+    for face, end in np.argwhere(
+        at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])
+    ):
         point = faces.faces.ends[face, 1 - end]
         length = float(normal[face] / faces.crushing[face])
         x, y = map(float, joints.position[point])

@@ -27,27 +27,13 @@ from fenics_contact.discretization.joints import GROUND, coefficients
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_law import PointLaws
 
-
-@dataclass(frozen=True)
-class LeastForcesOptions:
-    """Numbers of the search for loops.
-
-    Attributes:
-        bound: A point is at a bound if it misses it by less than this part of the largest force.
-        moved: It has opened or slipped by more than this part of the largest opening or slip.
-        rank: Singular values below this part of the largest one are zero; others are above 1e-2.
-        rounding: Forces may miss their bounds by this part of the largest one at the place.
-    """
-
-    bound: float = 1e-6
-    moved: float = 1e-6
-    rank: float = 1e-9
-    rounding: float = 1e-12
-
-
-OPTIONS = LeastForcesOptions()
+#: Singular values below this part of the largest one are zero; others are above 1e-2.
+RANK = 1e-9
+#: Forces may miss their bounds by this part of the largest one at the place.
+ROUNDING = 1e-12
 
 
 def with_least_forces(whole: Discretization, end: Collapse) -> Collapse:
@@ -100,7 +86,7 @@ def _places(nodes: Indices, wanted: Flags) -> list[Indices]:
 def _free(law: PointLaws, forces: Array) -> Flags:
     """Forces (normal, shear) that are not at their bounds, shape (points, 2)."""
     normal, shear = forces.T
-    least = OPTIONS.bound * np.abs(forces).max(initial=0.0)
+    least = SEARCH.no_force * np.abs(forces).max(initial=0.0)
     pressed = normal + law.bond > least
     sticks = law.bound(normal + law.bond) - np.abs(shear) > least
     return np.column_stack([pressed & (sticks | ~law.frictional), pressed & sticks])
@@ -109,7 +95,7 @@ def _free(law: PointLaws, forces: Array) -> Flags:
 def _rests(values: JointValues) -> Flags:
     """Points that have neither opened nor slipped, and do not in the collapse mode."""
     moved = np.maximum(values.gap, np.abs(values.slip))
-    still = moved <= OPTIONS.moved * max(moved.max(initial=0.0), 0.0)
+    still = moved <= SEARCH.no_force * max(moved.max(initial=0.0), 0.0)
     return np.asarray(still & ~values.opens & ~values.slips)
 
 
@@ -171,9 +157,7 @@ def _loops(
         may = free[points]
         forces = nodal[may].reshape(len(points), count, -1)
         basis, singular, _ = np.linalg.svd(forces)
-        ranks = np.sum(
-            singular > OPTIONS.rank * singular.max(axis=1, keepdims=True, initial=0.0), axis=1
-        )
+        ranks = np.sum(singular > RANK * singular.max(axis=1, keepdims=True, initial=0.0), axis=1)
         for k, rank in enumerate(ranks):
             if rank < count:
                 loops = np.zeros((*may[k].shape, count - rank))
@@ -198,7 +182,7 @@ def _least_distance(rows: Array, least: Array) -> Array:
     """The least x with rows x >= least; there is one."""
     from scipy.optimize import nnls
 
-    if np.all(least <= OPTIONS.rounding):
+    if np.all(least <= ROUNDING):
         return np.zeros(rows.shape[1])
     table = np.vstack([rows.T, least])
     wanted = np.append(np.zeros(rows.shape[1]), 1.0)

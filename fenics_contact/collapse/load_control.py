@@ -13,7 +13,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,34 +26,10 @@ from fenics_contact.results.bounds import signed
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import NOT_KNOWN, Collapse
 from fenics_contact.scene.scene import SolveOptions
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class LoadOptions:
-    """How the load factor rises.
-
-    Attributes:
-        width: The limit load is bracketed to this relative width, or the tolerance if larger; of
-            a thousandth of the typical load factor at least.
-        largest: Load factors beyond this multiple of the typical one are not looked at.
-        max_steps: Steps at most.
-        cost: Of all steps at most, in units of one factorisation of the structure.
-        rest: Of the search under the dead load alone where a load factor is given.
-        beyond_onset: The capacity curve ends at this multiple of the work of the collapse's onset.
-    """
-
-    width: float = 1e-4
-    largest: float = 1e3
-    max_steps: int = 200
-    cost: float = 2000.0
-    rest: float = 60.0
-    beyond_onset: float = 1.4
-
-
-OPTIONS = LoadOptions()
 
 
 def raise_load(
@@ -72,7 +48,7 @@ def raise_load(
     climb = _Climb(case, strategy, options)
     upper = np.inf if bounds.upper is None else bounds.upper
     try:
-        with case.discretization.effort.at_most(OPTIONS.cost):
+        with case.discretization.effort.at_most(SEARCH.load_cost):
             climb.bracket(upper)
     except EffortError as error:
         _log.info("  load control: %s", error)
@@ -141,7 +117,7 @@ def raise_load_to(
         climb.rest()
     load_factor, steps = target
     step = load_factor / steps
-    least = OPTIONS.width * step
+    least = SEARCH.load_width * step
     while climb.lower < load_factor:
         new = min(climb.lower + step, load_factor)
         # Equal steps end at the load factor, but for rounding.
@@ -199,11 +175,11 @@ class _Climb:
             EffortError: If the limit of its cost is reached.
         """
         typical = self.case.scales.load_factor
-        width = max(OPTIONS.width, self.options.tolerance)
+        width = max(SEARCH.load_width, self.options.tolerance)
         step = 0.25 * min(upper, typical)
         target = 0.0
         again = False
-        for _ in range(OPTIONS.max_steps):
+        for _ in range(SEARCH.load_steps):
             if self.reaches(target):
                 if again:  # the step that failed before may have been too long for the solver alone
                     step = 2.0 * (target - self.steps[-2].load_factor)
@@ -217,8 +193,8 @@ class _Climb:
                 if again:
                     return
             end = min(self.failed, upper)
-            narrow = width * max(self.lower, 1e-3 * typical)
-            if self.lower > OPTIONS.largest * typical or upper - self.lower <= narrow:
+            narrow = width * max(self.lower, SEARCH.small_factor * typical)
+            if self.lower > SEARCH.largest * typical or upper - self.lower <= narrow:
                 return
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
@@ -230,7 +206,7 @@ class _Climb:
             NoEquilibriumError: If none is found with Coulomb friction.
             SolverError: If none is found otherwise: programs prove that there is one.
         """
-        with suppress(EffortError), self.case.discretization.effort.at_most(OPTIONS.rest):
+        with suppress(EffortError), self.case.discretization.effort.at_most(SEARCH.rest_cost):
             if self.reaches(0.0):
                 return
         if self.case.problem.coulomb:
@@ -297,7 +273,7 @@ def capacity_curve(
     unit = case.problem.sum(np.abs(case.problem.live))
     # Denser at first, where the path bends.
     fractions = (np.arange(1, points + 1) / points) ** 1.5
-    works = [float(OPTIONS.beyond_onset * end.state.work * part) for part in fractions]
+    works = [float(SEARCH.beyond_onset * end.state.work * part) for part in fractions]
     tolerance = case.discretization.scene.solve.tolerance
     task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
     found: dict[int, CapacityPoint] = {}

@@ -15,10 +15,10 @@ from functools import partial
 
 from fenics_contact.collapse.load_case import Task
 from fenics_contact.collapse.record import PathSample
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
-    ArclengthOptions,
     Continuation,
     PathPoint,
 )
@@ -71,7 +71,7 @@ class LoadingPath:
         self,
         start: PathPoint,
         work: float | None = None,
-        options: ArclengthOptions | None = None,
+        options: SearchOptions = SEARCH,
         levels: bool = False,
     ) -> Iterator[PathSample]:
         """Points at rising work, one for each step, recorded as they are passed.
@@ -91,7 +91,7 @@ class LoadingPath:
             yield PathSample.of(point, path.without_products(point) if on_the_way else math.nan)
 
     def with_products(
-        self, point: PathPoint, mu: float, options: ArclengthOptions | None = None
+        self, point: PathPoint, mu: float, options: SearchOptions = SEARCH
     ) -> PathPoint:
         """The point at the same work with smaller products."""
         path = falling(replace(self._kkt, work=point.work), options=options)

@@ -35,19 +35,23 @@ from fenics_contact.collapse.collapse_mode import rates
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.loading_path import LoadingPath
 from fenics_contact.collapse.record import PathSample, Sample
-from fenics_contact.collapse.strategy import WarmStart, at_work, coulomb_equilibrium, next_to
+from fenics_contact.collapse.strategy import (
+    WarmStart,
+    at_work,
+    coulomb_equilibrium,
+    finishing,
+    next_to,
+)
 from fenics_contact.errors import EffortError, SolverError
-from fenics_contact.results.certificate import TOLERANCES, state_residuals
+from fenics_contact.results.certificate import state_residuals, tolerances
 from fenics_contact.results.history import Peak
-from fenics_contact.solvers.arclength import ArclengthOptions, PathPoint
-from fenics_contact.solvers.interior_point import InteriorPointOptions, Tolerances
+from fenics_contact.search_options import SEARCH, SearchOptions
+from fenics_contact.solvers.arclength import PathPoint
+from fenics_contact.solvers.interior_point import Tolerances
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from fenics_contact.solvers.problem import Array, State
 
 _log = logging.getLogger("fenics_contact")
-
-#: A peak is higher than the collapse by this, relative.
-ABOVE = 2e-3
 
 #: Why a peak is not known, for people.
 TOO_DEAR = "the search takes more work than allowed; solve.peak = true allows more"
@@ -56,55 +60,25 @@ FELL = "the load factor fell on the way to the collapse: more may have been carr
 MODES_ONLY = "block modes carry more than the collapse, and the structure was not found to"
 
 
-@dataclass(frozen=True)
-class PeakOptions:
-    """Numbers of the search.
-
-    Attributes:
-        usual: Most cost until something is seen, and in all, in units of that of the collapse.
-        asked: The same where the peak was asked for.
-        many: Blocks from which on more than the path to the collapse is looked at only if asked.
-        dip: Where the load factor of that path, with its larger products, fell by this, relative,
-            block modes do not tell that there is no peak.
-        another: A path that ends so far from the collapse, relative, ends on another one.
-        on_modes: Products on block modes, in units of force times elastic displacement; the second
-            where the path is lost with the first.
-        on_structure: Those on the structure. The first is nearer to block modes.
-        fallen: A summit is passed where the path has fallen by this, relative.
-        accuracy: Of the load factor at a summit, relative; a dip of the path is stepped over to a
-            load factor that is higher by five times this.
-        states: Most states that are settled on the way to a summit.
-    """
-
-    usual: tuple[float, float] = (1.5, 10.0)
-    asked: tuple[float, float] = (20.0, 50.0)
-    many: int = 380
-    dip: float = 5e-2
-    another: float = 2e-2
-    on_modes: tuple[float, float] = (3e-4, 1e-3)
-    on_structure: tuple[float, float] = (1e-4, 1e-5)
-    fallen: float = 2e-3
-    accuracy: float = 1e-4
-    states: int = 16
-
-
-OPTIONS = PeakOptions()
-
 #: Phase of the path to the collapse on block modes.
 ON_THE_WAY = "block modes, rising work"
 
-#: Steps of the work: peaks are narrow. The structure is followed for a short way only.
-ON_MODES = ArclengthOptions(largest_change=0.8)
-SHORT = ArclengthOptions(patience=15)
-ON_STRUCTURE = replace(SHORT, largest_change=0.15)
 
-#: States are found soon or not at all, from products that fit the way to them.
-STATE = WarmStart(
-    (3e-4,), (), Tolerances(1e-9, 1e-6), InteriorPointOptions(12, window=5, acceptable=1e-7)
-)
-FIRST = replace(
-    STATE, products=(3e-5, 3e-3), options=replace(STATE.options, max_steps=20, window=8)
-)
+def steps_on_modes() -> SearchOptions:
+    """Steps of the work on block modes: peaks are narrow."""
+    return replace(SEARCH, path_change=SEARCH.peak_change)
+
+
+def steps_on_structure() -> SearchOptions:
+    """Those on the structure, which is followed for a short way only."""
+    patience = SEARCH.peak_patience
+    return replace(SEARCH, path_change=SEARCH.peak_change_on_structure, path_patience=patience)
+
+
+def warm(*products: float) -> WarmStart:
+    """How states are found, soon or not at all, from products that fit the way to them."""
+    exact = Tolerances(SEARCH.bound_exact, SEARCH.usual_tolerance)
+    return WarmStart(products, (), exact, finishing())
 
 
 @dataclass(frozen=True)
@@ -140,24 +114,32 @@ def find_peak(case: LoadCase, above: Above, cost: float, at_any_cost: bool = Fal
         return Peak("not_known", reason=OTHER_METHOD)
     risen = case.record.risen
     path = np.array([one.load_factor for one in case.record.trace if one.phase == ON_THE_WAY])
-    fell = np.max(np.maximum.accumulate(path) - path, initial=0.0) > OPTIONS.dip * above.size
+    fell = np.max(np.maximum.accumulate(path) - path, initial=0.0) > SEARCH.dip * above.size
     stays_below = _stays_below(risen, above)
     if stays_below and not (fell or at_any_cost):
         return Peak("none")
     upper = case.blocks.limit()
-    if upper is not None and above(upper) <= ABOVE:
+    if upper is not None and above(upper) <= SEARCH.higher:
         return Peak("none")
     search = _Search(case, above, math.inf if upper is None else upper)
     effort = case.discretization.effort
-    seen, found = OPTIONS.asked if at_any_cost else OPTIONS.usual
-    if case.block_count >= OPTIONS.many and not at_any_cost:
+    seen, found = (
+        (SEARCH.peak_asked, SEARCH.peak_asked)
+        if at_any_cost
+        else (SEARCH.peak_seen, SEARCH.peak_found)
+    )
+    if case.block_count >= SEARCH.peak_blocks and not at_any_cost:
         seen = 0.0
     seen_at = effort.spent + seen * cost
     found_at = effort.spent + found * cost
     none = Peak("not_known", reason=FELL) if fell else Peak("none")
-    tries = [] if stays_below else [(True, products) for products in OPTIONS.on_modes]
+    tries = (
+        []
+        if stays_below
+        else [(True, products) for products in (SEARCH.close_products, SEARCH.peak_products)]
+    )
     if at_any_cost:
-        tries.append((False, OPTIONS.on_structure[0]))
+        tries.append((False, SEARCH.peak_far))
     peak = none
     for on_modes, products in tries:
         try:
@@ -182,13 +164,13 @@ def _stays_below(samples: Sequence[PathSample], above: Above) -> bool:
 
     It ends on the plateau, which lasts: past the onset the collapse goes on as it is.
     """
-    if len(samples) < 3 or above(samples[-1].load_factor) < -OPTIONS.another:
+    if len(samples) < 3 or above(samples[-1].load_factor) < -SEARCH.another_path:
         return False  # nothing was seen of it, or it led elsewhere
     for sample in samples[1:]:
         height = above(sample.level)
-        if sample.work >= above.work and abs(height) <= OPTIONS.another:
+        if sample.work >= above.work and abs(height) <= SEARCH.another_path:
             return True
-        if height > ABOVE:
+        if height > SEARCH.higher:
             return False
     return True
 
@@ -212,12 +194,12 @@ class _Search:
         self._above = above
         self._upper = upper
         # The path is on its plateau there, as far as it is worth looking.
-        self._end = max(300.0 * case.bonded_work, 2.0 * above.work)
+        self._end = max(SEARCH.first_work * case.bonded_work, 2.0 * above.work)
         self.best: _Settled | None = None
 
     def _task(self, work: float) -> Task:
         scales = self.case.scales_at(work, self._above.load_factor)
-        return Task(self.case, work, scales, tolerance=1e-6)
+        return Task(self.case, work, scales, tolerance=SEARCH.usual_tolerance)
 
     def seen(self, products: float, on_modes: bool = True) -> list[PathSample]:
         """Points of a path from which that of the structure may be followed, the best first.
@@ -235,21 +217,23 @@ class _Search:
         # Nothing is stiffer than the bonded structure, and joints are open by then.
         first = max(1.5 * above.load_factor / case.scales.load_factor, 0.1) * case.bonded_work
         samples: list[PathSample] = []
-        for sample in path.points(path.begin(first, task.mu(products)), None, ON_MODES, True):
+        for sample in path.points(
+            path.begin(first, task.mu(products)), None, steps_on_modes(), True
+        ):
             if sample.on_the_way:
                 samples.append(sample)
-            flat = [abs(above(one.load_factor)) <= ABOVE for one in samples[-2:]]
+            flat = [abs(above(one.load_factor)) <= SEARCH.higher for one in samples[-2:]]
             past = any(flat[-1:]) and sample.work > 1.05 * above.work
             if past or sum(flat) > 1:
                 break
         if len(samples) < 2:
             raise SolverError("the path of block modes ends where it begins")
         bias = max(samples[-1].load_factor - above.load_factor, 0.0)
-        if above(samples[-1].load_factor) < -OPTIONS.another:
+        if above(samples[-1].load_factor) < -SEARCH.another_path:
             raise SolverError("the path of block modes ends at another collapse state")
         heights = [above(min(one.level, one.load_factor - bias)) for one in samples]
         k = int(np.argmax(heights[1:])) + 1
-        if heights[k] <= ABOVE:
+        if heights[k] <= SEARCH.higher:
             return []
         while k > 1 and samples[k].slope <= 0.0:
             k -= 1
@@ -257,7 +241,7 @@ class _Search:
 
     def peak(self, points: Sequence[PathSample]) -> Peak:
         """The summit next to points of block modes, over small dips."""
-        beyond = 5.0 * OPTIONS.accuracy * self._above.size
+        beyond = 5.0 * SEARCH.peak_accuracy * self._above.size
         try:
             here = self._begun(points)
             while self._found(self._summit(here)) and self.best is not None:
@@ -265,7 +249,9 @@ class _Search:
                 if target >= self._upper:
                     break
                 near = self._task(self.best.work), self.best.state
-                here = self._verified(coulomb_equilibrium(*near, target, STATE))
+                here = self._verified(
+                    coulomb_equilibrium(*near, target, warm(SEARCH.close_products))
+                )
         except SolverError as error:
             if not self._found(self.best):
                 raise
@@ -278,7 +264,7 @@ class _Search:
         return Peak("found", state.load_factor, work=work, displacement_m=moved, state=state)
 
     def _found(self, state: Sample | None) -> bool:
-        return state is not None and self._above(state.load_factor) > ABOVE
+        return state is not None and self._above(state.load_factor) > SEARCH.higher
 
     def _begun(self, points: Sequence[PathSample]) -> _Settled:
         """A state next to the highest point of the structure's path.
@@ -288,11 +274,19 @@ class _Search:
         for near in points:
             task = self._task(near.work)
             path = LoadingPath(task)
-            far, close = map(task.mu, OPTIONS.on_structure)
+            far, close = task.mu(SEARCH.peak_far), task.mu(SEARCH.peak_close)
             try:
-                start = path.with_products(path.next_to(near.state, far), close, SHORT)
+                start = path.with_products(
+                    path.next_to(near.state, far), close, steps_on_structure()
+                )
                 highest = self._highest(path, start)
-                return self._verified(at_work(self._task(highest.work), highest.state, FIRST))
+                return self._verified(
+                    at_work(
+                        self._task(highest.work),
+                        highest.state,
+                        warm(SEARCH.first_close, SEARCH.end_products),
+                    )
+                )
             except SolverError as error:
                 self.case.discretization.effort.require(1.0)
                 failed = error
@@ -308,15 +302,15 @@ class _Search:
         points: list[PathSample] = []
         top = 0
         try:
-            for new in path.points(start, self._end, ON_STRUCTURE):
+            for new in path.points(start, self._end, steps_on_structure()):
                 points.append(new)
                 if new.load_factor > points[top].load_factor:
                     top = len(points) - 1
                 fallen = (points[top].load_factor - new.load_factor) / size
-                plateau = abs(self._above(new.load_factor)) <= ABOVE
+                plateau = abs(self._above(new.load_factor)) <= SEARCH.higher
                 plateau &= abs(new.slope * new.work) <= 1e-2 * size
                 turned = fallen > 0.0 and new.work < points[top].work
-                if turned or plateau or fallen > OPTIONS.fallen:
+                if turned or plateau or fallen > SEARCH.higher:
                     break
         except SolverError as error:
             self.case.discretization.effort.require(1.0)
@@ -335,7 +329,7 @@ class _Search:
         step = 0.01
         high = math.inf  # work at which the path is past its summit, and
         right: _Settled | None = None  # the state there if it is still on the path
-        for _ in range(OPTIONS.states):
+        for _ in range(SEARCH.peak_states):
             if low.slope <= 0.0:
                 high = low.work
                 right = low
@@ -354,7 +348,7 @@ class _Search:
                 top = low.at(work)
                 inside = 0.02 * (high - low.work)
                 work = min(max(work, low.work + inside), high - inside)
-            if top <= best.load_factor + OPTIONS.accuracy * self._above.size or work <= 0.0:
+            if top <= best.load_factor + SEARCH.peak_accuracy * self._above.size or work <= 0.0:
                 break
             try:
                 new = self._next_to(low, work)
@@ -376,8 +370,8 @@ class _Search:
     def _next_to(self, near: _Settled, work: float) -> _Settled:
         """The state at some work, from one next to it."""
         far = abs(work - near.work) / max(work, near.work)
-        warm = replace(STATE, products=(max(0.1 * far, *STATE.products),))
-        solution, _ = next_to(near.state, near.rate, warm)(self._task(work))
+        start = warm(max(0.1 * far, SEARCH.close_products))
+        solution, _ = next_to(near.state, near.rate, start)(self._task(work))
         return self._verified(solution.state)
 
     def _verified(self, state: State) -> _Settled:
@@ -385,7 +379,8 @@ class _Search:
         problem = self.case.problem
         scales = self._task(state.work).scales
         residuals = state_residuals(problem, state, scales)
-        missed = [name for name, value in residuals.items() if not value <= TOLERANCES[name]]
+        allowed = tolerances()
+        missed = [name for name, value in residuals.items() if not value <= allowed[name]]
         if missed:
             raise SolverError(f"not verified: {', '.join(missed)}")
         rate, slope = rates(self.case.coulomb(state.work, scales), state)

@@ -16,8 +16,12 @@ from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from fenics_contact.collapse import coulomb
-from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions, GivenFriction
+from fenics_contact.collapse.coulomb import (
+    FixedPoint,
+    GivenFriction,
+    to_first_order,
+    to_second_order,
+)
 from fenics_contact.collapse.load_case import Answer, Attempt, Task
 from fenics_contact.collapse.loading_path import LoadingPath, falling
 from fenics_contact.collapse.record import PathSample
@@ -25,9 +29,9 @@ from fenics_contact.errors import EffortError, SolverError
 from fenics_contact.results.certificate import state_residuals
 from fenics_contact.results.history import History, Step
 from fenics_contact.scene.scene import Scene
-from fenics_contact.solvers.arclength import ArclengthOptions, PathPoint
+from fenics_contact.search_options import SEARCH, SearchOptions
+from fenics_contact.solvers.arclength import PathPoint
 from fenics_contact.solvers.interior_point import (
-    InteriorPointOptions,
     Solution,
     Tolerances,
     solve_interior_point,
@@ -47,41 +51,6 @@ _log = logging.getLogger("fenics_contact")
 
 
 @dataclass(frozen=True)
-class PathOptions:
-    """Products along the paths, in units of force times elastic displacement.
-
-    Attributes:
-        rising_work: While the work rises, with up to `few` blocks. Smaller ones take more steps,
-            larger ones miss low collapse states.
-        rising_parts: Parts of that with which paths are followed, one after the other where none
-            leads to a state.
-        few: Blocks from which on products are larger: paths of large walls turn back more often.
-        many: They grow like this power of the number of blocks.
-        ends: Where the interior point method is tried; the first is where block modes are left.
-        finish: When it stops at an end: digits are lost along a mechanism, more error is accepted.
-        falls: How often the products fall at most, each time at more work.
-        further: Factor from the work of one fall to that of the next.
-        structure: Of the path on the structure, which is short where block modes lead to it: it
-            needs 19 steps without progress at most where it is followed, and wanders for hundreds.
-    """
-
-    rising_work: float = 1e-2
-    rising_parts: tuple[float, ...] = (1.0, 0.1)
-    few: int = 100
-    many: float = 0.8
-    ends: tuple[float, ...] = (3e-3, 3e-4, 3e-5, 3e-6)
-    finish: InteriorPointOptions = field(
-        default_factory=lambda: InteriorPointOptions(window=4, acceptable=1e-7)
-    )
-    falls: int = 3
-    further: float = 1.5
-    structure: ArclengthOptions = field(default_factory=lambda: ArclengthOptions(patience=40))
-
-
-OPTIONS = PathOptions()
-
-
-@dataclass(frozen=True)
 class WarmStart:
     """Interior point method from a state next to the one sought.
 
@@ -92,13 +61,21 @@ class WarmStart:
         options: When the method stops.
     """
 
-    products: tuple[float, ...] = (3e-2, 3e-4)
+    products: tuple[float, ...] = field(
+        default_factory=lambda: (SEARCH.warm_products, SEARCH.close_products)
+    )
     from_afar: tuple[float, ...] = (1.0,)
     tolerances: Tolerances = field(default_factory=Tolerances)
-    options: InteriorPointOptions = field(default_factory=InteriorPointOptions)
+    options: SearchOptions = SEARCH
 
 
-WARM = WarmStart()
+def finishing() -> SearchOptions:
+    """When the interior point method stops next to a state.
+
+    Digits are lost along a mechanism: more error is accepted.
+    """
+    acceptable = SEARCH.finish_acceptable
+    return replace(SEARCH, interior_window=SEARCH.finish_window, interior_acceptable=acceptable)
 
 
 Minimiser = Callable[[ProximalStep, Array], Array]
@@ -107,8 +84,8 @@ _Given = ParamSpec("_Given")
 
 def rising_mu(task: Task) -> float:
     """Products while the work rises, in units of force times displacement."""
-    larger = max(1.0, task.case.block_count / OPTIONS.few) ** OPTIONS.many
-    return task.mu(OPTIONS.rising_work * larger)
+    larger = max(1.0, task.case.block_count / SEARCH.large_wall) ** SEARCH.products_of_many
+    return task.mu(SEARCH.rising_products * larger)
 
 
 def monolithic(
@@ -144,7 +121,7 @@ def further_along_rising_work(task: Task) -> Solution:
     if task.last is None:
         raise SolverError("no state at less work")
     path = LoadingPath(task, name="structure")
-    *_, end = path.points(path.next_to(task.last, task.mu(OPTIONS.ends[0])))
+    *_, end = path.points(path.next_to(task.last, task.mu(SEARCH.end_products)))
     return to_end(task, end.state, end.point.mu)
 
 
@@ -188,10 +165,11 @@ def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
     task = path.task
     record = task.case.record
     first = min(task.case.bonded_work, task.work)
-    points = {part: path.begin(first, part * rising_mu(task)) for part in OPTIONS.rising_parts}
+    parts = 1.0, SEARCH.smaller_products
+    points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
     risen: dict[float, list[PathSample]] = {part: [] for part in points}
-    works = task.work * OPTIONS.further ** np.arange(OPTIONS.falls)
-    for work, part in product(works, OPTIONS.rising_parts):
+    works = task.work * SEARCH.further_work ** np.arange(SEARCH.falls)
+    for work, part in product(works, parts):
         if part not in points:
             continue
         record.risen = risen[part]
@@ -206,7 +184,7 @@ def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
             failed = error
             continue
         try:
-            yield path.with_products(point, task.mu(OPTIONS.ends[0]))
+            yield path.with_products(point, task.mu(SEARCH.end_products))
         except EffortError:
             raise
         except SolverError as error:
@@ -216,7 +194,7 @@ def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
         raise failed
 
 
-def next_to(state: State, direction: Array | None, warm: WarmStart = WARM) -> Attempt:
+def next_to(state: State, direction: Array | None, warm: WarmStart | None = None) -> Attempt:
     """An attempt that starts from another state, moved on by displacements with f_L.v = 1."""
 
     @monolithic
@@ -235,14 +213,14 @@ def moved_on(task: Task, state: State, direction: Array | None) -> State:
 
 
 def coulomb_equilibrium(
-    task: Task, start: State, load_factor: float, warm: WarmStart = WARM
+    task: Task, start: State, load_factor: float, warm: WarmStart | None = None
 ) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
     kkt = task.case.coulomb(start.work, task.scales, load_factor)
     return _warm(task, kkt, start, warm).state
 
 
-def at_work(task: Task, start: State, warm: WarmStart = WARM) -> State:
+def at_work(task: Task, start: State, warm: WarmStart | None = None) -> State:
     """State at the work of a task next to another one at that work, or `SolverError`."""
     return _warm(task, task.kkt, start, warm).state
 
@@ -257,13 +235,14 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     kkt = replace(task.kkt, work=state.work)
     point = path.next_to(state, mu)
     passed: list[PathPoint] = []
+    on_structure = replace(SEARCH, path_patience=SEARCH.structure_patience)
     try:
-        for end in OPTIONS.ends:
-            point = path.with_products(point, task.mu(end), OPTIONS.structure)
+        for end in SEARCH.end_products * 0.1 ** np.arange(SEARCH.path_ends):
+            point = path.with_products(point, task.mu(float(end)), on_structure)
             passed.append(point)
             try:
                 return solve_interior_point(
-                    kkt, point.state, point.mu, task.tolerances, OPTIONS.finish
+                    kkt, point.state, point.mu, task.tolerances, finishing()
                 )
             except SolverError as error:
                 failed = error
@@ -295,8 +274,9 @@ def _near_the_end(
     return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
 
 
-def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart) -> Solution:
+def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart | None) -> Solution:
     """Solution next to a state, or else from afar."""
+    warm = warm or WarmStart()
     for mu in (*map(task.mu, warm.products), *warm.from_afar):
         try:
             return solve_interior_point(kkt, start, mu, warm.tolerances, warm.options)
@@ -342,7 +322,7 @@ def _iterated(
     solve: GivenFriction,
     start: State,
     bound: Array,
-    options: FixedPointOptions = coulomb.OPTIONS,
+    exact: Callable[[float], float] = to_second_order,
     more: Callable[[], int] = lambda: 0,
 ) -> Answer:
     """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
@@ -351,7 +331,7 @@ def _iterated(
     def count() -> int:
         return case.discretization.factorizations() + more()
 
-    told = case.monitor, count, options
+    told = case.monitor, count, exact
     return FixedPoint(case.problem, solve, task.tolerance, *told).run(start, bound)
 
 
@@ -364,19 +344,18 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     case = task.case
     rows = task.case.discretization.operators
     points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
-    options = FixedPointOptions(precision=1e-2, order=1.0, loosest=0.1, tightest=1e-9)
     with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
 
         def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
             if not case.problem.coulomb:
-                tolerance = options.tightest
+                tolerance = SEARCH.bound_exact
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 
         start = case.bonded_state(task.work)
         bound = case.problem.law.given(case.first_pressure)
         solution, history = _iterated(
-            task, solve, start, bound, options, lambda: solver.factorizations
+            task, solve, start, bound, to_first_order, lambda: solver.factorizations
         )
         return solution, replace(history, splitting=solver.history)
 
@@ -384,46 +363,18 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 # ---- the list
 
 
-@dataclass(frozen=True)
-class WorkOptions:
-    """How the work grows.
+def first_work(options: SearchOptions, blocks: int, tolerance: float) -> float:
+    """First work for so many blocks, in units of that on the bonded structure.
 
-    Attributes:
-        first: First work, in units of that on the bonded structure.
-        first_of_many: The same per square of the number of blocks, if that is more: large walls
-            are still far from their plateau.
-        growth: Factor from one work to the next.
-        largest: Largest work, in units of the first.
-        missing: Works in a row without a state after which none is looked for.
-        gap: Of a collapse state, in units of the tolerance: as its friction bound follows, the
-            load factor still changes by 10 to 40 times as much.
-        asks: Whether programs are asked if anything limits the load; else that is known.
-        attempt: Cost of one attempt at most, in units of one factorisation of the structure.
-        cost: That of all states of one collapse.
+    The plateau is the nearer the larger the work, and the longer the path. A tolerance that is
+    looser than usual asks for less of both.
     """
-
-    first: float = 300.0
-    first_of_many: float = 0.2
-    growth: float = 10.0
-    largest: float = 1e3
-    missing: int = 3
-    gap: float = 2.5e-2
-    asks: bool = True
-    attempt: float = 300.0
-    cost: float = 500.0
-
-    def begin(self, blocks: int, tolerance: float) -> float:
-        """First work for so many blocks, in units of that on the bonded structure.
-
-        The plateau is the nearer the larger the work, and the longer the path. Beside 1e-6, a
-        looser tolerance asks for less of both.
-        """
-        part = min(1.0, (1e-6 / tolerance) ** 0.5)
-        return max(self.first, self.first_of_many * blocks**2 * part)
+    part = min(1.0, (SEARCH.usual_tolerance / tolerance) ** 0.5)
+    return max(options.first_work, options.work_of_many * blocks**2 * part)
 
 
 #: Iterations on the bound, which a user may ask for, take some 10 states with given friction.
-ITERATED = WorkOptions(attempt=1500.0, cost=3000.0)
+ITERATED = replace(SEARCH, attempt_cost=SEARCH.iterated_attempt, collapse_cost=SEARCH.iterated_cost)
 
 
 @dataclass(frozen=True)
@@ -435,14 +386,16 @@ class Strategy:
         kind: Of factorisation, see `JointStiffness`.
         further: State from one at less work, tried first where there is one; None: nothing.
         equilibrium: State at a prescribed load factor, next to another one.
-        work: How the work grows.
+        options: How the work grows, and what may be spent.
+        asks: Whether programs are asked if anything limits the load; else that is known.
     """
 
     attempts: tuple[Attempt, ...]
     kind: str
     further: Attempt | None = None
     equilibrium: Callable[[Task, State, float], State] = coulomb_equilibrium
-    work: WorkOptions = WorkOptions()
+    options: SearchOptions = SEARCH
+    asks: bool = True
 
 
 #: Methods on joint forces, the same with Coulomb and with given friction.
@@ -452,7 +405,7 @@ JOINT_FORCES: dict[str, Strategy] = {
         SYMMETRIC,
         equilibrium=fixed_point_equilibrium,
         # States far along the mode take many steps.
-        work=replace(ITERATED, first=100.0, first_of_many=0.0, gap=1.0),
+        options=replace(ITERATED, first_work=100.0, work_of_many=0.0, work_gap=1.0),
     )
     for name, minimise in (("splitting", alternately), ("active-set", at_once))
 }
@@ -466,7 +419,7 @@ COULOMB: dict[str, Strategy] = {
     ),
     "monolithic": Strategy((interior_point, along_falling_products), GENERAL),
     "fixed-point": Strategy(
-        (fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium, work=ITERATED
+        (fixed_point,), SYMMETRIC, equilibrium=fixed_point_equilibrium, options=ITERATED
     ),
     **JOINT_FORCES,
 }

@@ -26,24 +26,9 @@ from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.bounds import LoadFactor, alike
 from fenics_contact.results.result import Answer, Collapse, Table
 from fenics_contact.scene.units import Units
+from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
-
-
-@dataclass(frozen=True)
-class TornOptions:
-    """Numbers of the search.
-
-    Attributes:
-        states: Collapses at most: walls tear along two or three mechanisms.
-        cost: Of all of them, in units of one factorisation of the structure.
-    """
-
-    states: int = 20
-    cost: float = 3000.0
-
-
-OPTIONS = TornOptions()
 
 
 @dataclass(frozen=True)
@@ -123,10 +108,10 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
         return torn | opens if np.any(opens) else None
 
     first = np.zeros(len(joints.length), dtype=bool)
-    with case.discretization.effort.at_most(OPTIONS.cost):
-        if settled(collapse, with_opened, first, OPTIONS.states + 1):
+    with case.discretization.effort.at_most(SEARCH.iterated_cost):
+        if settled(collapse, with_opened, first, SEARCH.torn_states + 1):
             return found[-1], cases[-1]
-    reason = f"joints go on tearing after {OPTIONS.states} collapses"
+    reason = f"joints go on tearing after {SEARCH.torn_states} collapses"
     return replace(found[-1], status="not_converged", reason=reason), cases[-1]
 
 

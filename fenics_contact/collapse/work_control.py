@@ -20,24 +20,17 @@ from fenics_contact.collapse.collapse_mode import Verified, verify
 from fenics_contact.collapse.load_case import Attempt, LoadCase, Task, joint_values
 from fenics_contact.collapse.reasons import missed
 from fenics_contact.collapse.record import name_of
-from fenics_contact.collapse.strategy import Strategy, WorkOptions
+from fenics_contact.collapse.strategy import Strategy, first_work
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import stiffness_alone
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
-
-#: The load factor of one state changes by so many times its gap at most with more work.
-SAME_STATE = 100.0
-#: A load factor of this part of that under the live load alone, at the same work, is not limited:
-#: limit loads are far below it, as works are many times that on the bonded structure.
-ON_LINE = 0.1
-#: Nor is one that grows like this power of the work.
-GROWS = 0.9
 
 
 def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Collapse:
@@ -49,8 +42,8 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
     search = _Search(case, strategy, tolerance)
     case.record.exhausted = 0.0
     try:
-        with case.discretization.effort.at_most(strategy.work.cost):
-            status = _at_growing_work(search, strategy.work, case.block_count)
+        with case.discretization.effort.at_most(strategy.options.collapse_cost):
+            status = _at_growing_work(search, strategy.options, case.block_count)
         found = search.result(status)
         if status == "limit":
             case.record.best = case.record.best or found
@@ -62,18 +55,18 @@ def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Colla
         raise
 
 
-def _at_growing_work(search: _Search, options: WorkOptions, blocks: int) -> str:
+def _at_growing_work(search: _Search, options: SearchOptions, blocks: int) -> str:
     """The status that states by the attempts of a search lead to."""
-    ratio = first = options.begin(blocks, search.tolerance)
+    ratio = first = first_work(options, blocks, search.tolerance)
     missing = 0
-    while ratio <= options.largest * first and missing < options.missing:
+    while ratio <= SEARCH.largest * first and missing < options.missing_works:
         found = search.at(ratio)
         missing = missing + 1 if found is None else 0
         if search.done(found):
             break
         if search.unlimited:
             return "unbounded"
-        ratio *= options.growth
+        ratio *= options.work_growth
     return "limit" if search.verified else "not_converged"
 
 
@@ -127,9 +120,9 @@ class _Search:
     def __init__(self, case: LoadCase, strategy: Strategy, tolerance: float) -> None:
         self.case = case
         self.strategy = strategy
-        self.options = strategy.work
+        self.options = strategy.options
         self.tolerance = tolerance
-        self.gap = strategy.work.gap * tolerance
+        self.gap = strategy.options.work_gap * tolerance
         self.found: list[_Found] = []
         self._last_found = False
 
@@ -150,7 +143,7 @@ class _Search:
                 with case.record.attempt(
                     name_of(attempt), work, count, case.discretization.effort
                 ) as ended:
-                    with case.discretization.effort.at_most(self.options.attempt):
+                    with case.discretization.effort.at_most(self.options.attempt_cost):
                         solution, history = attempt(task)
                     self._last_found = True
                     ended("a state, not yet verified")
@@ -194,7 +187,7 @@ class _Search:
         lead to another one.
         """
         for count, (before, after) in enumerate(itertools.pairwise(self.found), start=1):
-            allowed = SAME_STATE * before.gap * before.verified.certificate.size
+            allowed = SEARCH.same_state * before.gap * before.verified.certificate.size
             if before.passed and abs(after.load_factor - before.load_factor) > allowed:
                 return self.found[:count]
         return self.found
@@ -223,7 +216,7 @@ class _Search:
         Then a large load does without the dead load, if no state was found; and a load factor that
         follows that line is on it.
         """
-        if not self.options.asks:
+        if not self.strategy.asks:
             return False
         blocks = self.case.blocks
         if not self.case.problem.coulomb:
@@ -233,7 +226,7 @@ class _Search:
         if self._line is None:
             return self._grows and blocks.is_unlimited()
         last = self.found[-1] if self._last_found else None
-        return last is None or last.load_factor > ON_LINE * self._line * last.ratio
+        return last is None or last.load_factor > SEARCH.on_line * self._line * last.ratio
 
     @property
     def _grows(self) -> bool:
@@ -242,7 +235,7 @@ class _Search:
         if len(factors) < 3 or not np.all(factors > 0.0):
             return False
         works = np.array([one.ratio for one in self.found[-3:]])
-        grown = np.diff(np.log(factors)) >= GROWS * np.diff(np.log(works))
+        grown = np.diff(np.log(factors)) >= SEARCH.grows * np.diff(np.log(works))
         return bool(np.all(grown))
 
     @cached_property

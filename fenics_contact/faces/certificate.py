@@ -57,7 +57,7 @@ class FaceState:
 
 
 def to_least_gap() -> Tolerances:
-    """What ends (b). It is held against a mode of its own, so that its multipliers matter little."""
+    """What ends (b), which has a mode of its own: its multipliers matter little."""
     return Tolerances(10.0 * SEARCH.face_gap, motion=SEARCH.rough_gap)
 
 
@@ -102,7 +102,9 @@ class Certifier:
         program = self._program(strength, model.dilatancy)
         near = None
         if start is not None:
-            near = solve(program, start, Tolerances(10.0 * SEARCH.face_gap), SEARCH.near_products * start.mu)
+            near = solve(
+                program, start, Tolerances(10.0 * SEARCH.face_gap), SEARCH.near_products * start.mu
+            )
         if near is None or not near.within(1e-5):
             near = solve(program)
         if not near.within(1e-5):

@@ -10,8 +10,6 @@ reach them from rest. Not proved: that there is none lower.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fenics_contact.faces.certificate import Certifier, FaceState, to_least_gap
@@ -19,7 +17,6 @@ from fenics_contact.faces.cones import Array
 from fenics_contact.faces.kernel import Program, Row, solve
 from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.search_options import SEARCH
-
 
 #: Starts, the usual one first: elastic states with a part theta of Coulomb's law, the rest of the
 #: bound given by a part of the pressing forces under the dead load; and steps at most, in which

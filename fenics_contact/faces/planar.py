@@ -22,6 +22,7 @@ from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.search_options import SEARCH
 
+
 @dataclass(frozen=True)
 class PlanarFaces:
     """The faces of a structure under its dead load and one direction of the live load.

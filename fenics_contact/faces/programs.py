@@ -24,7 +24,6 @@ from fenics_contact.errors import SolverError
 from fenics_contact.faces.cones import TINY, Array
 from fenics_contact.faces.kernel import (
     Iterate,
-    KernelOptions,
     Program,
     Tolerances,
     elastic_response,
@@ -36,6 +35,8 @@ from fenics_contact.search_options import SEARCH
 
 #: Relative rounding.
 EPS = float(np.finfo(float).eps)
+
+
 def associative_state(model: FaceModel, equations: Equations) -> Iterate:
     """The state of the largest load factor."""
     friction = model.friction

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -26,31 +26,13 @@ from fenics_contact.results.history import Pass
 from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.result import Result
 from fenics_contact.scene.scene import Scene
+from fenics_contact.search_options import SEARCH
 
 _log = logging.getLogger("fenics_contact")
 Found = TypeVar("Found", bound=Result)
 
 #: Corners at the ends of the sides of a cell of degree 2, by its number of nodes.
 SIDES = {6: [[1, 2], [0, 2], [0, 1]], 9: [[0, 1], [0, 2], [1, 3], [2, 3]]}
-
-
-@dataclass(frozen=True)
-class AccuracyOptions:
-    """Limits of the passes.
-
-    Attributes:
-        meshes: So many are tried at most, that given and that with degree 2 among them.
-        displacements: No mesh with more, about, is tried.
-        falls: An error is held to be at least this part of that on the mesh before: load factors
-            that agree may do so by chance.
-    """
-
-    meshes: int = 8
-    displacements: int = 200_000
-    falls: float = 0.25
-
-
-OPTIONS = AccuracyOptions()
 
 
 def is_accurate(result: Result) -> bool:
@@ -81,13 +63,13 @@ def _enough_meshes(result: Result, name: str) -> bool:
 def finer_scene(result: Result, meshes: int) -> Scene | None:
     """The scene on the next mesh, after so many; None if there is none to be tried. Collective."""
     scene = result.scene
-    if meshes >= OPTIONS.meshes or not (_hinges_known(result) or scene.degree == 1):
+    if meshes >= SEARCH.meshes or not (_hinges_known(result) or scene.degree == 1):
         return None
     if scene.degree == 2:
         scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
     corners = scene.mesh.domain.topology.index_map(0).size_global
     # With the middles of sides there are four times as many nodes, about.
-    return replace(scene, degree=2) if 8 * corners <= OPTIONS.displacements else None
+    return replace(scene, degree=2) if 8 * corners <= SEARCH.mesh_size else None
 
 
 def why_no_finer(result: Result, meshes: int) -> str:
@@ -135,7 +117,7 @@ def with_pass(result: Found) -> Found:
         if name in before and not fixed:
             last = before[name]
             change = abs(best - last.load_factor) / end.size
-            change = float(np.fmax(change, OPTIONS.falls * last.algebraic_error))
+            change = float(np.fmax(change, SEARCH.error_falls * last.algebraic_error))
         of_hinges = abs(best - end.load_factor) / end.size if known else math.nan
         rows.append(Pass(name, *about, "mesh", end.load_factor, of_hinges, change, seconds))
         if short:

@@ -28,8 +28,7 @@ import numpy as np
 from fenics_contact.collapse.collapse_mode import elastic_mode
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.loading_path import falling, rising
-from fenics_contact.collapse.strategy import OPTIONS as PATH
-from fenics_contact.collapse.strategy import rising_mu
+from fenics_contact.collapse.strategy import finishing, rising_mu
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import EffortError, SolverError
@@ -39,54 +38,27 @@ from fenics_contact.results.bounds import LoadFactor, signed
 from fenics_contact.results.certificate import kinematic_factor
 from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
-from fenics_contact.solvers.arclength import ArclengthOptions
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.interior_point import (
-    InteriorPointOptions,
     Solution,
     Tolerances,
     solve_interior_point,
 )
 from fenics_contact.solvers.kkt import PerturbedKKT
-from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
 
 
-@dataclass(frozen=True)
-class HingeOptions:
-    """Numbers of the way to point hinges.
-
-    Attributes:
-        share: Largest cost, in units of that of the collapse: what is done unasked.
-        asked: The same where the scene asks for it.
-        halvings: m of the two states.
-        own: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
-        work: Hinges store energy: the first state has so many times the work of the collapse, those
-            with more halvings in proportion more.
-        products: Where joints settle, in units of force times elastic displacement.
-        give: Displacements that change joint forces by their own size, in units of those at the
-            work: those of hinges. In larger units they would look settled from the start.
-        agrees: Distance of the mode's kinematic load factor, relative.
-    """
-
-    share: float = 0.5
-    asked: float = 3.0
-    halvings: tuple[float, float] = (30.0, 300.0)
-    own: float = 2.0
-    work: float = 10.0
-    products: float = 1e-2
-    give: float = 3e-3
-    agrees: float = 1e-5
+def settling() -> SearchOptions:
+    """How joints settle next to a state: it succeeds soon or not at all."""
+    return replace(SEARCH, path_corrections=SEARCH.hinge_corrections, points=SEARCH.hinge_points)
 
 
-OPTIONS = HingeOptions()
+def exact() -> Tolerances:
+    """How exact a state has to be."""
+    return Tolerances(SEARCH.finish_acceptable, SEARCH.hinge_agrees)
 
-#: How joints settle, how exact a state has to be, and when the interior point method stops: it
-#: succeeds soon or not at all.
-SETTLE = ArclengthOptions(corrections=2, elimination=EliminationOptions(points=12))
-EXACT = Tolerances(1e-8, OPTIONS.agrees)
-FINISH = InteriorPointOptions(window=3)
 
 #: Length of a hinge in stone, about, m: what crushing leaves.
 IN_STONE = 1e-3
@@ -168,7 +140,7 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
     modes = whole.block_modes.changed(case.problem)
     start = _Known(0.0, modes.restricted(end.state), modes.motion(end.mode), end.joints, points)
     options = whole.scene.solve
-    share = OPTIONS.asked if options.error else OPTIONS.share
+    share = SEARCH.hinge_asked if options.error else SEARCH.hinge_share
     largest = math.inf if options.accuracy is not None else share * (1.0 + cost)
     with whole.effort.at_most(largest):
         states = _followed(case, end, start)
@@ -179,11 +151,11 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
             lower, upper = end.range.lower, end.range.upper
             if lower <= states[-1].state.load_factor <= upper:  # the mechanism of the mesh
                 point = min(max(point, lower), upper)
-        if abs(point - load_factor) <= OPTIONS.agrees * end.size:
+        if abs(point - load_factor) <= SEARCH.hinge_agrees * end.size:
             return here
         halvings = max(math.log2(length / IN_STONE), 0.0)
         own = change / (load_factor - point)  # so that no halving leaves that of the mesh
-        physical = point + change / (halvings + (own if own > 0.0 else OPTIONS.own))
+        physical = point + change / (halvings + (own if own > 0.0 else SEARCH.own_halvings))
         physical = min(max(physical, min(load_factor, point)), max(load_factor, point))
         return replace(here, physical=physical, points=point)
     reason = "no collapse state next to this one was found with shorter hinges"
@@ -211,7 +183,7 @@ def _length_on_mesh(whole: Discretization, points: Indices, force: Array) -> flo
 
 def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
     """The collapse, and states with more and more halvings, as far as the effort allows."""
-    few, many = OPTIONS.halvings
+    few, many = SEARCH.few_halvings, SEARCH.many_halvings
     states = [start]
     for halvings, attempt in ((few, _next_to), (few, _from_afar), (many, _next_to)):
         last = states[-1]
@@ -228,7 +200,7 @@ def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
         new = states[-1]
         _log.info("  %g halvings: load factor %.8g", halvings, new.state.load_factor)
         change = abs(new.state.load_factor - end.load_factor)
-        if change <= OPTIONS.agrees * end.size and len(new.points) == len(last.points):
+        if change <= SEARCH.hinge_agrees * end.size and len(new.points) == len(last.points):
             break
     return states
 
@@ -241,8 +213,8 @@ def _extrapolated(states: Sequence[_Known]) -> tuple[float, float]:
     first = states[0].state.load_factor
     last = states[-1].state.load_factor
     if len(states) < 3:
-        return last, OPTIONS.own * (first - last)
-    few, many = (known.halvings + OPTIONS.own for known in states[-2:])
+        return last, SEARCH.own_halvings * (first - last)
+    few, many = (known.halvings + SEARCH.own_halvings for known in states[-2:])
     change = (states[-2].state.load_factor - last) / (1.0 / few - 1.0 / many)
     return last - change / many, change
 
@@ -260,18 +232,18 @@ def _with(
         SolverError: If there is none, or its mode does not agree.
     """
     whole = case.discretization
-    more = max(1.0, halvings / OPTIONS.halvings[0])
+    more = max(1.0, halvings / SEARCH.few_halvings)
     work = more * max(end.work_ratio, 1.0) * case.bonded_work
-    work *= OPTIONS.work if attempt is _next_to else 1.0
+    work *= SEARCH.work_growth if attempt is _next_to else 1.0
     scales = case.scales_at(work, abs(end.load_factor))
-    task = Task(case, work, scales, OPTIONS.agrees)
+    task = Task(case, work, scales, SEARCH.hinge_agrees)
     with soft_hinges(case, last.points, halvings) as soft:
         problem = soft.problem
         kkt = PerturbedKKT.coulomb(problem, soft.stiffness, scales, work)
         state = attempt(task, kkt, soft, last).state
         mode = elastic_mode(replace(kkt, work=state.work), state)
         factor = kinematic_factor(problem, state, mode)
-        if not abs(factor - state.load_factor) <= OPTIONS.agrees * abs(state.load_factor):
+        if not abs(factor - state.load_factor) <= SEARCH.hinge_agrees * abs(state.load_factor):
             raise SolverError(f"the mode gives a load factor of {factor:.8g}")
         values = replace(
             last.joints,
@@ -295,13 +267,13 @@ def _next_to(task: Task, kkt: PerturbedKKT, soft: SoftHinges, last: _Known) -> S
     state = soft.state(last.state)
     u = state.displacement + (task.work - state.work) * soft.widened(last.mode)
     start = soft.problem.state(u, state.load_factor, state.pressure, state.shear)
-    give = replace(kkt.scales, displacement=OPTIONS.give * kkt.scales.displacement)
-    path = falling(replace(kkt, scales=give), options=SETTLE)
-    mu = task.mu(OPTIONS.products)
-    point = path.settled(path.begin(start, mu / OPTIONS.give), SETTLE.close)
-    if path.distance(point) > SETTLE.elimination.allowed:
+    give = replace(kkt.scales, displacement=SEARCH.hinge_give * kkt.scales.displacement)
+    path = falling(replace(kkt, scales=give), options=settling())
+    mu = task.mu(SEARCH.rising_products)
+    point = path.settled(path.begin(start, mu / SEARCH.hinge_give), SEARCH.path_close)
+    if path.distance(point) > SEARCH.allowed_distance:
         raise SolverError("joints do not settle next to the state")
-    return solve_interior_point(kkt, point.state, mu, EXACT, FINISH)
+    return solve_interior_point(kkt, point.state, mu, exact(), finishing())
 
 
 def _from_afar(task: Task, kkt: PerturbedKKT, soft: SoftHinges, _: _Known) -> Solution:
@@ -311,5 +283,5 @@ def _from_afar(task: Task, kkt: PerturbedKKT, soft: SoftHinges, _: _Known) -> So
     start = soft.state(case.discretization.block_modes.changed(case.problem).restricted(bonded))
     rise = rising(kkt)
     point = rise.follow(rise.begin(start, rising_mu(task)), task.work)
-    point = falling(kkt).follow(point, task.mu(PATH.ends[0]))
-    return solve_interior_point(kkt, point.state, point.mu, EXACT, FINISH)
+    point = falling(kkt).follow(point, task.mu(SEARCH.end_products))
+    return solve_interior_point(kkt, point.state, point.mu, exact(), finishing())

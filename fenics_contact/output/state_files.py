@@ -30,7 +30,7 @@ from fenics_contact.output.plotting import (
 from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.view import View, view_of
-from fenics_contact.results.certificate import TOLERANCES
+from fenics_contact.results.certificate import tolerances
 from fenics_contact.results.joint_values import TieState
 from fenics_contact.results.motions import falling_blocks
 from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
@@ -225,7 +225,7 @@ def _record(found: ServiceState, layout: Layout) -> Record:
         "engine": found.engine,
         "reason": found.reason or None,
         "residuals": dict(found.residuals),
-        "tolerances": {name: TOLERANCES[name] for name in found.residuals},
+        "tolerances": {name: tolerances()[name] for name in found.residuals},
         "falling_blocks": falling_blocks(layout, found.fall).tolist(),
         "ties": tie_records(tie_arrays(layout, found.joint_values)),
         "warnings": list(layout.warnings),

@@ -80,9 +80,10 @@ class Certificate:
     @property
     def tolerances(self) -> dict[str, float]:
         """What the residuals may be, by name."""
-        allowed = {**TOLERANCES, "limit": max(TOLERANCES["limit"], self.tolerance)}
+        allowed = tolerances()
+        allowed["limit"] = max(allowed["limit"], self.tolerance)
         products = SEARCH.products_left * self.tolerance
-        allowed["complementarity"] = max(TOLERANCES["complementarity"], products)
+        allowed["complementarity"] = max(allowed["complementarity"], products)
         return {name: allowed[name] for name in self.residuals}
 
     @property
@@ -189,7 +190,8 @@ def worst_joint(
     everywhere = [joint for part in problem.comm.allgather(worst) for joint in part]
     if not everywhere:
         return None
-    return max(everywhere, key=lambda one: one.residual / TOLERANCES[one.law])
+    allowed = tolerances()
+    return max(everywhere, key=lambda one: one.residual / allowed[one.law])
 
 
 def _joint_misses(

@@ -11,22 +11,7 @@ import numpy.typing as npt
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array
-
-
-@dataclass(frozen=True)
-class ContactOptions:
-    """When a joint point is open or moves.
-
-    Attributes:
-        no_pressure: It is open with less than this fraction of the largest normal force.
-        moves: It opens or slips if it moves faster than this fraction of the fastest one.
-    """
-
-    no_pressure: float = 1e-6
-    moves: float = 1e-4
-
-
-OPTIONS = ContactOptions()
+from fenics_contact.search_options import SEARCH
 
 
 class Contact(IntEnum):
@@ -84,7 +69,7 @@ class JointValues:
         """`Contact` of every point."""
         contact = np.where(self.slips, Contact.SLIP, Contact.STICK)
         force = self.normal_force + self.bond
-        loaded = force > OPTIONS.no_pressure * force.max(initial=0.0)
+        loaded = force > SEARCH.no_force * force.max(initial=0.0)
         contact[~loaded | self.opens] = Contact.OPEN
         return contact
 
@@ -112,7 +97,7 @@ class JointValues:
     @property
     def _moving_rate(self) -> float:
         rates = np.abs([self.opening_rate, self.slip_rate])
-        return OPTIONS.moves * float(rates.max(initial=0.0))
+        return SEARCH.moving * float(rates.max(initial=0.0))
 
 
 #: Tensions this close to 0, or to the yield, are there; relative to the yield.

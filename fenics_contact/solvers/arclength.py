@@ -20,14 +20,14 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.errors import SolverError
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.kkt import Iterate, Linearization, PerturbedKKT, Residual
 from fenics_contact.solvers.nonlinear_elimination import (
-    EliminationOptions,
     NonlinearElimination,
     Rates,
 )
@@ -102,9 +102,7 @@ class PathPoint:
 class Continuation:
     """Follows one path of one structure."""
 
-    def __init__(
-        self, kkt: PerturbedKKT, path: Path, options: SearchOptions = SEARCH
-    ) -> None:
+    def __init__(self, kkt: PerturbedKKT, path: Path, options: SearchOptions = SEARCH) -> None:
         """Choose what varies; the work of the conditions is replaced as the path says."""
         # On the way a tenth of p and q is near enough: digits need not be kept.
         self.kkt = replace(kkt, options=replace(kkt.options, cancellation=np.inf))

@@ -118,7 +118,12 @@ def solve_interior_point(
         errors.append(float(np.nan_to_num(min([joints, *errors[-1:]]), nan=np.inf)))
         window = options.interior_window
         stalled = len(errors) > window and errors[-1] > 0.5 * errors[-1 - window]
-        if (exact and at_rest) or since_exact > SEARCH.resting_steps or stalled or not np.isfinite(error):
+        if (
+            (exact and at_rest)
+            or since_exact > SEARCH.resting_steps
+            or stalled
+            or not np.isfinite(error)
+        ):
             break
         if step == options.interior_steps:
             break

@@ -291,7 +291,9 @@ class ProximalStep:
         found = x.copy()
         found[rows] = 0.0
         rest = self.right - self.operator.matrix @ found
-        tolerance = float(np.clip(SEARCH.program_accuracy * self.change, ROUNDING, SEARCH.program_accuracy))
+        tolerance = float(
+            np.clip(SEARCH.program_accuracy * self.change, ROUNDING, SEARCH.program_accuracy)
+        )
         lower, upper = self.bounds
         found[rows] = program.solve(rest[rows], lower[rows], upper[rows], x[rows], tolerance)
         return found

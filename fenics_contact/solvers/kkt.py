@@ -22,7 +22,7 @@ left for K u. So the part of u that strains the blocks is summed up step by step
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np

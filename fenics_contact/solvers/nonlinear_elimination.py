@@ -241,7 +241,9 @@ class NonlinearElimination:
 
     def _worst(self, distances: Array, most: int) -> Integers:
         """Points furthest from their laws, at most so many."""
-        place = np.flatnonzero(distances > min(self.options.chosen_from, self.options.allowed_distance))
+        place = np.flatnonzero(
+            distances > min(self.options.chosen_from, self.options.allowed_distance)
+        )
         return place[np.argsort(-distances[place], kind="stable")[:most]]
 
     def _choose(self, points: Integers) -> None:

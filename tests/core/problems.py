@@ -17,6 +17,7 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
 from fenics_contact.results.history import Step
+from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers import nonlinear_elimination as elimination
 from fenics_contact.solvers.bound_qp import PREFIX
 from fenics_contact.solvers.interior_point import Solution, Tolerances, solve_interior_point
@@ -185,9 +186,7 @@ class Place:
         across = kkt.residual(now), np.zeros_like(fall)
         return cls(kkt, mu, linear, *linear.directions([across, (rest, fall)]))
 
-    def elimination(
-        self, options: elimination.EliminationOptions | None = None
-    ) -> elimination.NonlinearElimination:
+    def elimination(self, options: SearchOptions = SEARCH) -> elimination.NonlinearElimination:
         """A step from here."""
         here = self.linear, self.across, self.along
         rates = elimination.Rates(self.mu, -1.0, 1e-3)

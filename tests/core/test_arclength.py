@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fenics_contact import SolverError
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.arclength import (
     FALLING_PRODUCTS,
     RISING_WORK,
-    ArclengthOptions,
     Continuation,
     PathPoint,
 )
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
-from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from fenics_contact.solvers.problem import State
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import (
@@ -28,7 +29,7 @@ from tests.core.problems import (
 )
 
 #: All points are chosen, and solved for to many digits.
-ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9)
+ALL = replace(SEARCH, points=10**6, chosen_from=-1.0, points_solved=1e-9)
 
 #: A wall with so much friction that its path turns back, and one whose path has no folds.
 folded, plain = (
@@ -40,7 +41,7 @@ folded, plain = (
 def fallen(case: LoadCase, end: float, ratio: float = FAR, **options: object) -> PathPoint:
     """The point where products have fallen from 1 under constant work."""
     kkt = conditions(case, ratio)
-    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(**options))
+    path = Continuation(kkt, FALLING_PRODUCTS, replace(SEARCH, **options))
     return path.follow(path.begin(case.bonded_state(kkt.work), 1.0), end)
 
 
@@ -51,7 +52,10 @@ def finished(case: LoadCase, point: PathPoint) -> State:
 
 
 def test_all_products_are_equal_along_the_path(plain):
-    kkt, point = conditions(plain), fallen(plain, 1e-2, elimination=ALL)
+    kkt, point = (
+        conditions(plain),
+        fallen(plain, 1e-2, points=10**6, chosen_from=-1.0, points_solved=1e-9),
+    )
     now, unit = point.iterate, kkt.scales.displacement * kkt.scales.force
     for product in kkt.products(now):
         assert product == pytest.approx(np.full_like(product, point.mu * unit), rel=1e-9)

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact.collapse.coulomb import FixedPoint, FixedPointOptions
+from fenics_contact.collapse.coulomb import FixedPoint
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.strategy import fixed_point
 from fenics_contact.meshing import running_bond
 from fenics_contact.results.history import History, Step
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import Solution
 from tests.bank import Recipe, block_recipe, coulomb
 from tests.core.problems import FAR, Array, misses, prepared, solved
@@ -54,7 +55,6 @@ def iterated(
     answer: Callable[[Array, float], Array],
     first: Array | float = 0.3,
     tolerance: float = 1e-8,
-    **options: float,
 ) -> tuple[Array, History]:
     """F r_N of the last state, and the history; maps are told the products they start with."""
     state, friction = case.bonded_state(1.0), case.problem.law.friction
@@ -64,9 +64,9 @@ def iterated(
         factor = float(np.mean(friction * pressure))
         return Solution(replace(state, pressure=pressure, load_factor=factor), {}, 1)
 
-    bound, chosen = np.broadcast_to(first, 3).astype(float), FixedPointOptions(**options)
+    bound = np.broadcast_to(first, 3).astype(float)
     told = (lambda step: None), (lambda: 0)
-    iteration = FixedPoint(case.problem, solve, tolerance, *told, chosen)
+    iteration = FixedPoint(case.problem, solve, tolerance, *told)
     solution, history = iteration.run(state, bound)
     return friction * solution.state.pressure, history
 
@@ -96,7 +96,7 @@ def test_cycles_are_damped_and_counted(block):
     """A map without fixed point: it jumps over the diagonal at one half."""
     _, history = iterated(block, lambda g, _: np.where(g < 0.5, 1.0, 0.1))
     assert not history.converged and history.cycles >= 2
-    assert len(history.steps) == FixedPointOptions().max_iterations
+    assert len(history.steps) == SEARCH.bound_iterations
     omega = [step.relaxation for step in history.steps]
-    assert min(omega) >= FixedPointOptions().relaxation[0]
+    assert min(omega) >= SEARCH.least_relaxation
     assert max(omega[-20:]) <= 0.5 < max(omega)

@@ -9,8 +9,8 @@ import pytest
 
 from fenics_contact import SolverError, limit_load
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import (
-    InteriorPointOptions,
     Tolerances,
     solve_interior_point,
 )
@@ -61,8 +61,8 @@ def test_too_few_steps_and_no_numbers_are_errors(bond):
     kkt = conditions(bond)
     start, tolerances = bond.bonded_state(kkt.work), Tolerances()
     with pytest.raises(SolverError, match=r"residual \d.*e.* after 3 steps, asked 1.0e-12"):
-        solve_interior_point(kkt, start, 1.0, tolerances, InteriorPointOptions(max_steps=3))
-    few = InteriorPointOptions(max_steps=6, acceptable=1.0)
+        solve_interior_point(kkt, start, 1.0, tolerances, replace(SEARCH, interior_steps=3))
+    few = replace(SEARCH, interior_steps=6, interior_acceptable=1.0)
     assert solve_interior_point(kkt, start, 1.0, tolerances, few).steps == 6
     nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
     with pytest.raises(SolverError, match="interior point: residual"):

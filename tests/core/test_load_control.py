@@ -9,12 +9,13 @@ import pytest
 
 from fenics_contact import Load, SolveOptions, limit_load
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.load_control import OPTIONS, capacity_curve, raise_load
+from fenics_contact.collapse.load_control import capacity_curve, raise_load
 from fenics_contact.collapse.strategy import COULOMB, Strategy
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.results.history import CapacityPoint
 from fenics_contact.results.result import Collapse
+from fenics_contact.search_options import SEARCH
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, wall_recipe
 from tests.core.problems import load_case, prepared
 
@@ -63,7 +64,7 @@ def test_capacity_curve_rises_to_the_limit_load_and_ends_beyond_the_onset(name):
     assert np.all(np.diff(factors) > -1e-6 * end.load_factor) and np.all(np.diff(works) > 0.0)
     assert factors[0] < 0.7 * end.load_factor
     assert factors[-1] == pytest.approx(end.load_factor, rel=1e-5)
-    assert works[-1] == pytest.approx(OPTIONS.beyond_onset * end.state.work, rel=5e-3)
+    assert works[-1] == pytest.approx(SEARCH.beyond_onset * end.state.work, rel=5e-3)
     assert works == pytest.approx([unit * point.displacement for point in curve])
 
 

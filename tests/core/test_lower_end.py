@@ -10,8 +10,6 @@ import pytest
 
 from fenics_contact import JointLaw, Scene, limit_load
 from fenics_contact.answers.hinges import HingesAnswer
-from fenics_contact.collapse.rigid_blocks import lower_end
-from fenics_contact.collapse.rigid_blocks.model import ProgramOptions
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
@@ -21,6 +19,7 @@ from fenics_contact.results.bounds import LimitBounds, signed
 from fenics_contact.results.result import Collapse
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
+from tests.helpers import numbers
 from tests.property.scenes import Draw
 
 
@@ -97,14 +96,13 @@ def test_states_that_were_found_are_in_the_bracket(seed):
             assert lower - slack <= end.load_factor <= end.bounds.upper + slack
 
 
-def test_no_more_programs_than_allowed_are_solved(monkeypatch):
+def test_no_more_programs_than_allowed_are_solved():
     """What was proved until then is kept."""
     scene = leaning(5, 1.5, 0.4).scene(1)
     ends = []
     for programs in (1, 60, 120):
-        options = ProgramOptions(programs=programs)
-        monkeypatch.setattr(lower_end, "OPTIONS", options)
-        ends.append(bracket(scene).lower)
+        with numbers(programs=programs):
+            ends.append(bracket(scene).lower)
     assert ends[0] == 0.0 < 0.3 < ends[1] <= ends[2] <= 0.4 + 1e-9
 
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact.solvers.arclength import FALLING_PRODUCTS, ArclengthOptions, Continuation
+from fenics_contact.search_options import SEARCH
+from fenics_contact.solvers.arclength import FALLING_PRODUCTS, Continuation
 from fenics_contact.solvers.compiled import call, structure
-from fenics_contact.solvers.nonlinear_elimination import EliminationOptions
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import Place, conditions, prepared
 
 #: All points are chosen, and solved for to many digits.
-ALL = EliminationOptions(points=10**6, chosen=-1.0, solved=1e-9)
+ALL = replace(SEARCH, points=10**6, chosen_from=-1.0, points_solved=1e-9)
 
 #: A wall with so much friction that its path turns back.
 case = prepared(wall_recipe("W1", coulomb(1.0)), 2)
@@ -27,7 +27,7 @@ def place(case, request) -> Place:
     unit = kkt.scales.displacement / kkt.scales.force
     compliance = request.param * unit * np.linspace(0.5, 1.0, 2 * count).reshape(2, -1)
     kkt = replace(kkt, problem=replace(case.problem, compliance=compliance))
-    path = Continuation(kkt, FALLING_PRODUCTS, ArclengthOptions(elimination=ALL))
+    path = Continuation(kkt, FALLING_PRODUCTS, ALL)
     point = path.follow(path.begin(case.bonded_state(kkt.work), 1.0), 1e-3)
     return Place.at(kkt, point.iterate, point.mu)
 
@@ -88,7 +88,7 @@ def test_no_point_is_farther_from_its_law_than_allowed(place, solved):
     """And a smaller limit leads less far."""
     orientation, lengths = place.linear.orientation, []
     for allowed in (0.3, 0.06):
-        made = place.elimination(EliminationOptions(allowed=allowed, solved=solved))
+        made = place.elimination(replace(SEARCH, allowed_distance=allowed, points_solved=solved))
         step = made.step((-3.0, 3.0), orientation)
         assert step.reached
         lengths.append(abs(step.s - made.back))

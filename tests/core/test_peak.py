@@ -11,7 +11,7 @@ import pytest
 
 from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.answers.peak import NOT_ASKED
-from fenics_contact.collapse.peak import OPTIONS, TOO_DEAR, Above, find_peak
+from fenics_contact.collapse.peak import TOO_DEAR, Above, find_peak
 from fenics_contact.collapse.strategy import COULOMB
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
@@ -19,6 +19,7 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.results.history import Peak
+from fenics_contact.search_options import SEARCH
 from fenics_contact.sweeps.points import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
 from tests.core.problems import load_case
@@ -83,7 +84,7 @@ def test_usual_search_finds_it_within_its_limits():
         cost, before = effort.spent - before, effort.spent
         above = Above(end.load_factor, end.size, end.state.work)
         peak = find_peak(case, above, cost)
-        assert effort.spent - before <= OPTIONS.usual[1] * cost + 1e-3
+        assert effort.spent - before <= SEARCH.peak_found * cost + 1e-3
         assert peak.status == "found"
         assert 1.3 * COLLAPSE < peak.load_factor <= PEAK * (1.0 + 1e-3)
         assert np.isnan(peak.not_found_at)  # as `equilibrium()` looks for it, it is not tried

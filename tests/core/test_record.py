@@ -11,13 +11,13 @@ from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.reasons import explained
 from fenics_contact.collapse.strategy import (
     Strategy,
-    WorkOptions,
     along_falling_products,
     interior_point,
 )
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.output.files import result_record, strict
 from fenics_contact.scene import SolveOptions
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import BOND, load_case
@@ -34,8 +34,8 @@ def not_settled(task: Task):
 
 
 def collapse_of(case: LoadCase, *attempts):
-    work = WorkOptions(largest=100.0, missing=2)
-    return explained(case, find_collapse(case, Strategy(attempts, GENERAL, work=work), 1e-6))
+    work = replace(SEARCH, missing_works=2)
+    return explained(case, find_collapse(case, Strategy(attempts, GENERAL, options=work), 1e-6))
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +82,10 @@ def test_reason_where_nothing_is_verified():
 
 def test_reason_where_the_limit_of_factorisations_ends_the_search():
     """It is named, with all attempts of the method; more time would not help."""
-    work = WorkOptions(cost=7.0, attempt=5.0)
+    work = replace(SEARCH, collapse_cost=7.0, attempt_cost=5.0)
     attempts = interior_point, along_falling_products
     with load_case(wall_recipe("W3", coulomb(0.65)).scene(1)) as case:
-        strategy = Strategy(attempts, GENERAL, work=work)
+        strategy = Strategy(attempts, GENERAL, options=work)
         end = explained(case, find_collapse(case, strategy, 1e-6))
     assert end.status == "not_converged" and "more time" not in end.reason
     assert end.reason.startswith("the search ended at its limit of 7 factorisations; no state was ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -15,7 +16,7 @@ from fenics_contact.collapse.strategy import (
     JOINT_FORCES,
     strategy_of,
 )
-from fenics_contact.solvers.interior_point import InteriorPointOptions
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_stiffness import GENERAL, SYMMETRIC
 from tests.bank import BANK, block_recipe, coulomb, tresca, wall_recipe
 from tests.core.problems import FAR, conditions, load_case, misses, prepared, solved
@@ -63,8 +64,8 @@ def test_rising_work_leads_past_folds_to_the_low_state():
 
 def test_a_path_without_an_end_answers_to_the_tolerance(wall, monkeypatch):
     """The last point found is the state, if what is left changes the load factor little enough."""
-    never = InteriorPointOptions(max_steps=0)
-    monkeypatch.setattr(attempts, "OPTIONS", replace(attempts.OPTIONS, finish=never))
+    never = replace(SEARCH, interior_steps=0)
+    monkeypatch.setattr(attempts, "finishing", lambda: never)
     task = task_of(wall)
     start = wall.bonded_state(task.work)
     near = attempts.to_end(replace(task, tolerance=1e-3), start, 1.0)
@@ -99,10 +100,10 @@ def test_strategy_of_a_scene(method):
 
 
 def test_looser_tolerances_ask_for_less_work_of_large_walls():
-    work = COULOMB["auto"].work
-    assert work.begin(400, 1e-6) == work.begin(400, 1e-9) == 0.2 * 400**2
-    assert work.begin(400, 1e-4) == pytest.approx(0.1 * work.begin(400, 1e-6))
-    assert work.begin(10, 1e-6) == work.begin(10, 1e-2) == work.first
+    begin = partial(attempts.first_work, SEARCH)
+    assert begin(400, 1e-6) == begin(400, 1e-9) == 0.2 * 400**2
+    assert begin(400, 1e-4) == pytest.approx(0.1 * begin(400, 1e-6))
+    assert begin(10, 1e-6) == begin(10, 1e-2) == SEARCH.first_work
 
 
 @pytest.mark.slow

@@ -12,13 +12,13 @@ from fenics_contact.collapse.load_case import Attempt, LoadCase, Task
 from fenics_contact.collapse.strategy import (
     COULOMB,
     Strategy,
-    WorkOptions,
     interior_point,
 )
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.results.certificate import state_residuals
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.joint_stiffness import GENERAL
 from tests.bank import GRAVITY, block_recipe, coulomb, wall_recipe
@@ -50,7 +50,7 @@ def with_load_factor(times: float, converged: bool = True) -> Attempt:
 
 
 def collapse(case: LoadCase, *attempts: Attempt, **options: float) -> Collapse:
-    strategy = Strategy(attempts, GENERAL, work=WorkOptions(**options))
+    strategy = Strategy(attempts, GENERAL, options=replace(SEARCH, **options))
     return find_collapse(case, strategy, TOLERANCE)
 
 
@@ -63,7 +63,7 @@ def test_nothing_found_is_no_limit_load(block):
 
 @pytest.mark.parametrize("times", [0.5, 0.999, 1.001, 2.0])
 def test_wrong_load_factors_are_never_limit_loads(block, times):
-    found = collapse(block, with_load_factor(times), largest=1e3)
+    found = collapse(block, with_load_factor(times))
     assert found.status == "not_converged"
     assert "equilibrium" in found.certificate.failures
 
@@ -108,14 +108,14 @@ def test_a_limited_load_is_never_unbounded(live):
         assert find_collapse(case, strategy, TOLERANCE).status == "not_converged"
 
 
-@pytest.mark.parametrize("limits", [{"attempt": 3.0}, {"cost": 4.0}])
+@pytest.mark.parametrize("limits", [{"attempt_cost": 3.0}, {"collapse_cost": 4.0}])
 def test_search_ends_at_its_limit_of_cost(limits):
-    strategy = replace(COULOMB["auto"], work=WorkOptions(**limits))
+    strategy = replace(COULOMB["auto"], options=replace(SEARCH, **limits))
     with load_case(wall_recipe("W4", coulomb(0.4)).scene(1)) as case:
         effort = case.discretization.effort
         before = effort.spent
         found = find_collapse(case, strategy, TOLERANCE)
         spent = effort.spent - before
     assert found.status == "not_converged"
-    tried = strategy.work.missing
-    assert spent <= (limits.get("cost") or tried * limits["attempt"]) + 1e-6
+    tried = SEARCH.missing_works
+    assert spent <= (limits.get("collapse_cost") or tried * limits["attempt_cost"]) + 1e-6

@@ -13,9 +13,9 @@ from mpi4py import MPI
 from fenics_contact import InputError, Load, SolveOptions, limit_load, sweep
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.mesh_error import accuracy
 from fenics_contact.output.files import result_record, strict
 from tests.bank import BANK, Variant, coulomb, wall_recipe
+from tests.helpers import numbers
 
 W4 = wall_recipe("W4", coulomb(0.65))
 #: Pushed from the left, and from both sides; two refined meshes of 125 000 displacements.
@@ -106,9 +106,9 @@ def test_another_state_on_finer_meshes_is_the_one_reported():
     assert result.positive.hinges.load_factor == pytest.approx(0.35582, rel=1e-4)
 
 
-def test_an_accuracy_that_is_not_reached_is_said(monkeypatch):
-    monkeypatch.setattr(accuracy, "OPTIONS", accuracy.AccuracyOptions(meshes=2))
-    result = limit_load(SQUEEZED.scene(2, accuracy=1e-4))
+def test_an_accuracy_that_is_not_reached_is_said():
+    with numbers(meshes=2):
+        result = limit_load(SQUEEZED.scene(2, accuracy=1e-4))
     assert result.status == "limit"
     assert "2 meshes" in result.inaccurate
     assert len(result.passes) == 2

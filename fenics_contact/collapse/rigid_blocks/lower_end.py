@@ -46,6 +46,7 @@ from fenics_contact.collapse.rigid_blocks.model import (
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.geometry.mesh import Indices
 from fenics_contact.results.bounds import meet
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array
 
 _log = logging.getLogger("fenics_contact")
@@ -234,7 +235,9 @@ class _Search:
             factor = self._raised(part)
             least = part.least
             size = self.upper - self.lower if np.isfinite(self.upper) else abs(self.lower)
-            enough = factor > self.lower + SEARCH.least_gain * size or self.lower == -np.inf < factor
+            enough = (
+                factor > self.lower + SEARCH.least_gain * size or self.lower == -np.inf < factor
+            )
             self.lower = max(self.lower, factor)
             if not enough:
                 break

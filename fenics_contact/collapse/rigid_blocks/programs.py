@@ -45,6 +45,7 @@ from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import associative_end, crushed_by, state_under
 from fenics_contact.results.bounds import LimitBounds
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.highs import Beside
 from fenics_contact.solvers.problem import Array
 
