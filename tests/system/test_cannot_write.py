@@ -104,7 +104,7 @@ def test_folder_that_changes_during_the_run(
     assert files(folder) == before
 
 
-@pytest.mark.parametrize("size", [0, 100, 1000, 5000, 30000])
+@pytest.mark.parametrize("size", [0, 1000, 30000])
 def test_full_disk_leaves_nothing(size, tmp_path):
     check_full_disk(size, 1, tmp_path)
 

@@ -132,15 +132,15 @@ def test_fast_leaves_out_the_capacity_curve(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("changes", "mesh", "code", "status"),
+    ("ranks", "changes", "mesh", "code", "status"),
     [
-        ({}, "wall", 0, "limit"),
-        (UNBOUNDED["pressed on strong ground"], "block", 0, "unbounded"),
-        (*UNSTABLE["stack that hangs over"], 3, "unstable"),
-        (HOPELESS, "block", 4, "not_converged"),
+        (1, {}, "wall", 0, "limit"),
+        (2, UNBOUNDED["pressed on strong ground"], "block", 0, "unbounded"),
+        (1, *UNSTABLE["stack that hangs over"], 3, "unstable"),
+        (2, *UNSTABLE["stack that hangs over"], 3, "unstable"),
+        (2, HOPELESS, "block", 4, "not_converged"),
     ],
 )
-@pytest.mark.parametrize("ranks", [1, 2])
 def test_codes_of_the_program(ranks, changes, mesh, code, status, tmp_path):
     write_scene(tmp_path, QUIET | changes, mesh)
     found = run(["solve", "scene.toml"], tmp_path, ranks)

@@ -19,7 +19,8 @@ from tests.bank import sides
 from tests.drawing import rectangle
 from tests.system.program import LEFT_OUT, changed, result, run, run_here, toml, write_scene
 
-SMALL = {"output.paraview": False, "output.report": True}
+SMALL = {"output.paraview": False, "output.pictures": False, "output.report": True}
+DRAWN = {"output.pictures": True}
 STEEP = {"foundations.base.friction": 0.3, "joints": {}}
 JAMMED = {
     "foundations": {"left": {"friction": 0.5}, "right": {"friction": 0.5}},
@@ -123,7 +124,7 @@ def solved(folder: Path, capsys: Any, changes: dict[str, Any], mesh: str) -> tup
 @pytest.mark.parametrize("status", SCENES)
 def test_every_status_has_its_page(status, direction, folder, capsys):
     changes, mesh, words = SCENES[status]
-    page, record = solved(folder, capsys, changes | {"solve.direction": direction}, mesh)
+    page, record = solved(folder, capsys, changes | DRAWN | {"solve.direction": direction}, mesh)
     if direction == "positive":
         assert record["status"] == status
         assert [word for word in words if word not in page.text] == []
@@ -227,9 +228,9 @@ def test_floors_are_among_the_loads(folder, capsys):
 
 
 def test_a_picture_of_an_earlier_result_is_left_out(folder, capsys):
-    page, _ = solved(folder, capsys, {"output.capacity": 3}, "block")
+    page, _ = solved(folder, capsys, DRAWN | {"output.capacity": 3}, "block")
     assert len(page.pictures) == 6
-    page, record = solved(folder, capsys, {"output.pictures": False}, "block")
+    page, record = solved(folder, capsys, {}, "block")
     assert (folder / "scene" / "capacity.png").exists()
     assert page.pictures == [] and record["files"] == []
 
@@ -272,29 +273,29 @@ def test_4_where_the_page_cannot_be_written(folder, capsys):
     assert found.code == 4 and found.err.startswith("fenics-contact: cannot write 'no/page.html'")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "ending"),
-    [
-        (["-o", "scene/result.json"], ".html"),
-        (["-o", "scene/collapse.png"], ".html"),
-        (["-o", "scene"], ".html"),
-        (["-o", "page.pdf"], ".html"),
-        (["--pdf", "scene/result.json"], ".pdf"),
-        (["--pdf", "scene.toml"], ".pdf"),
-    ],
-)
-def test_no_file_but_a_page_is_overwritten(arguments, ending, folder, capsys):
-    solved(folder, capsys, {}, "block")
+NO_PAGES = [
+    (["-o", "scene/result.json"], ".html"),
+    (["-o", "scene/collapse.png"], ".html"),
+    (["-o", "scene"], ".html"),
+    (["-o", "page.pdf"], ".html"),
+    (["--pdf", "scene/result.json"], ".pdf"),
+    (["--pdf", "scene.toml"], ".pdf"),
+]
+
+
+def test_no_file_but_a_page_is_overwritten(folder, capsys):
+    solved(folder, capsys, DRAWN, "block")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    found = run_here(["report", "scene", *arguments], capsys)
-    assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
-    assert f"{arguments[1]}: a file that ends with {ending} is written" in found.err
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    for arguments, ending in NO_PAGES:
+        found = run_here(["report", "scene", *arguments], capsys)
+        assert (found.code, found.out, found.err.count("\n")) == (2, "", 1)
+        assert f"{arguments[1]}: a file that ends with {ending} is written" in found.err
+        assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.slow
 def test_ranks_write_the_same_page(tmp_path):
-    write_scene(tmp_path, SMALL | {"output.pictures": False}, "wall")
+    write_scene(tmp_path, SMALL, "wall")
     records = []
     for ranks in (1, 3):
         found = run(["solve", "scene.toml", "-o", f"out{ranks}"], tmp_path, ranks)
@@ -425,7 +426,7 @@ CRUSHES = {
 
 @pytest.mark.parametrize("changes", [{"solve.engine": "faces"}, CRUSHES], ids=["faces", "crushing"])
 def test_what_is_proved_by_the_forces_of_faces(changes, folder, capsys):
-    page, record = solved(folder, capsys, changes, "block")
+    page, record = solved(folder, capsys, changes | DRAWN, "block")
     (end,) = record["ends"].values()
     assert f"{end['proof'][1:]}." in page.text and "Collapses at" in page.text
     cone = "the friction cone" + " and the compressive strengths" * (changes is CRUSHES)
@@ -544,7 +545,7 @@ def test_a_sweep_that_was_stopped_says_so_and_one_that_cannot_be_read_is_refused
 
 
 def test_moved_blocks_are_drawn_with_their_numbers(folder, capsys):
-    page, record = solved(folder, capsys, {"solve.direction": "both"}, "wall")
+    page, record = solved(folder, capsys, DRAWN | {"solve.direction": "both"}, "wall")
     assert page.numbers == [str(k) for k in range(record["mesh"]["bodies"])] * 2
     (folder / "scene" / "motion.json").write_text("{")
     assert run_here(["report", "scene"], capsys).code == 0
@@ -558,7 +559,12 @@ def test_assumptions_are_beside_the_picture_of_a_tower(stones, place, folder, ca
     polygons(stack, 0.5, groups=sides(base=(0, 0, 1, 0)))
     with gmsh_session() as gmsh:
         gmsh.write("block.msh")
-    changes = {**SMALL, "joints.default": {"friction": 0.6}, "foundations.base.friction": 0.6}
+    changes = {
+        **SMALL,
+        **DRAWN,
+        "joints.default": {"friction": 0.6},
+        "foundations.base.friction": 0.6,
+    }
     (folder / "scene.toml").write_text(toml(changed(changes)))
     assert run_here(["solve", "scene.toml", "--fast", "-o", "out"], capsys).code == 0
     page = (folder / "out" / "report.html").read_text()
