@@ -99,6 +99,8 @@ def _cures(whole: Discretization) -> Iterator[str]:
         yield "what the warnings say"
     if options.control == "load":
         yield "solve.control = 'work'"
+    if options.engine == "path":
+        yield "solve.engine = 'auto'"
     yield from (f"solve.method = '{name}'" for name in METHODS if name != options.method)
     if options.tolerance < USUAL_TOLERANCE:
         yield f"solve.tolerance = {USUAL_TOLERANCE:g}"
