@@ -12,6 +12,7 @@ factor, cost or words change; the table names that scene and the change.
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -31,7 +32,9 @@ PAGE = Path(__file__).parents[1] / "docs" / "build.md"
 MARKS = "<!-- search options: begin -->", "<!-- search options: end -->"
 QUIET = OutputOptions(pictures=False)
 #: Seconds of processor time for one changed number.
-SECONDS = 4.0
+SECONDS = 1.5
+#: Seconds of one scene at most: changed numbers may never come to an end.
+LONGEST = 15
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     },
     **{
         f"random {seed}": drawn(seed)
-        for seed in (149, 141, 101, 253, 259, 17, 157, 44, 125, 207, 47, 119, 272, 112, 148, 23)
+        for seed in (16, 149, 141, 101, 253, 259, 17, 157, 44, 125, 207, 47, 119, 272, 112, 148, 23)
     },
     "arch of 9": lambda: arch_recipe(9, 0.15).scene(3, fast=False),
     "arch of 15": lambda: arch_recipe(15, 0.12).scene(2, fast=False),
@@ -101,14 +104,26 @@ SCENES: dict[str, Callable[[], Scene]] = {
 
 def row(scene: Scene) -> Row:
     """The limit load of a scene as a row."""
+    signal.alarm(LONGEST)
     try:
         result = limit_load(replace(scene, output=QUIET))
     except Exception as error:  # a change may break what it is held against
         return Row(type(error).__name__, 0.0, 0)
-    words = "\n".join(line for line in summary(result).split("\n") if "factorisations" not in line)
+    finally:
+        signal.alarm(0)
+    words = "\n".join(
+        line
+        for line in summary(result).split("\n")
+        if "factorisations" not in line and "verified" not in line
+    )
     count = result.factorizations + result.mode_factorizations
     factor = result.load_factor if result.load_factor is not None else 0.0
     return Row(result.status, factor, count, words)
+
+
+def too_long(*_: object) -> None:
+    """Raise where a scene takes too long."""
+    raise TimeoutError
 
 
 class Reads:
@@ -187,6 +202,7 @@ def main() -> None:
     parser.add_argument("--part", default="0/1", help="a share of the numbers, as 0/2 and 1/2")
     parser.add_argument("--write", action="store_true", help="the table into docs/build.md")
     options = parser.parse_args()
+    signal.signal(signal.SIGALRM, too_long)
     scenes = {name: make() for name, make in SCENES.items()}
     row(next(iter(scenes.values())))  # compiles what is compiled once
     before: dict[str, Row] = {}

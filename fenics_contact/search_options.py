@@ -27,7 +27,8 @@ class SearchOptions:
     #: Cap on springs of joints, in units of K's mean diagonal: larger ones would cancel digits.
     largest_spring: float = 1e10
     #: Spring against steps, not slip, where there is no friction, in units of force over
-    #: displacement: without it blocks on frictionless joints have no stiffness.
+    #: displacement: without it blocks have no stiffness. Blocks that are strained by given forces
+    #: are held by it, in units of K's mean diagonal.
     sliding_spring: float = 1e-8
     #: Times by which parts of a direction are larger than their sum where it is solved for again:
     #: its digits have cancelled.
@@ -43,11 +44,6 @@ class SearchOptions:
     interior_steps: int = 80
     #: Steps over which the error has to halve; else the method has stalled.
     interior_window: int = 20
-    #: Error up to which a stalled state is accepted where less was asked for: at the limit load
-    #: digits are lost. What it is worth the certificate tells.
-    interior_acceptable: float = 1e-9
-    #: Change of the load factor at most in the step to such a state, in units of that asked for.
-    settled_change: float = 20.0
     #: Steps at most from the first iterate that is exact enough, while its load factor changes.
     resting_steps: int = 3
     #: Products that are aimed at, at least, in units of the tolerance.
@@ -60,33 +56,29 @@ class SearchOptions:
     # ---- continuation of the central path (solvers/arclength)
     #: Factorisations at most.
     path_steps: int = 600
-    #: Steps in which the path has to advance by log 2; else it wanders.
-    path_patience: int = 120
+    #: Steps in which the path has to advance by log 2; else it wanders: it needs 19 at most where
+    #: it is followed.
+    path_patience: int = 40
     #: Largest change of s in one step; of its logarithm where the work rises.
     path_change: float = 3.0
     #: Change of s for which the points are chosen that follow their laws.
     path_aimed: float = 2.0
     #: Part of the end at which a path ends, so that rounding does not fall short of it.
     path_past: float = 1e-3
+    #: Length of s at least on either side of where the path is reached.
+    path_room: float = 1e-4
     #: Distance from the path that may be left at its end, relative to p and q.
     path_close: float = 0.1
     #: Steps at most to get that close.
     path_corrections: int = 6
     #: By how much less far from the laws a step leads that is made again.
     path_shorter: float = 0.3
-    #: Least such distance, in units of the usual one.
-    path_least: float = 0.03
     #: Steps in a row that do not reach the path, until it is lost.
     path_lost: int = 6
-    #: Size of p and q by which changes are measured, at least, in typical units: smaller ones are
-    #: of no consequence.
-    path_smallest: float = 1e-3
 
     # ---- one step of it: points that follow their exact laws (solvers/nonlinear_elimination)
-    #: Points chosen at most, before a step.
+    #: Points chosen at most, before a step; half as many at once where they end the way to it.
     points: int = 32
-    #: Points at most that are chosen at once where they end the way to the path.
-    late_points: int = 16
     #: Times that points are chosen late in one step.
     late_rounds: int = 8
     #: Distance from its law, relative to p and q, from which on a point is chosen.
@@ -97,8 +89,6 @@ class SearchOptions:
     points_solved: float = 3e-2
     #: Times that the interval is halved in which more points begin to bend than may be chosen.
     bisections: int = 6
-    #: Length of s at least on either side of where the path is reached.
-    path_room: float = 1e-4
 
     # ---- states by joint forces (solvers/joint_forces)
     #: Largest rho, in units of typical joint force over displacement: larger ones take more
@@ -114,16 +104,11 @@ class SearchOptions:
     slow_hold: float = 0.3
     #: Hold on the forces, in units of the diagonal: makes programs definite.
     force_hold: float = 1e-7
-    #: Steps without half the residual after which the best state is judged.
-    hold_patience: int = 12
-    #: What such a state may miss.
-    hold_acceptable: float = 1e-7
     #: Tolerance on programs, relative to the change in the last step.
     program_accuracy: float = 1e-3
-    #: Residual at which sweeps end, likewise.
-    sweep_accuracy: float = 0.1
-    #: Sweeps that contract less than this are ended by a step for all forces.
-    slow_sweep: float = 0.1
+    #: Residual at which sweeps end, likewise; those that contract less are ended by a step for all
+    #: forces.
+    sweep: float = 0.1
 
     # ---- block modes and factors (solvers/block_modes, solvers/joint_stiffness)
     #: c of the indentation of blocks: a fit to bricks of 6 to 561 nodes, linear triangles; within a
@@ -138,10 +123,6 @@ class SearchOptions:
     face_gap: float = 1e-7
     #: Error of equilibrium at which it ends, over the largest force; ten times that is none.
     face_equilibrium: float = 1e-9
-    #: Error of its motions, over the typical displacement.
-    face_motion: float = 1e-6
-    #: Steps at most.
-    face_steps: int = 60
     #: Length below which a step is short.
     face_short: float = 0.2
     #: Short steps in a row that end a program.
@@ -180,7 +161,7 @@ class SearchOptions:
     #: Part of Coulomb's law in the steps that follow, the rest of the bound being given.
     coulomb_part: float = 0.5
     #: Steps at most.
-    part_steps: int = 10
+    face_rounds: int = 10
     #: Relative gap of each.
     part_gap: float = 3e-2
     #: Part of the dissipation that the bound misses, from which on the certificate is tried.
@@ -197,20 +178,12 @@ class SearchOptions:
     certified_gap: float = 3e-7
     #: Part of the elastic state's gap by which the load factor may move,
     moves: float = 0.3
-    #: but by this part of its size at least
-    least_move: float = 1e-3
     #: and at most.
     most_move: float = 0.2
-    #: How far a mode may close, in units of its largest relative motion.
-    closing: float = 1e-6
 
     # ---- lower states by face forces (faces/lowest)
-    #: Change of the load factor, relative, that ends a search.
-    lowest_gap: float = 1e-4
     #: Gap of a state at most.
     lowest_allowed: float = 1.5e-4
-    #: Pairs of programs at most.
-    lowest_pairs: int = 10
     #: Change of pressing forces, relative, below which a start's steps end.
     start_settled: float = 3e-2
     #: Factorisations of one start at most, unasked.
@@ -227,8 +200,6 @@ class SearchOptions:
     gap_of_many: float = 5e-3
     #: from so many on; lower states are then not looked for unasked.
     many_blocks: int = 1000
-    #: Springs of joints while blocks are strained by given forces, in units of K's mean diagonal.
-    field_spring: float = 1e-8
     #: Steps in which these springs' forces are taken away again.
     field_steps: int = 3
     #: Forces, and motions, below this part of the largest one are none.
@@ -263,7 +234,8 @@ class SearchOptions:
     unloaded: float = 1e-9
 
     # ---- what counts as verified (results/certificate, collapse/collapse_mode)
-    #: What a state may miss of its conditions, in typical units.
+    #: What a state may miss of its conditions, in typical units; and how far a mode by face forces
+    #: may close, or miss stationarity.
     verified: float = 1e-6
     #: The same of friction, the direction of slip, and penetration in the mode.
     verified_slip: float = 1e-5
@@ -298,13 +270,11 @@ class SearchOptions:
     falls: int = 3
     #: by this factor.
     further_work: float = 1.5
-    #: `path_patience` on the structure: it needs 19 steps without progress at most where its path
-    #: is followed, and wanders for hundreds.
-    structure_patience: int = 40
     #: `interior_window` next to a state.
     finish_window: int = 4
-    #: `interior_acceptable` there: digits are lost along a mechanism.
-    finish_acceptable: float = 1e-7
+    #: Error up to which a stalled state is accepted where less was asked for: digits are lost along
+    #: a mechanism. What it is worth the certificate tells.
+    acceptable: float = 1e-7
     #: Products next to a state at another load,
     warm_products: float = 3e-2
     #: and at nearly the same one; and those of block modes on the way to a peak.
@@ -358,12 +328,13 @@ class SearchOptions:
     #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
     #: interior point method it is the square of that,
     bound_precision: float = 1e-2
-    #: and the smallest one by joint forces.
-    bound_exact: float = 1e-9
+    #: and the smallest one by joint forces; that of states beside the collapse.
+    exact_state: float = 1e-9
 
     # ---- rising load (collapse/load_control)
-    #: Relative width to which the limit load is bracketed, if the tolerance is no larger.
-    load_width: float = 1e-4
+    #: Accuracy, relative, of load factors beside the one that is reported: of the peak, of lower
+    #: states, and with load control. A dip is stepped over to one five times that higher.
+    side_accuracy: float = 1e-4
     #: Steps at most.
     load_steps: int = 200
     #: Cost of all at most, in factorisations.
@@ -397,16 +368,12 @@ class SearchOptions:
     peak_close: float = 1e-5
     #: from where the state is looked for with these.
     first_close: float = 3e-5
-    #: Accuracy of the load factor, relative; a dip is stepped over to one five times that higher.
-    peak_accuracy: float = 1e-4
     #: States that are settled on the way at most.
     peak_states: int = 16
     #: `path_change` on block modes: peaks are narrow,
     peak_change: float = 0.8
     #: and on the structure,
     peak_change_on_structure: float = 0.15
-    #: with `path_patience`.
-    peak_patience: int = 15
 
     # ---- what a load factor owes to the mesh (mesh_error)
     #: Cost of hinges of other lengths, in units of that of the collapse, unasked,

@@ -162,7 +162,7 @@ def _searched(case: LoadCase, faces: PlanarFaces, names: list[str]) -> _Found | 
     states: dict[str, FaceState] = {}
     try:
         for name in names:
-            search = FaceSearch(faces.model, SEARCH.lowest_gap, effort, wait)
+            search = FaceSearch(faces.model, SEARCH.side_accuracy, effort, wait)
             state = lowest_from(search, STARTS[name])
             if state is not None:
                 states[name] = state

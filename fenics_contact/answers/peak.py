@@ -130,7 +130,7 @@ def _beyond(question: Question, above: Above, found: Peak) -> Peak:
     Its search is taken to its end, which may cost as much as a load that rises to a collapse.
     """
     case = question.case
-    target = found.load_factor + 5.0 * SEARCH.peak_accuracy * above.size
+    target = found.load_factor + 5.0 * SEARCH.side_accuracy * above.size
     effort = case.discretization.effort
     with effort.at_most(SEARCH.load_cost):
         state = service_state(case, target)

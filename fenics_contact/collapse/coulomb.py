@@ -67,7 +67,7 @@ def to_second_order(change: float) -> float:
 
 def to_first_order(change: float) -> float:
     """The same where each digit of a state is dear."""
-    return max(SEARCH.bound_precision * change, SEARCH.bound_exact)
+    return max(SEARCH.bound_precision * change, SEARCH.exact_state)
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,7 @@ def strained_state(case: LoadCase, faces: PlanarFaces, force: Array, load_factor
     mine = case.discretization.operators.points
     pressure, shear = (forces[mine] for forces in faces.point_forces(force))
     right = problem.dead + load_factor * problem.live + problem.joint_forces(pressure, shear)
-    spring = np.full(problem.points, SEARCH.field_spring * case.stiffness.mean_diagonal)
+    spring = np.full(problem.points, SEARCH.sliding_spring * case.stiffness.mean_diagonal)
     factor = case.stiffness.factor(spring, spring)
     u = np.zeros_like(right)
     for _ in range(SEARCH.field_steps):

@@ -117,7 +117,7 @@ def raise_load_to(
         climb.rest()
     load_factor, steps = target
     step = load_factor / steps
-    least = SEARCH.load_width * step
+    least = SEARCH.side_accuracy * step
     while climb.lower < load_factor:
         new = min(climb.lower + step, load_factor)
         # Equal steps end at the load factor, but for rounding.
@@ -175,7 +175,7 @@ class _Climb:
             EffortError: If the limit of its cost is reached.
         """
         typical = self.case.scales.load_factor
-        width = max(SEARCH.load_width, self.options.tolerance)
+        width = max(SEARCH.side_accuracy, self.options.tolerance)
         step = 0.25 * min(upper, typical)
         target = 0.0
         again = False

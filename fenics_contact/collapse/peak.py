@@ -71,13 +71,12 @@ def steps_on_modes() -> SearchOptions:
 
 def steps_on_structure() -> SearchOptions:
     """Those on the structure, which is followed for a short way only."""
-    patience = SEARCH.peak_patience
-    return replace(SEARCH, path_change=SEARCH.peak_change_on_structure, path_patience=patience)
+    return replace(SEARCH, path_change=SEARCH.peak_change_on_structure)
 
 
 def warm(*products: float) -> WarmStart:
     """How states are found, soon or not at all, from products that fit the way to them."""
-    exact = Tolerances(SEARCH.bound_exact, SEARCH.usual_tolerance)
+    exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
     return WarmStart(products, (), exact, finishing())
 
 
@@ -241,7 +240,7 @@ class _Search:
 
     def peak(self, points: Sequence[PathSample]) -> Peak:
         """The summit next to points of block modes, over small dips."""
-        beyond = 5.0 * SEARCH.peak_accuracy * self._above.size
+        beyond = 5.0 * SEARCH.side_accuracy * self._above.size
         try:
             here = self._begun(points)
             while self._found(self._summit(here)) and self.best is not None:
@@ -348,7 +347,7 @@ class _Search:
                 top = low.at(work)
                 inside = 0.02 * (high - low.work)
                 work = min(max(work, low.work + inside), high - inside)
-            if top <= best.load_factor + SEARCH.peak_accuracy * self._above.size or work <= 0.0:
+            if top <= best.load_factor + SEARCH.side_accuracy * self._above.size or work <= 0.0:
                 break
             try:
                 new = self._next_to(low, work)

@@ -70,12 +70,8 @@ class WarmStart:
 
 
 def finishing() -> SearchOptions:
-    """When the interior point method stops next to a state.
-
-    Digits are lost along a mechanism: more error is accepted.
-    """
-    acceptable = SEARCH.finish_acceptable
-    return replace(SEARCH, interior_window=SEARCH.finish_window, interior_acceptable=acceptable)
+    """When the interior point method stops next to a state: it succeeds soon or not at all."""
+    return replace(SEARCH, interior_window=SEARCH.finish_window)
 
 
 Minimiser = Callable[[ProximalStep, Array], Array]
@@ -235,10 +231,9 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     kkt = replace(task.kkt, work=state.work)
     point = path.next_to(state, mu)
     passed: list[PathPoint] = []
-    on_structure = replace(SEARCH, path_patience=SEARCH.structure_patience)
     try:
         for end in SEARCH.end_products * 0.1 ** np.arange(SEARCH.path_ends):
-            point = path.with_products(point, task.mu(float(end)), on_structure)
+            point = path.with_products(point, task.mu(float(end)))
             passed.append(point)
             try:
                 return solve_interior_point(
@@ -348,7 +343,7 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
 
         def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
             if not case.problem.coulomb:
-                tolerance = SEARCH.bound_exact
+                tolerance = SEARCH.exact_state
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 

@@ -75,7 +75,7 @@ class Certifier:
         The second is nan if none was found.
         """
         size = self.model.size(elastic.load_factor)
-        moves = np.clip(SEARCH.moves * elastic.gap, SEARCH.least_move, SEARCH.most_move)
+        moves = np.clip(SEARCH.moves * elastic.gap, SEARCH.gap, SEARCH.most_move)
         box = (elastic.load_factor - moves * size, elastic.load_factor + moves * size)
         start = replace(
             elastic,
@@ -157,7 +157,7 @@ class Certifier:
         power = model.power(mode)
         relative = np.abs(model.relative(mode)).max(initial=1e-300)
         closing = float(power.closing.max(initial=0.0)) / relative
-        if closing > SEARCH.closing:  # it bounds nothing
+        if closing > SEARCH.verified:  # it bounds nothing
             return None
         closed = power.closing * np.maximum(found.force[:, : model.pressing], 0.0)
         upper = power.bound(model.own_strength(found.force)) + float(closed.sum())

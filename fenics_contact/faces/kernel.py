@@ -53,7 +53,7 @@ class Tolerances:
 
     gap: float = field(default_factory=lambda: SEARCH.face_gap)
     equilibrium: float = field(default_factory=lambda: SEARCH.face_equilibrium)
-    motion: float = field(default_factory=lambda: SEARCH.face_motion)
+    motion: float = field(default_factory=lambda: SEARCH.verified)
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def solve(
         least = np.inf
         best_step = 0
         short = 0
-        for step in range(options.face_steps + 1):
+        for step in range(options.interior_steps + 1):
             here = _Local(method, point)
             iterate = here.iterate
             score = max(
@@ -180,7 +180,7 @@ def solve(
                 best_step = step
             if score < 1.0 or enough(iterate):
                 return replace(iterate, solved=True)
-            if step == options.face_steps or step > best_step + options.face_stale:
+            if step == options.interior_steps or step > best_step + options.face_stale:
                 break
             try:
                 point, length = here.advanced()

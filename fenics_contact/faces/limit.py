@@ -144,7 +144,7 @@ class FaceSearch:
         """Steps with a part of the bound given, from some pressing forces."""
         model = self.model
         theta = SEARCH.coulomb_part
-        for _ in range(SEARCH.part_steps):
+        for _ in range(SEARCH.face_rounds):
             if self.is_spent:
                 break
             state = self.elastic(theta, pressed, work, SEARCH.part_gap)

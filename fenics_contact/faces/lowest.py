@@ -63,7 +63,7 @@ def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceS
     best = start
     mode = start.mode
     last = start.load_factor
-    for _ in range(SEARCH.lowest_pairs):
+    for _ in range(SEARCH.face_rounds):
         if search.is_spent:
             break
         state = _least(certifier, mode, last)
@@ -73,7 +73,7 @@ def lowered(search: FaceSearch, certifier: Certifier, start: FaceState) -> FaceS
             best = state
         moved = abs(state.load_factor - last)
         last = state.load_factor
-        if moved < SEARCH.lowest_gap * model.size(last):
+        if moved < SEARCH.side_accuracy * model.size(last):
             break
         next_mode = certifier.mode(state.force)
         if next_mode is None:
@@ -86,7 +86,7 @@ def _least(certifier: Certifier, mode: Array, last: float) -> FaceState | None:
     """The state of least load factor with a small gap to a mode."""
     model = certifier.model
     power = model.power(mode)
-    least = power.bound(model.strength) - SEARCH.lowest_gap * model.size(last)
+    least = power.bound(model.strength) - SEARCH.side_accuracy * model.size(last)
     row = Row(-model.free_friction * power.slip, 1.0, least)
     laws = model.strength, model.friction, model.friction
     program = Program(model, certifier.equations, *laws, -1.0, rows=(row,))

@@ -115,7 +115,7 @@ class PlanarFaces:
         most = np.minimum(self.crushing, 1e300)
         pressure = np.column_stack([normal / np.maximum(total, 1e-300), np.zeros(count)])
         shares = np.column_stack([np.ones(len(lever)), lever])
-        for _ in range(SEARCH.face_steps):
+        for _ in range(SEARCH.interior_steps):
             raw = np.sum(pressure[face] * shares, axis=1)
             carried = length * np.clip(raw, 0.0, most[face])
             missing = target - _sums(face, carried[:, None] * shares, count)

@@ -187,7 +187,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
     """The elastic state in which the live load, if there is one, does some work."""
     laws = model.strength, model.friction, model.dilatancy
     found = solve(Program(model, equations, *laws, work, elastic=True))
-    near = found.within(SEARCH.rough_gap, SEARCH.face_equilibrium, 10.0 * SEARCH.face_motion)
+    near = found.within(SEARCH.rough_gap, SEARCH.face_equilibrium, 10.0 * SEARCH.verified)
     return found if near else None
 
 

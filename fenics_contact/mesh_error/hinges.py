@@ -57,7 +57,7 @@ def settling() -> SearchOptions:
 
 def exact() -> Tolerances:
     """How exact a state has to be."""
-    return Tolerances(SEARCH.finish_acceptable, SEARCH.hinge_agrees)
+    return Tolerances(SEARCH.exact_state, SEARCH.hinge_agrees)
 
 
 #: Length of a hinge in stone, about, m: what crushing leaves.

@@ -151,7 +151,7 @@ class Continuation:
                 best_step = step
             if step - best_step >= options.path_patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            earlier = before if limit > options.path_least * usual else None
+            earlier = before if limit > options.path_shorter**2 * usual else None
             rounds = options.late_rounds if earlier is None else 0
             point, new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:
@@ -196,7 +196,7 @@ class Continuation:
         """Largest distance of a point from the path, relative to p and q."""
         kkt = replace(self.kkt, work=point.work)
         now = point.iterate
-        least = self.options.path_smallest
+        least = self.options.small_factor
         d = kkt.scales.displacement
         f = kkt.scales.force
         residual = kkt.residual(now)
@@ -218,7 +218,7 @@ class Continuation:
         path = self.path
         linear = self._linear = replace(self.kkt, work=point.work).linearize(point.iterate)
         correction, tangent = self._directions(linear, point)
-        rates = Rates(point.mu, path.log_mu_rate, options.path_smallest)
+        rates = Rates(point.mu, path.log_mu_rate, options.small_factor)
         numbers = replace(options, allowed_distance=limit, late_rounds=rounds)
         elimination = NonlinearElimination(linear, correction, tangent, rates, numbers)
         reach = None

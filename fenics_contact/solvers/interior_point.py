@@ -72,10 +72,10 @@ def solve_interior_point(
         mu: Products of the first iterate, in units of force times displacement; below 1 for a
             state next to the solution.
         tolerances: How exact the state has to be.
-        options: When to stop: `interior_steps`, `interior_window`, `interior_acceptable`.
+        options: When to stop: `interior_steps`, `interior_window`, `acceptable`.
 
     Raises:
-        SolverError: If neither the tolerance nor `interior_acceptable` is reached.
+        SolverError: If neither the tolerance nor `acceptable` is reached.
     """
     asked = tolerances.residual
     anything = tolerances.load_factor == np.inf
@@ -99,7 +99,7 @@ def solve_interior_point(
         change = abs(now.load_factor - last)
         products = sizes["complementarity"]
         falls = max(products / last_products, change / last_change if last_change else 0.0)
-        quiet = anything or change <= SEARCH.settled_change * allowed
+        quiet = anything or change <= allowed
         at_rest = anything or change * min(falls, 1.0) <= allowed
         last, last_change, last_products = now.load_factor, change, products
         exact = error <= asked
@@ -132,7 +132,7 @@ def solve_interior_point(
         except SolverError as failure:
             _log.debug("    %s", failure)
             break
-    if not reached <= max(asked, options.interior_acceptable):
+    if not reached <= max(asked, options.acceptable):
         raise SolverError(
             f"interior point: residual {reached:.1e} after {step} steps, asked {asked:.1e}"
         )

@@ -319,13 +319,13 @@ def alternately(step: ProximalStep, x: Array) -> Array:
     """Minimiser by sweeps, ended by a step for all forces where they contract slowly, from x."""
     history = step.history
     residual = step.residual(x)
-    while residual > SEARCH.sweep_accuracy * step.change:
+    while residual > SEARCH.sweep * step.change:
         x = step.minimise(TANGENTIAL, step.minimise(NORMAL, x))
         before = residual
         residual = step.residual(x)
         history.sweeps += 1
         history.log_contraction += float(np.log(max(residual / before, ROUNDING)))
-        if not residual <= SEARCH.slow_sweep * before:
+        if not residual <= SEARCH.sweep * before:
             return at_once(step, x)
     return x
 
@@ -377,7 +377,7 @@ class JointForceSolver(Closing):
         state = State(u, start.elastic, start.load_factor, pressure, shear, work)
         best: tuple[float, State, dict[str, float]] = np.inf, state, {}
         errors: list[float] = []
-        patience = SEARCH.hold_patience
+        patience = SEARCH.interior_window
         level = 0
         last = 1.0
         while not best[0] <= tolerance:
@@ -392,7 +392,7 @@ class JointForceSolver(Closing):
         self.history.steps += len(errors)
         reached = f"joint forces: residual {best[0]:.1e} after {len(errors)} steps"
         _log.debug(reached)
-        if not best[0] <= max(tolerance, SEARCH.hold_acceptable):
+        if not best[0] <= max(tolerance, SEARCH.acceptable):
             raise SolverError(f"{reached}, asked {tolerance:.1e}")
         return best[1], best[2]
 

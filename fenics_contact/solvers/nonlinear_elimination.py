@@ -292,7 +292,7 @@ class NonlinearElimination:
         for _ in range(self.options.late_rounds):
             if not end.bends:
                 break
-            self._choose(self._worst(self._distances, self.options.late_points))
+            self._choose(self._worst(self._distances, self.options.points // 2))
             x = self._with_more(end)
             if not call("near", self._curve(line, (-1.0, 1.0)), x):
                 break
