@@ -12,6 +12,7 @@ factor, cost or words change; the table names that scene and the change.
 from __future__ import annotations
 
 import argparse
+import re
 import signal
 import sys
 import time
@@ -182,7 +183,7 @@ def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> tupl
 
 
 def reasons() -> dict[str, str]:
-    """The comment at every field."""
+    """The first clause of the comment at every field."""
     lines = Path(sys.modules[SearchOptions.__module__].__file__ or "").read_text().splitlines()
     found: dict[str, str] = {}
     comment: list[str] = []
@@ -190,7 +191,7 @@ def reasons() -> dict[str, str]:
         if line.startswith("#: "):
             comment.append(line[3:])
         elif comment and ": " in line:
-            found[line.split(":")[0]] = " ".join(comment)
+            found[line.split(":")[0]] = re.split(r"[:;.]( |$)", " ".join(comment))[0]
             comment = []
     return found
 
