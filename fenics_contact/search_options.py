@@ -374,6 +374,16 @@ class SearchOptions:
     peak_change: float = 0.8
     #: and on the structure,
     peak_change_on_structure: float = 0.15
+    #: `path_patience` there, which is a short way.
+    peak_patience: int = 15
+    #: `interior_steps` to states on the way to a summit,
+    summit_steps: int = 12
+    #: and `interior_window`: they are found soon or not at all.
+    summit_window: int = 5
+    #: The same for the first state,
+    first_steps: int = 20
+    #: which is farther away.
+    first_window: int = 8
 
     # ---- what a load factor owes to the mesh (mesh_error)
     #: Cost of hinges of other lengths, in units of that of the collapse, unasked,
@@ -390,6 +400,10 @@ class SearchOptions:
     hinge_give: float = 3e-3
     #: Distance of the mode's kinematic load factor, relative.
     hinge_agrees: float = 1e-5
+    #: What such a state misses of its equations at most: a step more than this is not worth it.
+    hinge_exact: float = 1e-8
+    #: `interior_window` there.
+    hinge_window: int = 3
     #: `path_corrections` while joints settle,
     hinge_corrections: int = 2
     #: with so many `points`.

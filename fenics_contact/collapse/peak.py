@@ -39,7 +39,6 @@ from fenics_contact.collapse.strategy import (
     WarmStart,
     at_work,
     coulomb_equilibrium,
-    finishing,
     next_to,
 )
 from fenics_contact.errors import EffortError, SolverError
@@ -71,13 +70,23 @@ def steps_on_modes() -> SearchOptions:
 
 def steps_on_structure() -> SearchOptions:
     """Those on the structure, which is followed for a short way only."""
-    return replace(SEARCH, path_change=SEARCH.peak_change_on_structure)
+    change = SEARCH.peak_change_on_structure
+    return replace(SEARCH, path_change=change, path_patience=SEARCH.peak_patience)
 
 
 def warm(*products: float) -> WarmStart:
-    """How states are found, soon or not at all, from products that fit the way to them."""
+    """How states are found, soon or not at all, from products that fit the way to them.
+
+    The first of several products are those of another state: more steps lead from there.
+    """
+    first = len(products) > 1
+    stop = replace(
+        SEARCH,
+        interior_steps=SEARCH.first_steps if first else SEARCH.summit_steps,
+        interior_window=SEARCH.first_window if first else SEARCH.summit_window,
+    )
     exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
-    return WarmStart(products, (), exact, finishing())
+    return WarmStart(products, (), exact, stop)
 
 
 @dataclass(frozen=True)
@@ -275,9 +284,8 @@ class _Search:
             path = LoadingPath(task)
             far, close = task.mu(SEARCH.peak_far), task.mu(SEARCH.peak_close)
             try:
-                start = path.with_products(
-                    path.next_to(near.state, far), close, steps_on_structure()
-                )
+                short = replace(SEARCH, path_patience=SEARCH.peak_patience)
+                start = path.with_products(path.next_to(near.state, far), close, short)
                 highest = self._highest(path, start)
                 return self._verified(
                     at_work(

@@ -28,7 +28,7 @@ import numpy as np
 from fenics_contact.collapse.collapse_mode import elastic_mode
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.loading_path import falling, rising
-from fenics_contact.collapse.strategy import finishing, rising_mu
+from fenics_contact.collapse.strategy import rising_mu
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.errors import EffortError, SolverError
@@ -55,9 +55,14 @@ def settling() -> SearchOptions:
     return replace(SEARCH, path_corrections=SEARCH.hinge_corrections, points=SEARCH.hinge_points)
 
 
+def finishing() -> SearchOptions:
+    """When the interior point method stops next to such a state."""
+    return replace(SEARCH, interior_window=SEARCH.hinge_window)
+
+
 def exact() -> Tolerances:
     """How exact a state has to be."""
-    return Tolerances(SEARCH.exact_state, SEARCH.hinge_agrees)
+    return Tolerances(SEARCH.hinge_exact, SEARCH.hinge_agrees)
 
 
 #: Length of a hinge in stone, about, m: what crushing leaves.
