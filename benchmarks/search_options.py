@@ -12,7 +12,6 @@ factor, cost or words change; the table names that scene and the change.
 from __future__ import annotations
 
 import argparse
-import re
 import signal
 import sys
 import time
@@ -182,20 +181,6 @@ def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> tupl
     return larger, smaller
 
 
-def reasons() -> dict[str, str]:
-    """The first clause of the comment at every field."""
-    lines = Path(sys.modules[SearchOptions.__module__].__file__ or "").read_text().splitlines()
-    found: dict[str, str] = {}
-    comment: list[str] = []
-    for line in map(str.strip, lines):
-        if line.startswith("#: "):
-            comment.append(line[3:])
-        elif comment and ": " in line:
-            found[line.split(":")[0]] = re.split(r"[:;.]( |$)", " ".join(comment))[0]
-            comment = []
-    return found
-
-
 def main() -> None:
     """Solve, change, print, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -217,10 +202,9 @@ def main() -> None:
             row(scene)
         reads[name] = found
     print(f"one pass: {sum(seconds.values()):.1f} s", flush=True)
-    why = reasons()
     part, parts = map(int, options.part.split("/"))
     names = [one.name for one in fields(SearchOptions) if one.name.startswith(tuple(options.only))]
-    lines = ["| number | value | what for | told by: larger | smaller |", "|---|---|---|---|---|"]
+    lines = ["| number | value | told by: larger | smaller |", "|---|---|---|---|"]
     told = 0
     for name in names[part::parts]:
         readers = sorted((one for one in scenes if name in reads[one]), key=seconds.__getitem__)
@@ -228,7 +212,7 @@ def main() -> None:
         told += bool(larger or smaller)
         none = f"nothing in {len(readers)} scenes"
         value = f"{getattr(SEARCH, name):g}"
-        lines.append(f"| `{name}` | {value} | {why[name]} | {larger or none} | {smaller or none} |")
+        lines.append(f"| `{name}` | {value} | {larger or none} | {smaller or none} |")
         print(lines[-1], flush=True)
     print(f"{told} of {len(names[part::parts])} told")
     if options.write:
