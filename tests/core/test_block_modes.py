@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.solvers.block_modes import INDENTATION, BlockModes, modes
+from fenics_contact.search_options import SEARCH
+from fenics_contact.solvers.block_modes import BlockModes, modes
 from fenics_contact.solvers.effort import Tally
 from fenics_contact.solvers.interior_point import Tolerances, solve_interior_point
 from fenics_contact.solvers.joint_stiffness import GENERAL
@@ -54,7 +55,7 @@ def indentation(case: LoadCase) -> Array:
     """C_ii of all displacements, m per N/m."""
     nodes = np.bincount(node_bodies(case))[np.repeat(node_bodies(case), 2)]
     stiffness = np.diag(dense(case.problem.stiffness))
-    return INDENTATION * np.log(nodes / 3.0) / stiffness
+    return SEARCH.indentation * np.log(nodes / 3.0) / stiffness
 
 
 def test_modes_are_rigid_motions_strains_and_bendings():
