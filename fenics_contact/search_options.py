@@ -123,6 +123,8 @@ class SearchOptions:
     face_gap: float = 1e-7
     #: Error of equilibrium at which it ends, over the largest force; ten times that is none.
     face_equilibrium: float = 1e-9
+    #: Steps at most.
+    face_steps: int = 60
     #: Length below which a step is short.
     face_short: float = 0.2
     #: Short steps in a row that end a program.
