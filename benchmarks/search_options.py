@@ -12,6 +12,7 @@ factor, cost or words change; the table names that scene and the change.
 from __future__ import annotations
 
 import argparse
+import re
 import signal
 import sys
 import time
@@ -112,7 +113,7 @@ def row(scene: Scene) -> Row:
     finally:
         signal.alarm(0)
     words = "\n".join(
-        line
+        re.sub(r"\d+\.\d+(e[-+]\d+)?", lambda number: f"{float(number[0]):.3g}", line)
         for line in summary(result).split("\n")
         if "factorisations" not in line and "verified" not in line
     )
@@ -152,7 +153,7 @@ class Reads:
 def changed(value: Any) -> tuple[Any, Any]:
     """A number ten times as large and as small; parts of one: ten times as near, and as far."""
     if isinstance(value, int):
-        return 10 * value, value // 10
+        return 10 * value, max(value // 10, 1)  # some loops never end with none
     if 0.5 < value < 1.0:
         return 1.0 - 0.1 * (1.0 - value), max(1.0 - 10.0 * (1.0 - value), 0.1 * value)
     return 10.0 * value, 0.1 * value

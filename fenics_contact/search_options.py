@@ -44,6 +44,9 @@ class SearchOptions:
     interior_steps: int = 80
     #: Steps over which the error has to halve; else the method has stalled.
     interior_window: int = 20
+    #: Error up to which a stalled state is accepted where less was asked for. What it is worth the
+    #: certificate tells.
+    interior_acceptable: float = 1e-9
     #: Steps at most from the first iterate that is exact enough, while its load factor changes.
     resting_steps: int = 3
     #: Products that are aimed at, at least, in units of the tolerance.
@@ -73,6 +76,8 @@ class SearchOptions:
     path_corrections: int = 6
     #: By how much less far from the laws a step leads that is made again.
     path_shorter: float = 0.3
+    #: Least such distance, in units of the usual one: random 85 and 283 end elsewhere without it.
+    path_least: float = 0.03
     #: Steps in a row that do not reach the path, until it is lost.
     path_lost: int = 6
 
@@ -274,9 +279,8 @@ class SearchOptions:
     further_work: float = 1.5
     #: `interior_window` next to a state.
     finish_window: int = 4
-    #: Error up to which a stalled state is accepted where less was asked for: digits are lost along
-    #: a mechanism. What it is worth the certificate tells.
-    acceptable: float = 1e-7
+    #: `interior_acceptable` there: digits are lost along a mechanism.
+    finish_acceptable: float = 1e-7
     #: Products next to a state at another load,
     warm_products: float = 3e-2
     #: and at nearly the same one; and those of block modes on the way to a peak.

@@ -84,6 +84,7 @@ def warm(*products: float) -> WarmStart:
         SEARCH,
         interior_steps=SEARCH.first_steps if first else SEARCH.summit_steps,
         interior_window=SEARCH.first_window if first else SEARCH.summit_window,
+        interior_acceptable=SEARCH.finish_acceptable,
     )
     exact = Tolerances(SEARCH.exact_state, SEARCH.usual_tolerance)
     return WarmStart(products, (), exact, stop)

@@ -71,7 +71,11 @@ class WarmStart:
 
 def finishing() -> SearchOptions:
     """When the interior point method stops next to a state: it succeeds soon or not at all."""
-    return replace(SEARCH, interior_window=SEARCH.finish_window)
+    return replace(
+        SEARCH,
+        interior_window=SEARCH.finish_window,
+        interior_acceptable=SEARCH.finish_acceptable,
+    )
 
 
 Minimiser = Callable[[ProximalStep, Array], Array]

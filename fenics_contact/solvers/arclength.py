@@ -151,7 +151,7 @@ class Continuation:
                 best_step = step
             if step - best_step >= options.path_patience:
                 raise SolverError(f"central path: wanders, after {step} steps")
-            earlier = before if limit > options.path_shorter**2 * usual else None
+            earlier = before if limit > options.path_least * usual else None
             rounds = options.late_rounds if earlier is None else 0
             point, new, reached = self._next(point, goal, limit, rounds)
             if not reached and earlier is not None:

@@ -272,10 +272,6 @@ class ContactProblem:
         """B_N^T r_N + B_T^T r_T, N per metre of thickness."""
         return self.normal.T @ pressure + self.tangential.T @ shear
 
-    def acting_forces(self, state: State) -> Array:
-        """Forces of the joints on the nodes, N per metre of thickness: bonds and ties pull, too."""
-        return self.joint_forces(state.pressure - self.law.bond, state.shear - self.law.pull)
-
     def elastic_part(self, u: Array) -> Array:
         """The part of u that strains the blocks, (I - R R^T) u.
 

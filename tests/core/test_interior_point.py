@@ -62,7 +62,7 @@ def test_too_few_steps_and_no_numbers_are_errors(bond):
     start, tolerances = bond.bonded_state(kkt.work), Tolerances()
     with pytest.raises(SolverError, match=r"residual \d.*e.* after 3 steps, asked 1.0e-12"):
         solve_interior_point(kkt, start, 1.0, tolerances, replace(SEARCH, interior_steps=3))
-    few = replace(SEARCH, interior_steps=6, acceptable=1.0)
+    few = replace(SEARCH, interior_steps=6, interior_acceptable=1.0)
     assert solve_interior_point(kkt, start, 1.0, tolerances, few).steps == 6
     nothing = replace(start, pressure=np.full_like(start.pressure, np.nan))
     with pytest.raises(SolverError, match="interior point: residual"):

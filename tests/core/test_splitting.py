@@ -82,6 +82,6 @@ def test_sliding_block(block, minimise, chosen):
 
 @pytest.mark.mpi
 def test_failure_says_how_far_it_came(bond):
-    with numbers(acceptable=0.0), bond.solver() as solver:
+    with numbers(finish_acceptable=0.0), bond.solver() as solver:
         with pytest.raises(SolverError, match=r"residual .* after \d+ steps, asked 1.0e-30"):
             solver.solve(*bond.ask, 1e-30)
