@@ -1,4 +1,4 @@
-"""The loop over answers: what stands against one, what it may cost, and when a run ends."""
+"""The loop over answers: what stands against one, and when a run ends."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 There is one path for all that is asked. Its points have small products mu > 0 (`kkt`), on block
 modes or on the structure itself; a point is *settled* where the products go to zero on the
-structure. The collapse is settled at the end of the path, its peak where it is highest, the
-capacity curve at given works, a state under a given load where the path comes to that load.
+structure. The collapse is settled at the end of the path, its peak where it is highest, and the
+capacity curve at given works.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ class _Search:
     def seen(self, products: float, on_modes: bool = True) -> list[PathSample]:
         """Points of a path from which that of the structure may be followed, the best first.
 
-        They go back from the highest point, or the last rising one before it. None if no point is
+        They go back from the highest point, or the last rising one before it. Empty if no point is
         above the collapse, with products zero.
 
         Raises:
