@@ -99,7 +99,7 @@ class Equilibrium(ServiceState, Pictured):
         if self.reason:
             lines[0] += f": {self.reason}"
         if self.status == "equilibrium":
-            found = ", ".join(f"{name} {value:.0e}" for name, value in self.residuals.items())
+            found = ", ".join(f"{name} {value + 0.0:.0e}" for name, value in self.residuals.items())
             lines.append(f"verified: {found}")
             lines += [BY_FACES] if self.engine == "faces" else []
         if self.joint_values is not None:
