@@ -18,7 +18,7 @@ from fenics_contact.results.certificate import (
 )
 from fenics_contact.solvers.problem import Scales, State
 from tests.bank import block_recipe
-from tests.core.problems import BOND, FAR, Array, conditions, load_case, solved
+from tests.core.problems import BOND, Array, conditions, load_case, solved
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def test_correct_collapse_passes(collapse):
 
 def given(c: Collapse, times: float) -> State:
     """The state with so many times the friction as a given bound."""
-    return solved(c.case, FAR, times * c.case.problem.law.bound(c.state.pressure)).state
+    return solved(c.case, times * c.case.problem.law.bound(c.state.pressure)).state
 
 
 def strained(c: Collapse) -> State:

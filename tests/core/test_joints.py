@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import InputError, JointLaw, Scene
+from fenics_contact import InputError, Load, Scene
+from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.joints import (
-    GROUND,
     Joints,
     find_joints,
 )
@@ -22,7 +22,6 @@ from tests.helpers import (
     coulomb,
     grid_blocks,
     mesh_of,
-    tresca,
 )
 
 TWO = (((0, 0), (1, 1), (2, 1)), ((0, 1), (1, 1), (2, 1)))  # one block on another
@@ -55,13 +54,6 @@ def test_weights_are_those_of_the_trapezoidal_and_of_simpsons_rule():
         assert joints.length[order] == pytest.approx(0.4 * np.array(expected), rel=1e-12)
 
 
-def test_four_blocks_meet_in_four_points_and_not_across_the_corner():
-    joints = joints_of(free_scene(wall([[1, 1], [1, 1]], (0.4, 0.2), 1)))
-    points = at(joints, 0.4, 0.2)
-    assert sorted(tuple(pair) for pair in joints.bodies[points]) == [(0, 1), (0, 2), (1, 3), (2, 3)]
-    assert len(np.unique(joints.nodes[points])) == 4
-
-
 @pytest.mark.parametrize(("kink", "points"), [(10.0, 1), (14.0, 1), (16.0, 2), (40.0, 2)])
 def test_gently_curved_joint_has_one_point_per_node(kink, points):
     rise = np.tan(np.radians(0.5 * kink))
@@ -73,20 +65,6 @@ def test_gently_curved_joint_has_one_point_per_node(kink, points):
     assert joints.length.sum() == pytest.approx(2 * np.hypot(1, rise), rel=1e-12)
     mean = joints.normal[crown].mean(axis=0)
     assert mean / np.linalg.norm(mean) == pytest.approx([0, 1], abs=1e-12)
-
-
-def test_laws_of_groups():
-    laws = {"default": coulomb(0.3), "bed": tresca(5e3)}
-    smooth = {"base": JointLaw("frictionless")}
-    joints = joints_of(free_scene(wall([[1, 1], [1, 1]], (0.4, 0.2), 1), laws, smooth))
-    assert joints.names == ("default", "bed", "base")
-    on_rock = joints.bodies[:, 0] == GROUND
-    bed = (np.abs(joints.normal[:, 1]) > 0.5) & ~on_rock
-    head = ~bed & ~on_rock
-    assert np.array_equal(joints.law, np.select([head, bed, on_rock], [0, 1, 2]))
-    assert joints.friction == pytest.approx(np.where(head, 0.3, 0.0))
-    assert joints.shear_strength == pytest.approx(np.where(bed, 5e3 * joints.length, 0.0))
-    assert joints.shear_strength.sum() == pytest.approx(5e3 * 0.8, rel=1e-12)
 
 
 ROUGH, SMOOTH = coulomb(0.5), coulomb(0.1)
@@ -113,3 +91,11 @@ def test_joints_refuse(blocks, laws, grounds, message):
     drawing.facets["foot"] = drawing.facets["bottom0"]
     with pytest.raises(InputError, match=message):
         joints_of(free_scene(drawing.model(), laws, grounds))
+
+
+def test_traction_inside_a_block():
+    drawing = grid_blocks(((0, 0), (2, 2), (2, 2)))
+    drawing.facets["seam"] = np.array([[3, 4]])
+    scene = replace(free_scene(drawing.model()), live=Load(traction={"seam": (1.0, 0.0)}))
+    with pytest.raises(InputError, match="'seam': 1 facets lie inside a body"):
+        Discretization(scene)

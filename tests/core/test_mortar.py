@@ -98,16 +98,6 @@ def stacked(gap: float, shift: float = 0.0, divisions: int = 3) -> Drawing:
     return grid_blocks(lower, upper)
 
 
-@pytest.mark.parametrize(("divisions", "shift"), [(3, 0.0), (2, 0.25), (2, 0.05), (7, 0.3)])
-def test_partly_overlapping_facets(divisions, shift):
-    for degree in (1, 2):
-        joints = joints_of(stacked(0.0, shift, divisions), degree=degree)
-        assert joints.length.sum() == pytest.approx(1.0 - shift, rel=1e-12)
-        assert np.all(joints.length > 0.0)
-        total = joints.stencil.weights.sum(axis=2)
-        assert total == pytest.approx(np.ones_like(total), rel=1e-12)
-
-
 @pytest.mark.parametrize(("gap", "word"), [(1e-3, "apart"), (-5e-4, "overlap")])
 def test_almost_touching_is_refused(gap, word):
     drawing = stacked(gap)
@@ -131,19 +121,3 @@ def test_warning_of_a_gap():
         with Discretization(on_ground(drawing.model(), coulomb(0.5))) as whole:
             found = [text for text in whole.warnings if "gaps or overlaps up to 0.0001 m" in text]
             assert len(found) == count
-
-
-def test_arcs_of_unlike_facets_touch():
-    # Two rings about one centre, with facets of 7.5 and 4.5 degrees; they overlap and gap.
-    def ring(inner, outer, count):
-        angle = np.linspace(0.0, np.pi / 2, count + 1)
-        ray = np.column_stack([np.cos(angle), np.sin(angle)])
-        return np.concatenate([inner * ray, outer * ray[::-1]])
-
-    outlines = [ring(0.6, 1.0, 12), ring(1.0, 1.5, 20)]
-    for degree in (1, 2):
-        drawing = Drawing.of(polygons(outlines, [0.2, 0.12]))
-        joints = joints_of(drawing, degree=degree)
-        assert joints.length.sum() == pytest.approx(np.pi / 2, rel=2e-3)
-        radial = joints.position / np.linalg.norm(joints.position, axis=1)[:, None]
-        assert np.min(np.sum(radial * joints.normal, axis=1)) > np.cos(np.radians(5.0))

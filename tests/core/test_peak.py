@@ -11,18 +11,13 @@ import pytest
 
 from fenics_contact import Load, Material, OutputOptions, Scene, SolveOptions, limit_load
 from fenics_contact.answers.peak import NOT_ASKED
-from fenics_contact.collapse.peak import TOO_DEAR, Above, find_peak
-from fenics_contact.collapse.strategy import COULOMB
-from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.equilibrium import equilibrium
 from fenics_contact.meshing import polygons
 from fenics_contact.results.history import Peak
-from fenics_contact.search_options import SEARCH
 from fenics_contact.sweeps.points import Structure, solve
 from tests.bank import BANK, GRAVITY, block_recipe, coulomb, tresca, wall_recipe
-from tests.core.problems import load_case
 from tests.helpers import mesh_of
 from tests.property.scenes import Draw
 
@@ -76,23 +71,6 @@ def test_peak_is_found_above_the_collapse(result):
     assert "at least 0.492" in summary(result)
 
 
-def test_usual_search_finds_it_within_its_limits():
-    with load_case(rubble()) as case:
-        effort = case.discretization.effort
-        before = effort.spent
-        end = find_collapse(case, COULOMB["auto"], 1e-6)
-        cost, before = effort.spent - before, effort.spent
-        above = Above(end.load_factor, end.size, end.state.work)
-        peak = find_peak(case, above, cost)
-        assert effort.spent - before <= SEARCH.peak_found * cost + 1e-3
-        assert peak.status == "found"
-        assert 1.3 * COLLAPSE < peak.load_factor <= PEAK * (1.0 + 1e-3)
-        assert np.isnan(peak.not_found_at)  # as `equilibrium()` looks for it, it is not tried
-        before = effort.spent
-        assert find_peak(case, above, 0.2) == Peak("not_known", reason=TOO_DEAR)
-        assert effort.spent - before <= 1.0 + 1e-3
-
-
 @pytest.mark.slow
 def test_equilibrium_agrees_with_the_peak(result):
     peak = result.positive.peak.load_factor
@@ -109,15 +87,6 @@ def test_mirror_image_and_reversed_load_have_the_peak_of_the_opposite_sign(resul
     assert peak.load_factor == pytest.approx(-given.load_factor, rel=3e-4)
     assert peak.not_found_at == pytest.approx(-given.not_found_at, rel=3e-4)
     assert peak.displacement_m > 0.0 > peak.state.load_factor
-
-
-def test_none_without_a_factorisation_where_the_collapse_reaches_the_upper_bound():
-    with load_case(block_recipe(0.4, 1.0, 0.7).scene(1)) as case:
-        end = find_collapse(case, COULOMB["auto"], 1e-6)
-        before = case.discretization.effort.spent
-        above = Above(end.load_factor, end.size, end.state.work)
-        assert find_peak(case, above, 0.0) == Peak("none")
-        assert case.discretization.effort.spent == before
 
 
 def test_none_on_a_path_that_rises_to_its_plateau():

@@ -7,63 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fenics_contact import JointLaw, Material
+from fenics_contact import Material
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.faces.limit import FaceSearch
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.faces.planar import PlanarFaces
-from fenics_contact.faces.programs import associative_end, crushed_by, state_under
-from tests.bank import BANK, Recipe, coulomb, stack_recipe, wall_recipe
+from fenics_contact.faces.programs import associative_end, crushed_by
+from tests.bank import BANK, Recipe, stack_recipe
 from tests.helpers import planar_faces
 from tests.property.scenes import Draw
 from tests.second_solver import limit
 
-PLAIN = coulomb(0.65)
-LAWS = {
-    "plain": PLAIN,
-    "cohesion": replace(PLAIN, cohesion=2e4),
-    "crushing": replace(PLAIN, compressive_strength=2e5),
-    "given strength": JointLaw("tresca", bound=2e3),
-}
-
-
 # Elastic states at a given load
-
-
-@pytest.mark.parametrize("name", ["W1", "W3", "W4"])
-@pytest.mark.parametrize("law", ["plain", "cohesion", "crushing"])
-def test_states_at_a_given_load(name, law):
-    """In equilibrium and within all laws; the load moves ahead, and above the limit is none."""
-    model = planar_faces(wall_recipe(name, LAWS[law]).scene(1)).model
-    end = FaceSearch(model, 1e-3).run().load_factor
-    moved = []
-    for part in (0.0, 0.3, 0.6, 0.9):
-        found = state_under(model, part * end)
-        assert found is not None and found.load_factor == part * end
-        pressed, shear = found.force[:, :2], np.abs(found.force[:, 2])
-        normal = pressed.sum(axis=1)
-        unit = max(model.force, part * end * model.load)
-        missing = model.motion.T @ found.force.ravel() + model.dead + part * end * model.live
-        assert np.abs(missing).max() <= 1e-8 * unit
-        assert np.max(shear - model.strength - model.friction * normal) <= 1e-8 * unit
-        assert np.max((model.crushing * normal**2)[:, None] - pressed) <= 1e-8 * unit
-        moved.append(float(model.live @ found.motion))
-    assert all(np.diff(moved) > 0.0)
-    upper = limit(model, model.strength, model.friction)
-    for load_factor in (1.001 * upper, 2.0 * upper):
-        assert state_under(model, load_factor) is None
-
-
-def test_state_of_a_block_by_hand():
-    """Of a block b x h under W and lambda W: the base is pressed at its ends by statics."""
-    faces = planar_faces(stack_recipe(1, 0.7, (0.5, 0.4)).scene(1))
-    found = state_under(faces.model, 0.3)
-    weight = faces.model.force
-    lean = 0.5 * 0.3 * 0.4 / 0.5  # of the resultant, over b
-    (force,) = found.force
-    assert sorted(force[:2]) == pytest.approx([weight * (0.5 - lean), weight * (0.5 + lean)])
-    assert abs(force[2]) == pytest.approx(0.3 * weight)
 
 
 # Associative ends

@@ -47,16 +47,6 @@ def areas(mesh: BlockMesh) -> np.ndarray:
     return mesh.comm.allreduce(table)
 
 
-def least_angle(mesh: BlockMesh) -> float:
-    """Least angle of all triangles, degrees."""
-    points = corners(mesh)
-    sides = np.roll(points, -1, axis=1) - points
-    unit = sides / np.linalg.norm(sides, axis=2, keepdims=True)
-    cosine = -np.sum(unit * np.roll(unit, 1, axis=1), axis=2)
-    angle = np.degrees(np.arccos(cosine)).min(initial=180.0)
-    return mesh.comm.allreduce(angle, MPI.MIN)
-
-
 def lengths(scene: Scene) -> dict[str, float]:
     """Length of joints and foundations by name, and of groups."""
     with Discretization(scene) as whole:
@@ -76,20 +66,6 @@ def test_nothing_is_lost(elements):
     finer = refined(scene, 1.0, 0.9, 4)
     assert areas(finer.mesh) == pytest.approx(areas(scene.mesh), rel=1e-12)
     assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
-
-
-def test_angles_stay_wide():
-    scene = wall_recipe("W4", coulomb(0.65)).scene(2)
-    angle = least_angle(scene.mesh)
-    assert least_angle(refined(scene, 1.0, 0.9, 8).mesh) > 0.5 * angle
-
-
-def test_no_marked_cell_changes_nothing():
-    mesh = wall_recipe("W1", coulomb(0.65)).scene(2).mesh
-    same = refine(mesh, np.zeros(len(mesh.body), dtype=bool))
-    counts = [one.domain.topology.index_map(2).size_global for one in (mesh, same)]
-    assert counts[0] == counts[1]
-    assert np.array_equal(np.sort(same.body), np.sort(mesh.body))
 
 
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -13,12 +13,10 @@ from fenics_contact import JointLaw, Load
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import running_bond, wall
-from tests import bank
 from tests.bank import GRAVITY, STONE, Known, Recipe, block_recipe, coulomb
 
 WIDTH, HEIGHT = 0.4, 1.0
 BLOCK_WEIGHT = STONE.density * GRAVITY * WIDTH * HEIGHT
-SMOOTH = JointLaw("frictionless")
 
 #: Two bricks long and three courses high; and an opening under a lintel.
 BOND = Recipe(lambda n, quads: running_bond(2, 3, (0.4, 0.2), n), coulomb(0.6))
@@ -37,19 +35,6 @@ def programs(recipe: Recipe | Known, elements: int = 1, degree: int = 1) -> Iter
         yield RigidBlocks.of(made), made
 
 
-#: Closed forms that do not depend on whether slip is associative.
-CLOSED = [e for e in bank.known("closed-form") if e.name[:4] in ("bloc", "stac", "tril", "tilt")]
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("item", CLOSED, ids=lambda item: item.name)
-def test_statically_determinate_blocks(item):
-    with programs(item) as (blocks, _):
-        assert blocks.stands() == (item.status != "unstable")
-        if blocks.stands():
-            assert blocks.limit() == pytest.approx(item.expected, rel=1e-8, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("friction", "live", "expected"),
     [
@@ -65,18 +50,6 @@ def test_directions_of_the_live_load(friction, live, expected):
         bounds = blocks.bounds()
         assert blocks.limit() == bounds.upper == pytest.approx(expected, rel=1e-9)
         assert blocks.stands() and blocks.frictionless.stands() and bounds.lower >= 0.0
-
-
-@pytest.mark.parametrize(("degrees", "stands"), [(10.0, True), (16.0, True), (17.5, False)])
-def test_block_on_a_slope_needs_its_friction(degrees, stands):
-    """tan(16.7) = 0.3 is the friction."""
-    slope = bank.on_slope(degrees, (-GRAVITY, 0.0))
-    with programs(block(coulomb(0.3), **slope)) as (blocks, _):
-        assert blocks.bounds().frictionless is None and blocks.stands() == stands
-        assert not blocks.frictionless.stands()
-    off = bank.on_slope(degrees, (0.0, GRAVITY))
-    with programs(block(SMOOTH, **off)) as (blocks, _):
-        assert blocks.limit() is None
 
 
 def test_loads_a_billion_times_the_weight_have_an_answer():

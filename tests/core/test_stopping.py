@@ -10,13 +10,9 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import InputError, SolveOptions, equilibrium, limit_load
-from fenics_contact.collapse.stopping import within
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import Stopped
 from fenics_contact.limit_load import Monitor
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.solvers.effort import Effort, Watch
-from fenics_contact.solvers.highs import Beside, solved
 from tests.bank import coulomb, wall_recipe
 from tests.core.problems import BOND
 
@@ -144,32 +140,6 @@ def test_no_accuracy_without_estimate():
 def test_what_fast_leaves_out_cannot_be_asked_for(more):
     with pytest.raises(InputError, match="needs fast = false"):
         SolveOptions(fast=True, **more)
-
-
-def test_a_watch_keeps_its_reason():
-    asked = Asked(1)
-    watch, effort = Watch(asked=within(None, asked)), Effort()
-    effort.watch = watch
-    effort.spend(1.0)
-    for _ in range(2):
-        with pytest.raises(Stopped, match="stopped by a test"):
-            effort.spend(1.0)
-    assert (effort.spent, watch.reason) == (1.0, "stopped by a test")
-
-
-PROGRAM = ([-1.0, -2.0], None, None, [[1.0, 1.0]], [1.0], [(0.0, None)] * 2, "highs-ds")
-
-
-def test_a_linear_program_in_a_process_of_its_own():
-    beside = Beside(*PROGRAM)
-    answer = beside.answer(lambda: None)
-    assert answer.x.tolist() == solved(*PROGRAM).x.tolist() == [0.0, 1.0]
-
-
-def test_waiting_for_a_linear_program_may_be_stopped():
-    asked = Asked(0)
-    with pytest.raises(Stopped):
-        Beside(*PROGRAM).answer(Watch(asked=within(None, asked)).alone)
 
 
 def engine_stopped_after(asks: int, name: str = "W3", gap: float = 1e-12):

@@ -161,3 +161,14 @@ def test_methods_agree_on_a_verified_state_over_friction(name, friction):
     for method in ("auto", "monolithic", "fixed-point"):
         result = solved(recipe.scene(method=method))
         assert 0.0 < result.load_factor <= result.bounds.upper * (1.0 + 1e-8), method
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.4, 0.75])
+def test_a_loose_tolerance_is_kept_and_saves_factorisations(friction):
+    recipe = wall_recipe("20x20", coulomb(friction))
+    exact, loose = (limit_load(recipe.scene(2, tolerance=one)) for one in (1e-6, 1e-3))
+    assert exact.status == loose.status == "limit"
+    assert loose.load_factor == pytest.approx(exact.load_factor, rel=1e-3)
+    assert loose.positive.certificate.gap <= 1e-3
+    assert loose.factorizations < exact.factorizations
