@@ -15,10 +15,8 @@ from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.profiles import floor_strips
 from fenics_contact.results.bounds import WITHOUT_PATH
 from fenics_contact.results.history import CapacityPoint, Pass, Step, TracePoint
-from fenics_contact.results.joint_values import TieState
-from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
-from fenics_contact.results.plan import skipped
-from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.result import Collapse, Result, skipped
+from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
 from fenics_contact.scene.scene import JointLaw, Tie
 from fenics_contact.scene.units import Units
 

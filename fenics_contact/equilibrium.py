@@ -26,17 +26,21 @@ from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.discretization.warnings import turn_in
-from fenics_contact.errors import InputError, SolverError, Stopped
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.state_files import write_service_state
 from fenics_contact.output.view import NO_LOAD, Caption, View, view_of
-from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.motions import falling_blocks
-from fenics_contact.results.named_arrays import NamedArrays, block_arrays, joint_arrays, tie_arrays
 from fenics_contact.results.result import ServiceState
+from fenics_contact.results.values import (
+    Contact,
+    NamedArrays,
+    block_arrays,
+    joint_arrays,
+    tie_arrays,
+)
 from fenics_contact.scene.scene import Scene
 
 #: What is said of a state that the forces of faces give.

@@ -31,8 +31,7 @@ from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
-from fenics_contact.errors import InputError, SolverError, Stopped
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.mesh_error.accuracy import (
     finer_scene,
@@ -49,8 +48,14 @@ from fenics_contact.output.plotting import check_axes, draw_capacity, new_axes
 from fenics_contact.output.view import View, caption_of, view_of
 from fenics_contact.results.bounds import LimitBounds, rounded, signed
 from fenics_contact.results.history import CapacityPoint, Step, TracePoint
-from fenics_contact.results.plan import skipped, skipped_iterations
-from fenics_contact.results.result import NOT_KNOWN, Collapse, Result, known_bounds
+from fenics_contact.results.result import (
+    NOT_KNOWN,
+    Collapse,
+    Result,
+    known_bounds,
+    skipped,
+    skipped_iterations,
+)
 from fenics_contact.scene.scene import Scene
 
 _log = logging.getLogger("fenics_contact")
@@ -416,7 +421,7 @@ def _collapses(
         before = effort.spent
         for name in asked:
             if tears:
-                found[name], cases[name] = torn_collapse(cases[name])
+                found[name], cases[name] = torn_collapse(cases[name], collapse_by_engine)
             else:
                 found[name] = collapse_by_engine(cases[name])
     except Stopped as stop:

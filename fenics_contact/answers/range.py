@@ -28,8 +28,8 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.geometry.planar_cells import connected
 from fenics_contact.results.bounds import MEET, LimitBounds, four_digits
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Answer, Collapse, Table
+from fenics_contact.results.values import JointValues
 from fenics_contact.scene.units import Units
 
 #: Part of the largest joint force by which a face is pressed between its ends.

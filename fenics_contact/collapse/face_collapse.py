@@ -20,7 +20,7 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.reasons import missed
-from fenics_contact.discretization.faces import CrushedPlace
+from fenics_contact.discretization.layout import CrushedPlace
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.certificate import FaceState
 from fenics_contact.faces.limit import FaceAttempt, FaceSearch

@@ -25,8 +25,8 @@ import numpy as np
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, coefficients
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import JointValues
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_law import PointLaws
 

@@ -12,7 +12,7 @@ from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.discretization.discretization import Bonded, Discretization, typical_sizes
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.history import History, Step
-from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.values import JointValues
 from fenics_contact.solvers.interior_point import Solution, Tolerances
 from fenics_contact.solvers.joint_stiffness import JointStiffness
 from fenics_contact.solvers.kkt import PerturbedKKT

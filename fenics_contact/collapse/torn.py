@@ -15,12 +15,12 @@ tearing takes.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fenics_contact.collapse.coulomb import settled
-from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.geometry.mesh import Flags
 from fenics_contact.results.bounds import LoadFactor, alike
@@ -75,8 +75,12 @@ class TornAnswer(Answer):
         return Table(rows)
 
 
-def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
+def torn_collapse(
+    case: LoadCase, collapse_of: Callable[[LoadCase], Collapse]
+) -> tuple[Collapse, LoadCase]:
     """The collapse of a load case whose joints tear, and the case with those torn.
+
+    `collapse_of` finds the collapse of joints that do not tear any more.
 
     Raises:
         Stopped: If the run is to end; the record of the load case has no state then.
@@ -87,7 +91,7 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
 
     def collapse(torn: Flags) -> Collapse:
         if not np.any(torn):
-            return collapse_by_engine(case)
+            return collapse_of(case)
         now = case.with_torn(torn)
         cases.append(now)
         now.record.best = None  # its joints were not torn yet
@@ -95,7 +99,7 @@ def torn_collapse(case: LoadCase) -> tuple[Collapse, LoadCase]:
         about = _about(now, torn, whole)
         _log.info("  torn: %.4g m of joints, load factor before %.8g", about.length_m, whole)
         if now.blocks.fall() is None:
-            return _with(collapse_by_engine(now), about)
+            return _with(collapse_of(now), about)
         reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
         nothing = Collapse("no_equilibrium", np.nan, now.blocks.bounds, reason=reason)
         return _with(nothing, about)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Gaps, Stretches
+from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
 from fenics_contact.discretization.mortar import NO_NODE, Stencil, lagrange
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices
@@ -35,6 +35,30 @@ MATCHING = 1e-4
 APART = 5e-3
 #: Cosine of the largest angle between facets that face each other.
 PARALLEL = float(np.cos(np.radians(20.0)))
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Distances up to which facets face each other by the laws of their joints.
+
+    Attributes:
+        role: Joint group of every facet as an index into `gap`, -1 for none, shape (facets,).
+        gap: m, by joint group; the last is that of facets in no group.
+    """
+
+    role: Indices
+    gap: Array
+
+    @classmethod
+    def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
+        """Those of a scene's laws."""
+        named = [name for name in scene.joints if name != "default"]
+        laws = [scene.joints.get(name) for name in [*named, "default"]]
+        return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
+
+    def of_pairs(self, facets: Indices) -> Array:
+        """Of facets that face each other, by the group that any is in, shape (facets, pairs)."""
+        return self.gap[self.role[facets].max(axis=0)]
 
 
 @dataclass(frozen=True)

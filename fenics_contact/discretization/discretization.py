@@ -17,21 +17,21 @@ from fenics_contact.discretization.elasticity import (
     Elasticity,
     assemble,
     internal_forces,
+    rigid_bodies,
     with_loads,
 )
 from fenics_contact.discretization.facets import collect_boundary
 from fenics_contact.discretization.forms import compile_all
 from fenics_contact.discretization.joints import find_joints, joint_operators
-from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.materials import displacement_space
-from fenics_contact.discretization.rigid_motions import (
+from fenics_contact.discretization.layout import (
+    Layout,
     RigidBodies,
     check_held,
     ground_motion,
     imposed_motions,
     motions,
-    rigid_bodies,
 )
+from fenics_contact.discretization.materials import displacement_space
 from fenics_contact.discretization.supports import find_supports
 from fenics_contact.discretization.ties import find_ties
 from fenics_contact.discretization.warnings import warnings_on
@@ -265,7 +265,7 @@ class Discretization(Layout, Closing):
         """Take loads and laws into the problem, with initial gaps, strengths, supports that move.
 
         f_D' = f_D - K u_d - B_N^T t - B_T^T Y/2, and origins of openings and slips, as in
-        `rigid_motions`, `joint_law` and `ties`.
+        `layout`, `joint_law` and `ties`.
         """
         joints = self.joints
         points = self.points

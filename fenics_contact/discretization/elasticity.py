@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.layout import RigidBodies, free_motions, held_motions, motions
 from fenics_contact.discretization.loads import nodal_forces
 from fenics_contact.discretization.materials import material_field, stress_law
 from fenics_contact.discretization.supports import Supports
@@ -135,3 +136,15 @@ def _sums_over_bodies(scene: Scene, body: Labels, *columns: Array) -> Array:
     """Sums of nodal values over every body on all ranks, shape (bodies, columns)."""
     sums = [np.bincount(body, column, scene.mesh.body_count) for column in columns]
     return scene.comm.allreduce(np.column_stack(sums))
+
+
+def rigid_bodies(elasticity: Elasticity, supports: Supports, boundary: Boundary) -> RigidBodies:
+    """Motions that supports leave free, and resultants of the loads."""
+    size = float(np.ptp(boundary.points.reshape(-1, 2), axis=0).max())
+    scale = np.array([1.0, 1.0, 1.0 / size])
+    centre = elasticity.centre
+    motion = motions(supports.points - centre[supports.body], size)
+    gram = held_motions(motion, supports.frame, supports.held, supports.body, len(centre))
+    dead = elasticity.dead_resultant * scale
+    live = elasticity.live_resultant * scale
+    return RigidBodies(centre, size, free_motions(gram), dead, live)

@@ -16,7 +16,6 @@ from dolfinx.mesh import exterior_facet_indices
 from fenics_contact import compat
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Flags, Indices, Labels
-from fenics_contact.scene.scene import Scene
 
 #: In place of a facet, node or body where rigid ground is.
 GROUND = -1
@@ -139,30 +138,6 @@ class Stretches:
         """Bodies of side 0 and side 1, shape (stretches, 2)."""
         body = np.where(self.facets == GROUND, GROUND, boundary.body[self.facets])
         return np.where(self.slave == 0, body, body[::-1]).T
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Distances up to which facets face each other by the laws of their joints.
-
-    Attributes:
-        role: Joint group of every facet as an index into `gap`, -1 for none, shape (facets,).
-        gap: m, by joint group; the last is that of facets in no group.
-    """
-
-    role: Indices
-    gap: Array
-
-    @classmethod
-    def of(cls, scene: Scene, boundary: Boundary) -> Gaps:
-        """Those of a scene's laws."""
-        named = [name for name in scene.joints if name != "default"]
-        laws = [scene.joints.get(name) for name in [*named, "default"]]
-        return cls(boundary.role(named), np.array([law.gap if law else 0.0 for law in laws]))
-
-    def of_pairs(self, facets: Indices) -> Array:
-        """Of facets that face each other, by the group that any is in, shape (facets, pairs)."""
-        return self.gap[self.role[facets].max(axis=0)]
 
 
 def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:

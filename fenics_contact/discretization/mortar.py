@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from fenics_contact import compat
 from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
 from fenics_contact.geometry.mesh import Array, Indices, Labels
 
@@ -238,3 +239,44 @@ def _mortar_integrals(pieces: Pieces, count: int) -> Array:
         "s,g,sgj,sgi->sji", size, weight, psi, lagrange(there, count), optimize=True
     )
     return integrals
+
+
+def shape_functions(space: Any, place: Array) -> Array:
+    """Lagrange functions of a cell's nodes at reference places, shape (..., nodes)."""
+    nodes = compat.interpolation_points(space)
+    count = 2 if len(nodes) < 6 else 3
+    simplex = len(nodes) in (3, 6)
+    powers = [(i, j) for i in range(count) for j in range(count - i * simplex)]
+
+    def monomials(at: Array) -> Array:
+        return np.stack([at[..., 0] ** i * at[..., 1] ** j for i, j in powers], axis=-1)
+
+    return np.asarray(monomials(place) @ np.linalg.inv(monomials(nodes)))
+
+
+def reference_places(corners: Array, arm: Array) -> Array:
+    """Places in the reference cell of places from the first corner, shape (rows, points, 2).
+
+    These are b xi + c eta + d xi eta: what is left without c eta is along b + d eta, an equation of
+    the second degree for eta.
+    """
+    b, c, d = cell_sides(corners)
+    constant = cross(arm, b)
+    linear = cross(arm, d) + cross(b, c)
+    root = np.sqrt(np.maximum(linear**2 + 4.0 * cross(c, d) * constant, 0.0))
+    eta = -2.0 * constant / (linear + np.sign(cross(b, c)) * root)
+    side = b + d * eta[..., None]
+    xi = np.sum((arm - c * eta[..., None]) * side, axis=-1) / np.sum(side**2, axis=-1)
+    return np.stack([xi, eta], axis=-1)
+
+
+def cell_sides(corners: Array) -> tuple[Array, Array, Array]:
+    """Vectors b, c, d of x = a + b xi + c eta + d xi eta in cells, shape (cells, 1, 2)."""
+    a, b, c = np.moveaxis(corners[:, :3, None], 1, 0)
+    rest = corners[:, 3, None] - b - c + a if corners.shape[1] == 4 else 0.0 * a
+    return b - a, c - a, rest
+
+
+def cross(one: Array, other: Array) -> Array:
+    """Cross products of vectors in the plane, shape without the last axis."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

@@ -32,7 +32,13 @@ from dolfinx import fem
 from fenics_contact import compat
 from fenics_contact.discretization import forms
 from fenics_contact.discretization.facets import CLOSED, Boundary
-from fenics_contact.discretization.mortar import lagrange
+from fenics_contact.discretization.mortar import (
+    cell_sides,
+    cross,
+    lagrange,
+    reference_places,
+    shape_functions,
+)
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.scene.scene import Load, Scene
@@ -168,25 +174,12 @@ def rules(domain: Any, up: Array, levels: Array) -> Iterator[Rule]:
         yield _cut(cells, corners[cells], up, levels)
 
 
-def shape_functions(space: Any, place: Array) -> Array:
-    """Lagrange functions of a cell's nodes at reference places, shape (..., nodes)."""
-    nodes = compat.interpolation_points(space)
-    count = 2 if len(nodes) < 6 else 3
-    simplex = len(nodes) in (3, 6)
-    powers = [(i, j) for i in range(count) for j in range(count - i * simplex)]
-
-    def monomials(at: Array) -> Array:
-        return np.stack([at[..., 0] ** i * at[..., 1] ** j for i, j in powers], axis=-1)
-
-    return np.asarray(monomials(place) @ np.linalg.inv(monomials(nodes)))
-
-
 def _whole(cells: Indices, corners: Array, up: Array) -> Rule:
     """A rule for whole quadrilaterals; corners as dolfinx has them, row by row."""
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS[3])  # polynomials, as in triangles
     place = 0.5 * (1.0 + np.stack(np.meshgrid(abscissa, abscissa), axis=-1).reshape(1, -1, 2))
-    b, c, d = _sides(corners)
-    area = np.abs(_cross(b + d * place[..., 1:], c + d * place[..., :1]))
+    b, c, d = cell_sides(corners)
+    area = np.abs(cross(b + d * place[..., 1:], c + d * place[..., :1]))
     arm = b * place[..., :1] + c * place[..., 1:] + d * place.prod(axis=-1, keepdims=True)
     area *= 0.25 * np.outer(weight, weight).ravel()
     return cells, place, area, corners[:, :1] @ up + arm @ up
@@ -229,33 +222,6 @@ def _across(outline: Array, height: Array) -> tuple[Array, Array]:
     meets = (share >= 0.0) & (share <= 1.0)
     left = np.where(meets, across, np.inf).min(axis=1)
     return left, np.where(meets, across, -np.inf).max(axis=1) - left
-
-
-def reference_places(corners: Array, arm: Array) -> Array:
-    """Places in the reference cell of places from the first corner, shape (rows, points, 2).
-
-    These are b xi + c eta + d xi eta: what is left without c eta is along b + d eta, an equation of
-    the second degree for eta.
-    """
-    b, c, d = _sides(corners)
-    constant = _cross(arm, b)
-    linear = _cross(arm, d) + _cross(b, c)
-    root = np.sqrt(np.maximum(linear**2 + 4.0 * _cross(c, d) * constant, 0.0))
-    eta = -2.0 * constant / (linear + np.sign(_cross(b, c)) * root)
-    side = b + d * eta[..., None]
-    xi = np.sum((arm - c * eta[..., None]) * side, axis=-1) / np.sum(side**2, axis=-1)
-    return np.stack([xi, eta], axis=-1)
-
-
-def _sides(corners: Array) -> tuple[Array, Array, Array]:
-    """Vectors b, c, d of x = a + b xi + c eta + d xi eta in cells, shape (cells, 1, 2)."""
-    a, b, c = np.moveaxis(corners[:, :3, None], 1, 0)
-    rest = corners[:, 3, None] - b - c + a if corners.shape[1] == 4 else 0.0 * a
-    return b - a, c - a, rest
-
-
-def _cross(one: Array, other: Array) -> Array:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
 
 
 #: Weight of a mass of 1 kg, N, by which the weight of a floor gives its mass.

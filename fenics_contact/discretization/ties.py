@@ -32,8 +32,14 @@ import numpy.typing as npt
 
 from fenics_contact import compat
 from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.mortar import NO_NODE, NOTHING, SHARES, Stencil
-from fenics_contact.discretization.profiles import reference_places, shape_functions
+from fenics_contact.discretization.mortar import (
+    NO_NODE,
+    NOTHING,
+    SHARES,
+    Stencil,
+    reference_places,
+    shape_functions,
+)
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, BlockMesh, Indices, Labels
 from fenics_contact.scene.scene import Scene

@@ -14,10 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fenics_contact.discretization.faces import Faces, relative_motions, straight_faces, strength_of
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.rigid_motions import RigidBodies
+from fenics_contact.discretization.layout import (
+    Faces,
+    Layout,
+    RigidBodies,
+    relative_motions,
+    straight_faces,
+    strength_of,
+)
 from fenics_contact.faces.model import FaceModel
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.search_options import SEARCH

@@ -17,8 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import require
-from fenics_contact.errors.checks import check_types, checked
+from fenics_contact.errors import check_types, checked, require
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.meshing import blocks_between
 from fenics_contact.geometry.planar_cells import Array

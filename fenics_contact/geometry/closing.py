@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import checked
 from fenics_contact.geometry.meshing import default_size
 from fenics_contact.geometry.outlines import (
     COINCIDENT,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors.checks import check_types, checked
+from fenics_contact.errors import check_types, checked
 from fenics_contact.geometry.meshing import default_size, polygons
 from fenics_contact.geometry.outlines import (
     Segments,

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import check_like
+from fenics_contact.errors import InputError, check_like
 from fenics_contact.geometry.gmsh_reader import (
     CELL_TYPES,
     GmshContents,

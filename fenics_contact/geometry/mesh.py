@@ -18,8 +18,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, raised_together
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import InputError, checked, raised_together
 from fenics_contact.geometry.dolfinx_reader import TagNames
 from fenics_contact.geometry.dolfinx_reader import contents as dolfinx_contents
 from fenics_contact.geometry.gmsh_mesh import (

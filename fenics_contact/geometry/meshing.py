@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import InputError, checked
 from fenics_contact.geometry.gmsh_mesh import extract, gmsh_session
 from fenics_contact.geometry.outlines import (
     Polygons,

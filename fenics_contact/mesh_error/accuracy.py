@@ -23,8 +23,8 @@ from fenics_contact.discretization.materials import law_matrices, mean_shear_mod
 from fenics_contact.geometry.mesh import Array, Flags
 from fenics_contact.geometry.refinement import refine
 from fenics_contact.results.history import Pass
-from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.result import Result
+from fenics_contact.results.values import Contact
 from fenics_contact.scene.scene import Scene
 from fenics_contact.search_options import SEARCH
 

@@ -36,8 +36,8 @@ from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.mesh_error.soft_hinges import SoftHinges, soft_hinges
 from fenics_contact.results.bounds import LoadFactor, signed
 from fenics_contact.results.certificate import kinematic_factor
-from fenics_contact.results.joint_values import JointValues
 from fenics_contact.results.result import Collapse
+from fenics_contact.results.values import JointValues
 from fenics_contact.search_options import SEARCH, SearchOptions
 from fenics_contact.solvers.interior_point import (
     Solution,

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors.checks import plain
+from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.fields import facet_contact
 from fenics_contact.output.view import Loads, View, outlines
-from fenics_contact.results.joint_values import Contact, TieState
+from fenics_contact.results.values import Contact, TieState
 
 BLACK, ORANGE, BLUE, VERMILLION = "#000000", "#E69F00", "#0072B2", "#D55E00"
 GREEN = "#007A5A"

@@ -16,13 +16,12 @@ from mpi4py import MPI
 from fenics_contact import compat
 from fenics_contact.discretization.forms import stress_expression
 from fenics_contact.discretization.joints import GROUND, Joints
-from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.layout import Layout, ground_motion
 from fenics_contact.discretization.materials import cell_field
-from fenics_contact.discretization.rigid_motions import ground_motion
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.folder import writing
 from fenics_contact.results.history import CapacityPoint
-from fenics_contact.results.joint_values import Contact, JointValues
+from fenics_contact.results.values import Contact, JointValues
 
 #: Squares of the raster along the longer side of the structure.
 SQUARES = 240

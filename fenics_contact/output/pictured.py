@@ -18,8 +18,7 @@ import numpy as np
 
 from fenics_contact.discretization.forms import GroupMeasure, measures, stress_of
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors import InputError, OutputError, SolverError
-from fenics_contact.errors.checks import checked, plain
+from fenics_contact.errors import InputError, OutputError, SolverError, checked, plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import frame
 from fenics_contact.output.fields import displacement_function, stress_raster

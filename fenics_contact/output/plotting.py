@@ -15,8 +15,7 @@ import numpy as np
 
 from fenics_contact.discretization.joints import GROUND
 from fenics_contact.discretization.profiles import floor_strips
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import check_like, plain
+from fenics_contact.errors import InputError, check_like, plain
 from fenics_contact.output.drawing import (
     BLACK,
     BLUE,

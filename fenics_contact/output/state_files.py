@@ -13,7 +13,7 @@ from typing import Any
 
 from fenics_contact import compat
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.errors.checks import plain
+from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import stress_raster, write_blocks, write_joints
 from fenics_contact.output.folder import DrawingError, drawing, filled_at_once, going_on, writing
@@ -31,10 +31,9 @@ from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.view import View, view_of
 from fenics_contact.results.certificate import tolerances
-from fenics_contact.results.joint_values import TieState
 from fenics_contact.results.motions import falling_blocks
-from fenics_contact.results.named_arrays import NamedArrays, tie_arrays
 from fenics_contact.results.result import ServiceState
+from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
 from fenics_contact.scene.scene import Scene
 from fenics_contact.version import __version__
 

@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.discretization.joints import GROUND, Joints
+from fenics_contact.discretization.layout import straight_faces
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.joint_values import JointValues
+from fenics_contact.results.values import JointValues
 
 #: Distance of the ends of two faces that touch, over the structure's size.
 TOUCHING = 1e-6

@@ -17,7 +17,7 @@ from fenics_contact.discretization.loads import forces_on_facets
 from fenics_contact.discretization.profiles import weights_of_floors
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import at_nodes, at_sides, material_numbers, middle, mode_scale
-from fenics_contact.results.joint_values import JointValues, TieValues, tie_values
+from fenics_contact.results.values import JointValues, TieValues, tie_values
 from fenics_contact.scene.scene import Load
 
 #: Arrows along an edge have at least this distance, over the structure's size.

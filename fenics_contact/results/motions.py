@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.faces import straight_faces
 from fenics_contact.discretization.joints import Joints
-from fenics_contact.discretization.layout import Layout
+from fenics_contact.discretization.layout import Layout, straight_faces
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-from fenics_contact.results.joint_values import Contact, JointValues
+from fenics_contact.results.values import Contact, JointValues
 
 #: A block moves, or turns, from this part of the largest speed on. Elastic motions are smaller.
 MOVES = 1e-3

@@ -15,8 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact import compat
-from fenics_contact.errors import InputError, require
-from fenics_contact.errors.checks import check_types, checked, key_of
+from fenics_contact.errors import InputError, check_types, checked, key_of, require
 from fenics_contact.geometry.gmsh_mesh import BLOCKS
 from fenics_contact.geometry.mesh import BlockMesh
 from fenics_contact.scene.toml_tables import from_table, read_toml

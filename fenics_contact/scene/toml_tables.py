@@ -12,8 +12,16 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from mpi4py import MPI
 
-from fenics_contact.errors import InputError, raised_together
-from fenics_contact.errors.checks import as_mapping, check_type, key_of, kind_of, shown, with_floats
+from fenics_contact.errors import (
+    InputError,
+    as_mapping,
+    check_type,
+    key_of,
+    kind_of,
+    raised_together,
+    shown,
+    with_floats,
+)
 
 T = TypeVar("T")
 

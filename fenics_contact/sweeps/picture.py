@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors.checks import plain
+from fenics_contact.errors import plain
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.drawing import BLUE, VERMILLION
 from fenics_contact.output.folder import drawing, going_on, replace_file, writing

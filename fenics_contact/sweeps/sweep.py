@@ -22,8 +22,7 @@ import numpy as np
 
 from fenics_contact import console
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.errors import EXIT_CODES, InputError
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import EXIT_CODES, InputError, checked
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.output.folder import going_on, replace_file, writing
 from fenics_contact.scene.scene import Scene

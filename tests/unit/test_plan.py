@@ -9,7 +9,7 @@ import pytest
 from fenics_contact import JointLaw, Load, OutputOptions, Scene, SolveOptions
 from fenics_contact.meshing import wall
 from fenics_contact.results.history import History, Step
-from fenics_contact.results.plan import skipped, skipped_iterations
+from fenics_contact.results.result import skipped, skipped_iterations
 from tests.helpers import PUSH, coulomb, on_ground, tresca
 
 SMOOTH = JointLaw("frictionless")

@@ -35,8 +35,8 @@ from fenics_contact.results.history import (
     Lowest,
     Step,
 )
-from fenics_contact.results.joint_values import Contact
 from fenics_contact.results.result import Collapse, Result
+from fenics_contact.results.values import Contact
 from tests.helpers import coulomb, notebook_picture, on_ground
 
 

@@ -22,7 +22,7 @@ from fenics_contact import (
     sweep,
 )
 from fenics_contact.meshing import polygons
-from fenics_contact.results.named_arrays import tie_arrays
+from fenics_contact.results.values import tie_arrays
 from tests.bank import GRAVITY
 from tests.helpers import STONE, coulomb, mesh_of, on_ground
 

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import checked
+from fenics_contact.errors import InputError, checked
 from fenics_contact.geometry.closing import ClosedJoints, Mortar
 from fenics_contact.geometry.drawing import Drawing
 from fenics_contact.geometry.dxf import doubts

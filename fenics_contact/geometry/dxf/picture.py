@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import plain
+from fenics_contact.errors import InputError, plain
 from fenics_contact.geometry.dxf.blocks import DxfContents, Mark
 
 #: Fill colours of blocks by layer, and colours of lines by layer (Okabe and Ito).

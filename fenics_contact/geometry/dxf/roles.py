@@ -16,8 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fenics_contact.errors import InputError
-from fenics_contact.errors.checks import check_types
+from fenics_contact.errors import InputError, check_types
 from fenics_contact.geometry.dxf.curves import as_ring
 from fenics_contact.geometry.dxf.faces import faces_between
 from fenics_contact.geometry.dxf.reader import Curve, Curves
