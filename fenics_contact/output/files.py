@@ -16,9 +16,8 @@ import numpy as np
 from fenics_contact.output.fields import write_blocks, write_joints, write_series
 from fenics_contact.output.folder import drawing, filled_at_once, going_on, writing
 from fenics_contact.output.plotting import draw_scene, save_capacity
-from fenics_contact.output.report.content import RECORD
+from fenics_contact.output.report.content import MOTION, RECORD
 from fenics_contact.output.report.page import write_report
-from fenics_contact.output.report.words import MOTION
 from fenics_contact.output.state_files import (
     Record,
     draw_blocks,

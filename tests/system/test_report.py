@@ -13,7 +13,7 @@ from fenics_contact.geometry.gmsh_mesh import gmsh_session
 from fenics_contact.meshing import polygons
 from fenics_contact.output.report.answer import PICTURE, answer
 from fenics_contact.output.report.content import Content, Labels
-from fenics_contact.output.report.mechanism import SCRIPT
+from fenics_contact.output.report.html import SCRIPT
 from fenics_contact.output.report.page import report_page
 from tests.bank import sides
 from tests.drawing import rectangle

@@ -7,8 +7,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fenics_contact.output.report.content import Content, Record
-from fenics_contact.output.report.html import heading, paragraph, picture, table, value_text
-from fenics_contact.output.report.words import PICTURES, STATUS, STATUS_OF_ONE, direction_words
+from fenics_contact.output.report.html import (
+    PICTURES,
+    STATUS,
+    STATUS_OF_ONE,
+    direction_words,
+    heading,
+    paragraph,
+    picture,
+    table,
+    value_text,
+)
 from fenics_contact.scene.units import PER_METRE, Units
 
 #: Acceleration that is written as 1 g, m/s2.
@@ -54,52 +63,38 @@ def first_page(content: Content) -> Iterator[str]:
     """Title, project, author and date, answer, collapse picture, assumptions."""
     record = content.record
     status = record["status"]
+    ends = record["ends"]
+    made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
     yield heading(record["title"] or "Limit load", 1)
-    yield paragraph(_labels(content), kind="labels")
+    yield paragraph(content.labels.line(made), kind="labels")
     yield paragraph(answer(record), kind=f"status {status}")
-    yield paragraph(*_verdict(record))
-    proofs = [end.get("proof") for end in record["ends"].values()]
+    # How much the answer is worth, for each direction where these differ.
+    if len({end["status"] for end in ends.values()}) < 2:
+        name = "verified" if status == "limit" else status.replace("_", " ")
+        if any(end.get("rolling") for end in ends.values()):
+            name = "verified as drawn, but blocks roll (see the warnings)"
+        verdict = [f"{name.capitalize()}: {STATUS[status]}"]
+    else:
+        words = {name: direction_words(name).capitalize() for name in ends}
+        verdict = [f"{words[name]}: {STATUS_OF_ONE[end['status']]}" for name, end in ends.items()]
+    yield paragraph(*verdict)
+    proofs = [end.get("proof") for end in ends.values()]
     yield from (paragraph(f"{text[0].upper()}{text[1:]}.") for text in proofs if text)
     rows = list(_assumptions(record, content.units))
     size = record["scene"]["size"]
     beside = size["height"] > TALL * size["width"]
     height = PICTURE.beside if beside else PICTURE.above(rows)
     yield f'<div class="{"beside" if beside else "above"}" style="--picture: {height:.1f}cm">'
-    direction = next(iter(record["ends"]), "positive")
+    direction = next(iter(ends), "positive")
     if address := content.picture_of("collapse", direction):
-        yield picture(address, _caption(record, direction))
+        negative = direction == "negative" and len(ends) == 2
+        caption = PICTURES["collapse_negative" if negative else "collapse"]
+        if status == "unstable":
+            caption = "Blocks that move under the dead load, by number."
+        elif ends[direction]["status"] == "unbounded":
+            caption = "Blocks that wedge, by number."
+        yield picture(address, caption)
     yield f"<div>{heading('Assumptions', 2)}{table(rows)}</div></div>"
-
-
-def _verdict(record: Record) -> Iterator[str]:
-    """How much the answer is worth, for each direction where these differ."""
-    ends = record["ends"]
-    if len({end["status"] for end in ends.values()}) < 2:
-        status = record["status"]
-        name = "verified" if status == "limit" else status.replace("_", " ")
-        if any(end.get("rolling") for end in ends.values()):
-            name = "verified as drawn, but blocks roll (see the warnings)"
-        yield f"{name.capitalize()}: {STATUS[status]}"
-        return
-    for direction, end in ends.items():
-        yield f"{direction_words(direction).capitalize()}: {STATUS_OF_ONE[end['status']]}"
-
-
-def _labels(content: Content) -> str:
-    """Project, author, date and program in one line."""
-    record = content.record
-    made = f"Computed on {str(record['date'])[:10]} with fenics-contact {record['version']}"
-    return " \N{MIDDLE DOT} ".join([*content.labels.named(), made])
-
-
-def _caption(record: Record, direction: str) -> str:
-    """What the picture of one end shows."""
-    if record["status"] == "unstable":
-        return "Blocks that move under the dead load, by number."
-    if record["ends"][direction]["status"] == "unbounded":
-        return "Blocks that wedge, by number."
-    one = "collapse" if direction == "positive" or len(record["ends"]) == 1 else "collapse_negative"
-    return PICTURES[one]
 
 
 def answer(record: Record) -> str:
@@ -109,19 +104,45 @@ def answer(record: Record) -> str:
         return "The structure does not stand under its dead load."
     if not record["ends"] or status == "no_equilibrium":
         return "No equilibrium was found under the dead load alone."
+    scene = record["scene"]
+    laws = (law for kind in ("joints", "foundations") for law in scene[kind].values())
+    # Brackets are those without the strength that joints may lose.
+    loses = any(law.get("opened") == "lost" for law in laws)
     acceleration = sideways(record)
     known: list[str] = []
     lost: list[str] = []
     for direction, end in record["ends"].items():
-        part = _stands(end, direction, acceleration)
-        if part and end.get("searched"):
-            lost.append(f"The {end['searched']}, is at {part}.")
-            continue
-        beyond = None if _tears(record) else _beyond(end, direction)
-        (known if part else lost).append(part or _lost(beyond, direction, acceleration))
+        negative = direction == "negative"
+        way = f"the live load{' reversed' if negative else ''}"
+        preposition = "for "
+        if acceleration is not None:
+            way = f"to the {'right' if (acceleration > 0.0) != negative else 'left'}"
+            preposition = ""
+        if end["status"] == "unbounded":
+            known.append(f"any load {preposition}{way}")
+        elif end["status"] == "limit":
+            part = f"{_amount(end['load_factor'], acceleration)} {way}"
+            searched = end.get("searched")
+            (lost if searched else known).append(
+                f"The {searched}, is at {part}." if searched else part
+            )
+        else:
+            beyond = end["bounds"]["lower" if negative else "upper"]
+            most = ""
+            if beyond is not None and not loses:
+                this_load = " this load" if acceleration is None else ""
+                most = f"; it is at most {_amount(beyond, acceleration)}{this_load}"
+            lost.append(f"No limit load was found {preposition}{way}{most}.")
     verb = "carries" if acceleration is None else "stands"
     sentence = [f"The structure {verb} {' and '.join(known)}."] if known else []
     return " ".join(sentence + lost)
+
+
+def _amount(factor: float, acceleration: float | None) -> str:
+    """The size of a load factor as an acceleration in g, or as a multiple."""
+    if acceleration is None:
+        return f"{abs(factor):.3g} times"
+    return f"{abs(factor * acceleration) / GRAVITY:.3g} g"
 
 
 def sideways(record: Record) -> float | None:
@@ -141,54 +162,6 @@ def sideways(record: Record) -> float | None:
     return x if x and level and weight and uniform and not any(others) else None
 
 
-def _stands(end: Record, direction: str, acceleration: float | None) -> str:
-    """What is carried in one direction; empty if it is not known."""
-    way = _way(direction, acceleration)
-    if end["status"] == "unbounded":
-        return f"any load {way}"
-    if end["status"] != "limit":
-        return ""
-    factor = abs(end["load_factor"])
-    if acceleration is None:
-        return f"{_amount(factor, acceleration)} {way.removeprefix('for ')}"
-    return f"{_amount(factor, acceleration)} {way}"
-
-
-def _tears(record: Record) -> bool:
-    """Whether joints may lose their strength, so that brackets are those without it."""
-    laws = (law for kind in ("joints", "foundations") for law in record["scene"][kind].values())
-    return any(law.get("opened") == "lost" for law in laws)
-
-
-def _beyond(end: Record, direction: str) -> float | None:
-    """The load factor beyond which nothing is carried in one direction; None if not known."""
-    found: float | None = end["bounds"]["lower" if direction == "negative" else "upper"]
-    return found
-
-
-def _lost(beyond: float | None, direction: str, acceleration: float | None) -> str:
-    """What is known of one direction where no limit load was found."""
-    most = "" if beyond is None else f"; it is at most {_amount(abs(beyond), acceleration)}"
-    if most and acceleration is None:
-        most += " this load"
-    return f"No limit load was found {_way(direction, acceleration)}{most}."
-
-
-def _amount(factor: float, acceleration: float | None) -> str:
-    """A load factor as an acceleration in g, or as a multiple."""
-    if acceleration is None:
-        return f"{factor:.3g} times"
-    return f"{factor * abs(acceleration) / GRAVITY:.3g} g"
-
-
-def _way(direction: str, acceleration: float | None) -> str:
-    """A direction of the live load, in words."""
-    if acceleration is None:
-        return f"for the live load{' reversed' if direction == 'negative' else ''}"
-    right = (acceleration > 0.0) == (direction == "positive")
-    return f"to the {'right' if right else 'left'}"
-
-
 def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     """What the answer rests on, in kN, MPa, and m or mm."""
     scene = record["scene"]
@@ -206,24 +179,18 @@ def _assumptions(record: Record, units: Units) -> Iterator[tuple[str, str]]:
     share = f", {abs(same) / GRAVITY:.3g} g sideways on all masses" if same else ""
     yield "live load at load factor 1", live + share
     down = math.hypot(*scene["loads"]["dead"]["body"])
-    rows = [
-        *(
-            (f"material {name}", _material(one, down, units))
-            for name, one in _some(scene, "materials")
-        ),
-        *((f"joints {name}", _law(one, units)) for name, one in _some(scene, "joints")),
-        *((f"foundation {name}", _law(one, units)) for name, one in _some(scene, "foundations")),
-    ]
-    yield from rows
+    for kind, noun in (
+        ("materials", "material"),
+        ("joints", "joints"),
+        ("foundations", "foundation"),
+    ):
+        for name, one in list(scene[kind].items())[:SHOWN]:
+            told = _material(one, down, units) if kind == "materials" else _law(one, units)
+            yield f"{noun} {name}", told
     if names := scene.get("supports"):
         yield "supports", ", ".join(names)
     for name, tie in list((scene.get("ties") or {}).items())[:SHOWN]:
         yield f"tie {name}", _tie(tie, units)
-
-
-def _some(scene: Record, kind: str) -> list[tuple[str, Record]]:
-    """Groups of a kind, as many as there is room for."""
-    return list(scene[kind].items())[:SHOWN]
 
 
 def _material(one: Record, gravity: float, units: Units) -> str:

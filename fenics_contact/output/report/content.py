@@ -6,17 +6,18 @@ import base64
 import csv
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fenics_contact.errors import InputError
-from fenics_contact.output.report.words import MOTION, PICTURES
+from fenics_contact.output.report.html import PICTURES
 from fenics_contact.scene.units import Units
 
-#: The file of a result that the page is made from.
-RECORD = "result.json"
+#: The file of a result that the page is made from, and that with outlines and motions of blocks.
+RECORD, MOTION = "result.json", "motion.json"
 #: Pictures that a page can hold, by ending; the first that exists.
 IMAGES = {".png": "image/png", ".svg": "image/svg+xml"}
 #: Files of a sweep, and what its folder has behind the name of the result's.
@@ -38,10 +39,11 @@ class Labels:
     project: str = ""
     author: str = ""
 
-    def named(self) -> list[str]:
-        """Those that are given, in words."""
+    def line(self, made: str) -> str:
+        """Those that are given and how the result was made, in one line."""
         names = {"Project": self.project, "Author": self.author}
-        return [f"{name}: {text}" for name, text in names.items() if text]
+        given = [f"{name}: {text}" for name, text in names.items() if text]
+        return " \N{MIDDLE DOT} ".join([*given, made])
 
 
 @dataclass(frozen=True)
@@ -98,14 +100,6 @@ class Content:
         wished = scene.get("output", {}).get("units", "m")
         return Units("mm" if wished == "mm" else "m", scene.get("thickness"))
 
-    @property
-    def has_strength(self) -> bool:
-        """Whether some material or joint has a compressive strength."""
-        scene = self.record["scene"]
-        kinds = "materials", "joints", "foundations"
-        given = (one.get("compressive_strength") for kind in kinds for one in scene[kind].values())
-        return any(given)
-
     def details(self, direction: str) -> Record:
         """Where result.json has the verification of one end."""
         record = self.record
@@ -115,10 +109,8 @@ class Content:
 
     def picture_of(self, stem: str, direction: str) -> str:
         """Data URI of a picture of one end; empty if there is none."""
-        both = len(self.record["ends"]) == 2
-        return self.pictures.get(
-            f"{stem}_negative" if both and direction == "negative" else stem, ""
-        )
+        apart = len(self.record["ends"]) == 2 and direction == "negative"
+        return self.pictures.get(f"{stem}_negative" if apart else stem, "")
 
 
 def read_content(folder: Path, labels: Labels) -> Content:
@@ -127,15 +119,6 @@ def read_content(folder: Path, labels: Labels) -> Content:
     Raises:
         InputError: If the folder holds no result, or one of a version that kept less.
     """
-    record = _read(folder)
-    files = record.get("files", ())
-    beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
-    sweep = read_sweep(folder) or read_sweep(beside)
-    return Content(record, _pictures(folder, files), _motions(folder, files), sweep, labels)
-
-
-def _read(folder: Path) -> Record:
-    """The content of result.json."""
     path = folder / RECORD
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
@@ -153,63 +136,51 @@ def _read(folder: Path) -> Record:
         raise InputError(
             f"{path} is not of this version, or is no result; solve the scene again for a report"
         )
-    return record
-
-
-def _pictures(folder: Path, files: Iterable[str]) -> dict[str, str]:
-    """Data URIs of the known pictures among the files of a result, by stem."""
-    found: dict[str, str] = {}
+    files = record.get("files", ())
+    pictures: dict[str, str] = {}
     for stem in PICTURES:
         for suffix in IMAGES:
             path = folder / f"{stem}{suffix}"
-            if path.name in files and stem not in found and path.is_file():
-                found[stem] = _address(path)
-    return found
+            if path.name in files and stem not in pictures and path.is_file():
+                pictures[stem] = _address(path)
+    motions: Mapping[str, Any] = {}
+    if MOTION in files:
+        with suppress(OSError, ValueError):  # the page does without
+            motions = json.loads((folder / MOTION).read_text(encoding="utf-8"))
+    beside = folder.with_name(f"{folder.name}{SWEEP_FOLDER}") if folder.name else folder
+    sweep = read_sweep(folder) or read_sweep(beside)
+    return Content(record, pictures, motions, sweep, labels)
 
 
 def _address(path: Path) -> str:
-    """Data URI of a picture."""
+    """Data URI of a picture; empty if there is none."""
+    if not path.is_file():
+        return ""
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     return f"data:{IMAGES[path.suffix]};base64,{data}"
 
 
-def _motions(folder: Path, files: Iterable[str]) -> Mapping[str, Any]:
-    """Content of motion.json, if it is of this result and whole."""
-    if MOTION not in files:
-        return {}
-    try:
-        found: Mapping[str, Any] = json.loads((folder / MOTION).read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # the page does without
-        return {}
-    return found
-
-
 def read_sweep(folder: Path) -> Sweep | None:
-    """The sweep in a folder; None if there is none, or one that was touched by hand."""
+    """The sweep in a folder; None if there is none, or one that was touched by hand.
+
+    Rows without all that is shown are left out.
+    """
     try:
         record = json.loads((folder / SWEEP_RECORD).read_text(encoding="utf-8"))
         keys = tuple(key for names in record["vary"] for key in names.split(", "))
+        needed = (*keys, "status", "load_factor")
         with (folder / SWEEP).open(encoding="utf-8-sig", newline="") as file:
-            rows = _whole_rows(list(csv.DictReader(file)), keys)
+            table = list(csv.DictReader(file))
+        rows = tuple(row for row in table if all(isinstance(row.get(key), str) for key in needed))
+        for row in rows:
+            least(row)  # is a number, or left out
         points = math.prod(map(len, record["vary"].values()))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, csv.Error):
         return None
     if not rows:
         return None
-    paths = [folder / name for name in (SWEEP_PICTURE, WORST_PICTURE)]
-    shown, worst = (_address(path) if path.is_file() else "" for path in paths)
-    place = folder.resolve().name
-    return Sweep(keys, rows, points, shown, worst, place, f"{record.get('version')}")
-
-
-def _whole_rows(
-    rows: Sequence[Mapping[str, str]], keys: Sequence[str]
-) -> tuple[Mapping[str, str], ...]:
-    """Rows with all that is shown, whose load factor is a number or left out."""
-    needed = (*keys, "status", "load_factor")
-    whole = []
-    for row in rows:
-        if all(isinstance(row.get(name), str) for name in needed):
-            least(row)
-            whole.append(row)
-    return tuple(whole)
+    shown = _address(folder / SWEEP_PICTURE)
+    worst = _address(folder / WORST_PICTURE)
+    return Sweep(
+        keys, rows, points, shown, worst, folder.resolve().name, f"{record.get('version')}"
+    )

@@ -1,13 +1,158 @@
-"""Pieces of the report's page. All text passes through `text`, which escapes it."""
+"""Words and pieces of the report's page: what states, residuals, keys and pictures mean.
+
+All text passes through `text`, which escapes it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from fenics_contact.scene.units import Units
 
+STATUS: Mapping[str, str] = {
+    "limit": "a collapse state was found, and all its conditions were checked (see the appendix).",
+    "unbounded": "nothing limits the live load.",
+    "unstable": "the dead load alone has no equilibrium. The motion of its blocks proves this.",
+    "no_equilibrium": "no equilibrium was found under the dead load alone. This is no proof that"
+    " there is none.",
+    "not_converged": "no verified state was found. The numbers below are not a limit load.",
+}
+
+#: The same for one of two directions of the live load that end differently.
+STATUS_OF_ONE: Mapping[str, str] = {
+    "limit": "verified, see the appendix.",
+    "unbounded": "nothing limits it.",
+    "no_equilibrium": "no equilibrium was found, which is no proof that there is none.",
+    "not_converged": "not converged, no verified state was found. Its numbers below are not a limit"
+    " load.",
+}
+
+
+#: Name and meaning of every residual of the verification.
+RESIDUALS: Mapping[str, tuple[str, str]] = {
+    "equilibrium": ("equilibrium", "The forces on every node of the mesh balance."),
+    "tension": ("no tension", "No joint pulls beyond its tensile strength."),
+    "penetration": ("no penetration", "No block enters another one, or the ground."),
+    "complementarity": ("contact", "Where a joint is open, it carries no force."),
+    "friction": ("friction", "No shear force is larger than the joint allows."),
+    "slip_direction": (
+        "direction of slip",
+        "Where a joint has slipped, the full friction acts, and it acts against the slip.",
+    ),
+    "work": ("work", "The live load does the work that was prescribed."),
+    "mode_work": ("work of the mode", "The live load does work 1 on the collapse mode."),
+    "mode_penetration": ("mode without penetration", "The blocks can move by the collapse mode."),
+    "mode_elastic": ("mode of rigid blocks", "The collapse mode does not deform the blocks."),
+    "mode_power": ("power", "Friction takes up all the work that the loads do on the mode."),
+    "limit": (
+        "limit load",
+        "Rigid blocks with the friction forces of this state have the same limit load.",
+    ),
+    "bracket": ("bracket", "The load factor lies in its bracket."),
+    "crushing": ("compressive strength", "No joint carries more than its strength."),
+}
+
+KEYS: dict[str, str] = {
+    "materials": "Materials",
+    "joints": "Laws of the joints between blocks",
+    "foundations": "Laws on rigid ground",
+    "supports": "Supports",
+    "ties": "Ties",
+    "yield": "tension at which it yields",
+    "ground": "to the ground at",
+    "young": "Young's modulus",
+    "poisson": "Poisson's ratio",
+    "friction": "coefficient of friction",
+    "bound": "shear strength",
+    "tensile_strength": "tensile strength",
+    "compressive_strength": "compressive strength",
+    "opened": "cohesion and tensile strength of joints that have opened",
+    "dilatancy": "angle at which sliding opens the joint",
+    "body": "body force",
+    "profile": "factor on the body force over the height above the foot, (m, factor)",
+    "method": "method asked for",
+    "tolerance": "tolerance on the load factor, relative",
+    "control": "what is prescribed (work of the live load, or load factor)",
+    "slip": "slip is measured from",
+    "engine": "what finds the load factor",
+    "gap": "gap asked for, relative",
+    "states": "collapse state reported",
+    "accuracy": "accuracy wished",
+    "time": "limit of time",
+    "fast": "the load factor and its bracket alone",
+}
+
+#: What options mean that are left out.
+LEFT_OUT: dict[str, str] = {
+    "accuracy": "none",
+    "time": "none",
+    "gap": "1e-3, from 1 000 blocks on 5e-3",
+}
+
+MEANING: Mapping[str, str] = {
+    "cells": "cells of the mesh",
+    "dofs": "displacements (unknowns)",
+    "joint_points": "joint points",
+    "fixed_point": "passes of the fixed point",
+    "factorizations": "factorisations",
+}
+
+PHASES: dict[str, str] = {
+    "read": "reading the scene",
+    "compile": "compiling the forms",
+    "assemble": "assembling",
+    "bonded": "one elastic solve with closed joints",
+    "bounds": "bracket",
+    "solve": "finding the collapse",
+    "capacity": "capacity curve",
+    "write": "writing files",
+    "total": "all, without writing",
+}
+
+_SHOWN = {
+    "collapse": "How the blocks move in the collapse",
+    "forces": "Joint forces at collapse, each through its centre of pressure",
+    "thrust": "Lines of thrust",
+    "stress": "Principal stresses",
+}
+
+#: What pictures show, by name of the file without its ending, in the order of the page.
+PICTURES: Mapping[str, str] = {
+    **{name: f"{words}." for name, words in _SHOWN.items()},
+    **{f"{name}_negative": f"{words}, live load reversed." for name, words in _SHOWN.items()},
+    "scene": "Materials, groups and loads.",
+    "capacity": "Capacity curve: load factor against displacement.",
+}
+
+RANGE = (
+    "With friction the equations can have several collapse states. The load factor is that of the"
+    " state that was found and verified. The bracket holds for all of them: below its lower end"
+    " none exists, and beyond its upper end nothing is carried. Where the ends meet the load factor"
+    " is the only one. A structure with less friction forces than this state has falls earlier, but"
+    " not before the lower end."
+)
+
+NOTES = (
+    "With Coulomb friction several collapse states may exist. The load factor is that of one"
+    " verified state. All states lie in the bracket. Where its ends meet there is no other.",
+    "The lower end of the bracket is the limit load with the least friction that any collapse state"
+    " can have. Loads beyond the upper end are not carried even by rigid blocks with associative"
+    " friction. What is carried without friction is surely carried.",
+    "Displacements are small. The problem is planar.",
+)
+#: What the blocks do, without and with a compressive strength.
+WITHOUT_STRENGTH = "The blocks are elastic. They do not crush or crack."
+WITH_STRENGTH = (
+    "The blocks are elastic and do not crack. Straight joints crush at the compressive strength;"
+    " elsewhere nothing crushes."
+)
+
+#: How the page looks, and what moves its blocks by sliders; without it they are shown displaced.
+STYLE = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
+SCRIPT = Path(__file__).with_name("motion.js").read_text(encoding="utf-8")
 #: Blocks that are listed by number.
 LISTED = 40
 
@@ -73,3 +218,8 @@ def numbers(blocks: Sequence[int]) -> str:
     """Blocks by number, as far as there is room."""
     rest = f" and {len(blocks) - LISTED} more" if len(blocks) > LISTED else ""
     return ", ".join(map(str, blocks[:LISTED])) + rest
+
+
+def direction_words(name: str) -> str:
+    """A direction of the live load in words."""
+    return "live load reversed" if name == "negative" else "live load as given"

@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 
 from fenics_contact.output.report.content import Content, Record
-from fenics_contact.output.report.html import heading, numbers, paragraph, picture, text
-from fenics_contact.output.report.words import PICTURES, direction_words
+from fenics_contact.output.report.html import (
+    PICTURES,
+    direction_words,
+    heading,
+    numbers,
+    paragraph,
+    picture,
+    text,
+)
 from fenics_contact.results.bounds import counted
 from fenics_contact.scene.units import Units
 
@@ -27,25 +34,6 @@ LINE = 0.015
 MOVES, STAYS = "#c3d5e3", "#f2f4f5"
 REST = 'fill="none" stroke="#bbb"'
 NUMBERS = 'text-anchor="middle" stroke="none" fill="#222" font-family="sans-serif"'
-
-#: Moves all blocks of the page by its sliders; without it the page shows them displaced.
-SCRIPT = """
-document.querySelectorAll("figure.moving").forEach(function (figure) {
-  var slider = figure.querySelector("input");
-  var blocks = figure.querySelectorAll("[data-motion]");
-  function move() {
-    var s = Number(slider.value);
-    blocks.forEach(function (block) {
-      var m = block.getAttribute("data-motion").split(" ").map(Number);
-      block.setAttribute("transform", "matrix(1 " + s * m[0] + " " + -s * m[0] + " 1 " +
-        s * m[1] + " " + s * m[2] + ")");
-    });
-  }
-  figure.querySelector(".slider").hidden = false;
-  slider.addEventListener("input", move);
-  move();
-});
-"""
 
 
 def how_it_fails(content: Content) -> Iterator[str]:
@@ -99,12 +87,7 @@ def _motion(moves: Record, total: int, units: Units) -> Iterator[str]:
         yield f"Its centre moves in the direction ({way})."
     else:
         yield "It turns about its centre."
-    yield f"Of {counted(moves['joints'], 'joint')} {_joints(moves)}."
-
-
-def _joints(moves: Record) -> str:
-    """How many joints do what, as far as any does."""
-    parts = [
+    joints = [
         f"{moves[key]} {words}"
         for key, words in (
             ("parting", "open over their whole length"),
@@ -113,10 +96,9 @@ def _joints(moves: Record) -> str:
         )
         if moves[key]
     ]
-    if not parts:
-        return "none opens or slides"
-    *first, last = parts
-    return f"{', '.join(first)} and {last}" if first else last
+    *first, last = joints or ["none opens or slides"]
+    what = f"{', '.join(first)} and {last}" if first else last
+    yield f"Of {counted(moves['joints'], 'joint')} {what}."
 
 
 def moving_figure(motion: Mapping[str, Any], moving: Sequence[int]) -> str:

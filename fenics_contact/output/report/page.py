@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import chain
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +20,54 @@ from fenics_contact.output.report.content import (
     RECORD,
     Content,
     Labels,
+    Record,
     Sweep,
+    least,
     read_content,
     read_sweep,
 )
-from fenics_contact.output.report.html import bullets, heading, paragraph, text
-from fenics_contact.output.report.mechanism import SCRIPT, how_it_fails
-from fenics_contact.output.report.sections import (
-    computation,
-    forces,
-    load_factors,
-    loads_and_groups,
-    sensitivity,
-    structure,
-    sweep_parts,
-    verification,
+from fenics_contact.output.report.html import (
+    KEYS,
+    LEFT_OUT,
+    MEANING,
+    NOTES,
+    PHASES,
+    PICTURES,
+    RANGE,
+    RESIDUALS,
+    SCRIPT,
+    STATUS,
+    STYLE,
+    WITH_STRENGTH,
+    WITHOUT_STRENGTH,
+    bullets,
+    direction_words,
+    heading,
+    paragraph,
+    picture,
+    table,
+    text,
+    value_text,
 )
-from fenics_contact.output.report.words import CRUSHING, ELASTIC, NOTES, STYLE
+from fenics_contact.output.report.mechanism import how_it_fails
+from fenics_contact.results.bounds import counted
+from fenics_contact.scene.units import PER_METRE, Units
 
 #: The page.
 PAGE = "report.html"
+#: Values that are not shown where they are not used: these keys with these values.
+UNUSED = {"body", "tilt", "cohesion", "dilatancy", "tensile_strength", "opened", "profile"}
+NOTHING = (0.0, [0.0, 0.0], "kept", "uniform")
+#: Pressures of loads, which are written in kN/m2 where strengths are in MPa.
+PRESSURES = {"traction", "surcharge"}
+#: Forces on the joints of more blocks are too small in a picture on a page.
+LEGIBLE = 120
+#: Rows that the report of a result has room for, and that of a sweep.
+ROWS, MOST_ROWS = 30, 1000
+NO_WRITER = (
+    "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
+    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
+)
 
 #: A part of the page, as HTML.
 Section = Callable[[Content], Iterator[str]]
@@ -68,91 +96,65 @@ def write_report(
             is not installed. Nothing is written then.
         OutputError: If a file cannot be written.
     """
-    target = target or folder / PAGE
-    _check_targets({"-o": (target, ".html"), **({"--pdf": (pdf, ".pdf")} if pdf else {})})
-    writer = pdf_writer() if pdf else None
+    labels = labels or Labels()
+    targets = {"-o": target or folder / PAGE, **({"--pdf": pdf} if pdf else {})}
+    for option, path in targets.items():
+        ending = ".pdf" if option == "--pdf" else ".html"
+        if path.suffix.lower() != ending:
+            raise InputError(f"{option} {path}: a file that ends with {ending} is written")
+        there = path.parent.is_dir()
+        if path.is_dir() or (there and not os.access(path.parent, os.W_OK)):
+            reason = "it is a folder" if path.is_dir() else "no right to, or a read-only disk"
+            raise InputError(f"cannot write '{path}': {reason}; choose with {option}")
+    writer: Any = None
+    if pdf:
+        try:
+            writer = import_module("weasyprint")
+        except (ImportError, OSError) as error:
+            raise InputError(NO_WRITER) from error
+        for name in ("weasyprint", "fontTools"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        page = _made(folder, labels or Labels())
+        sweep = None if (folder / RECORD).exists() else read_sweep(folder)
+        if sweep is None:
+            page = report_page(read_content(folder, labels))
+        else:
+            page = _page(f"Sweep: {sweep.folder}", _sweep_parts(sweep, labels))
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{folder / RECORD} is damaged ({error!r}); solve the scene again"
         ) from error
-    _replace(target, page.encode("utf-8"), "-o")
-    if pdf:
-        _replace(pdf, pdf_of(writer, page), "--pdf")
-    return [target, *([pdf] if pdf else [])]
+    for option, path in targets.items():
+        data = pdf_of(writer, page) if option == "--pdf" else page.encode("utf-8")
+        try:
+            replace_file(path, data)
+        except OSError as error:
+            reason = f"{error.strerror}; choose with {option}"
+            raise OutputError(f"cannot write '{path}': {reason}") from None
+    return list(targets.values())
 
 
-def _made(folder: Path, labels: Labels) -> str:
-    """The page on what is in a folder, as HTML."""
-    sweep = None if (folder / RECORD).exists() else read_sweep(folder)
-    return report_page(read_content(folder, labels)) if sweep is None else sweep_page(sweep, labels)
+def pdf_of(writer: Any, page: str) -> bytes:
+    """A page of HTML as PDF by WeasyPrint; nothing but what the page holds itself is read."""
 
+    def data_alone(address: str) -> Any:
+        if not address.startswith("data:"):
+            raise ValueError("a report reads no other file")
+        return writer.default_url_fetcher(address)
 
-def _check_targets(targets: Mapping[str, tuple[Path, str]]) -> None:
-    """Refuse files of another ending, and where no file can be written, by their options."""
-    for option, (target, ending) in targets.items():
-        if target.suffix.lower() != ending:
-            raise InputError(f"{option} {target}: a file that ends with {ending} is written")
-        there = target.parent.is_dir()
-        if target.is_dir() or (there and not os.access(target.parent, os.W_OK)):
-            reason = "it is a folder" if target.is_dir() else "no right to, or a read-only disk"
-            raise InputError(f"cannot write '{target}': {reason}; choose with {option}")
-
-
-def _replace(target: Path, data: bytes, option: str) -> None:
-    """Write a file that is complete whenever it is there."""
-    try:
-        replace_file(target, data)
-    except OSError as error:
-        reason = f"{error.strerror}; choose with {option}"
-        raise OutputError(f"cannot write '{target}': {reason}") from None
-
-
-def _warnings(content: Content) -> Iterator[str]:
-    """Warnings of the run."""
-    warnings = content.record["warnings"]
-    yield heading("Warnings")
-    yield bullets(warnings) if warnings else paragraph("None.")
-
-
-def _notes(content: Content) -> Iterator[str]:
-    """What readers should know of the theory."""
-    yield heading("What to know when you use these numbers")
-    yield bullets([*NOTES, CRUSHING if content.has_strength else ELASTIC])
-
-
-#: Parts of the page in their order; each begins with its heading.
-SECTIONS: tuple[Section, ...] = (
-    first_page,
-    loads_and_groups,
-    how_it_fails,
-    load_factors,
-    forces,
-    sensitivity,
-    structure,
-    _warnings,
-    _notes,
-    verification,
-    computation,
-)
-#: Classes of parts: "break" begins on a new page in print.
-KINDS: Mapping[Section, str] = {
-    loads_and_groups: "break",
-    verification: "break appendix",
-    computation: "appendix",
-}
+    known = getattr(writer, "URLFetcher", None)  # from WeasyPrint 68 on
+    fetcher = data_alone if known is None else known(allowed_protocols=("data",))
+    pdf: bytes = writer.HTML(string=page, url_fetcher=fetcher).write_pdf()
+    return pdf
 
 
 def report_page(content: Content) -> str:
-    """The page, as HTML."""
-    parts = chain.from_iterable(_part(section, content) for section in SECTIONS)
+    """The page on a result, as HTML."""
+    parts: list[str] = []
+    for section, kind in SECTIONS.items():
+        parts.append(f'<section class="{kind}">' if kind else "<section>")
+        parts += [*section(content), "</section>"]
     return _page(content.record["title"] or "Limit load", [*parts, f"<script>{SCRIPT}</script>"])
-
-
-def sweep_page(sweep: Sweep, labels: Labels) -> str:
-    """The page on a sweep alone, as HTML."""
-    return _page(f"Sweep: {sweep.folder}", sweep_parts(sweep, labels.named()))
 
 
 def _page(name: str, parts: Iterable[str]) -> str:
@@ -163,50 +165,297 @@ def _page(name: str, parts: Iterable[str]) -> str:
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
 
-def _part(section: Section, content: Content) -> Iterator[str]:
-    """One part of the page."""
-    kind = KINDS.get(section, "")
-    yield f'<section class="{kind}">' if kind else "<section>"
-    yield from section(content)
-    yield "</section>"
+def loads_and_groups(content: Content) -> Iterator[str]:
+    """A picture of the scene, and the loads with their resultants."""
+    scene = content.record["scene"]
+    units = content.units
+    yield heading("Loads and groups")
+    if address := content.pictures.get("scene"):
+        yield picture(address, PICTURES["scene"])
+    rows: list[tuple[str, ...]] = [*_rows(scene["loads"], scene["units"], units)]
+    floors = {f"floor {name}": floor for name, floor in (scene.get("floors") or {}).items()}
+    rows += _rows(floors, {**scene["units"], "force": "N/m2"}, units)
+    for name, force in scene["resultants"].items():
+        rows.append((name, "resultant", units.forces(force, 4)))
+    yield table(rows, ("load", "what", "value"))
+    yield paragraph(
+        "The dead load acts first and stays. The live load is multiplied by the load factor."
+        " A body force is an acceleration; the force is density times it."
+    )
 
 
-MISSING = (
-    "--pdf needs WeasyPrint, which is not there: install the Debian package 'weasyprint' (apt"
-    " install weasyprint), or leave --pdf out and print the HTML page from a browser"
-)
+def structure(content: Content) -> Iterator[str]:
+    """What was solved: materials, joints and supports with their units."""
+    record = content.record
+    scene = record["scene"]
+    mesh = record["mesh"]
+    names = scene["units"]
+    units = content.units
+    size = scene["size"]
+    held = mesh["bodies"] - mesh["floating_bodies"]
+    yield heading("The structure")
+    yield paragraph(
+        f"{counted(mesh['bodies'], 'block')}, {held or 'none'} held by supports.",
+        f"Width {units.length(size['width'], 4)}, height {units.length(size['height'], 4)},",
+        f"area {size['area']:.4g} m2. Plane {scene['plane']}.",
+        f"Thickness {units.length(units.thickness)}." if units.thickness else "",
+        "" if units.thickness else "Forces are per metre of thickness.",
+    )
+    for kind in ("materials", "joints", "foundations"):
+        rows = _rows(scene[kind], names, units)
+        yield table(rows, ("group", "property", "value"), KEYS[kind])
+    yield table(scene["supports"].items(), ("group", "kind"), KEYS["supports"])
+    ties: list[tuple[str, ...]] = []
+    for name, tie in (scene.get("ties") or {}).items():
+        # Units of one tie where it has a spacing, else per metre of thickness.
+        of_tie = dict.fromkeys(("from", "to", "ground"), "m")
+        for key in ("yield", "stiffness", "prestress"):
+            per_metre, _, apart = names[key].partition(", ")
+            of_tie[key] = apart.removesuffix(" with a spacing") if tie.get("spacing") else per_metre
+        ties += _rows({name: tie}, {**names, **of_tie}, units)
+    yield table(ties, ("tie", "property", "value"), KEYS["ties"])
+    contacts = [
+        (at["group"], at["kind"], at["points"], units.length(at["length"], 4))
+        for at in scene["contacts"]
+    ]
+    yield table(contacts, ("group", "kind", "joint points", "length"), "Where the blocks touch")
 
 
-def pdf_writer() -> Any:
-    """WeasyPrint, quiet.
+def _rows(tables: Record, names: Record, units: Units) -> Iterator[tuple[str, str, str]]:
+    """Name, property and value of everything that was given in tables of one kind."""
 
-    Raises:
-        InputError: If it is not installed, or a library of it is missing.
-    """
-    try:
-        import weasyprint
-    except (ImportError, OSError) as error:
-        raise InputError(MISSING) from error
-    logging.getLogger("weasyprint").setLevel(logging.CRITICAL)
-    logging.getLogger("fontTools").setLevel(logging.CRITICAL)
-    return weasyprint
+    def told(key: str, value: object) -> tuple[str, str]:
+        unit = "N/m2" if key in PRESSURES else names.get(key, "")
+        return KEYS.get(key, key.replace("_", " ")), value_text(value, unit, units)
 
-
-def pdf_of(writer: Any, page: str) -> bytes:
-    """A page of HTML as PDF; nothing but what the page holds itself is read."""
-    pdf: bytes = writer.HTML(string=page, url_fetcher=_data_fetcher(writer)).write_pdf()
-    return pdf
+    for name, given in tables.items():
+        for key, value in given.items():
+            label, words = told(key, value)
+            if isinstance(value, dict):
+                for place, part in value.items():
+                    inside = part if isinstance(part, dict) else {key: part}
+                    pairs = (told(k, v) for k, v in inside.items() if v is not None)
+                    yield name, f"{label} {place}", ", ".join(" ".join(pair) for pair in pairs)
+            elif value is not None and not (key in UNUSED and value in NOTHING):
+                yield name, label, words
 
 
-def _data_fetcher(writer: Any) -> Any:
-    """What WeasyPrint reads addresses with: those that are data themselves, and no other."""
-    fetcher = getattr(writer, "URLFetcher", None)
-    if fetcher is not None:  # from WeasyPrint 68 on
-        return fetcher(allowed_protocols=("data",))
+def load_factors(content: Content) -> Iterator[str]:
+    """Load factors with their brackets, ties, what was tried, and what the numbers mean."""
+    record = content.record
+    units = content.units
+    per = "tension" if units.thickness else f"tension {PER_METRE}"
+    yield heading("The range of load factors")
+    if record["status"] == "limit":
+        yield paragraph(RANGE)
+    for direction, end in record["ends"].items():
+        yield heading(f"Load factor, {direction_words(direction)}", 3)
+        if end["status"] != record["status"]:
+            yield paragraph(STATUS[end["status"]])
+        if end["reason"]:
+            reason = f"{end['reason']}."
+            if end["status"] == "not_converged" and end["attempts"]:
+                reason = f"{reason.partition('; ')[0]}. The appendix has what was tried."
+            yield paragraph(f"Reason: {reason}")
+        first, *others = end["tables"]
+        yield table(first["rows"])
+        forces = [
+            (tie["name"], units.force(tie["force"], 4), units.force(tie["yield"], 4), tie["state"])
+            for tie in content.details(direction).get("ties", [])
+        ]
+        yield table(forces, ("tie", per, "yields at", "state"), "Ties")
+        for one in others:
+            yield table(one["rows"], one["head"], one["title"]) or heading(one["title"], 3)
+            yield paragraph(one["note"]) if one["note"] else ""
+    if not record["ends"]:
+        yield paragraph(f"Reason: {record['reason']}.")
 
-    def fetch(address: str) -> Any:
-        if not address.startswith("data:"):
-            raise ValueError("a report reads no other file")
-        return writer.default_url_fetcher(address)
 
-    return fetch
+def forces(content: Content) -> Iterator[str]:
+    """Pictures of forces and stresses that say something."""
+    many = content.record["mesh"]["bodies"] > LEGIBLE
+    first = ("collapse", "collapse_negative", "scene", "capacity")
+    found = {
+        stem: address
+        for stem, address in content.pictures.items()
+        if stem not in first and not (many and stem.startswith("forces"))
+    }
+    if found:
+        yield heading("Forces and stresses")
+    for stem, address in found.items():
+        more = " Forces are per metre of thickness." if stem.startswith("forces") else ""
+        direction = "negative" if stem.endswith("_negative") else "positive"
+        if content.details(direction).get("engine") == "faces" and stem.startswith("stress"):
+            more = " They are those of elastic blocks under the joint forces of the state."
+        yield picture(address, PICTURES[stem] + more)
+    if many and "forces" in content.pictures:
+        yield paragraph(
+            f"The joint forces of more than {LEGIBLE} blocks are too small for this page;"
+            " the picture 'forces' in the folder of the result has them."
+        )
+    if address := content.pictures.get("capacity", ""):
+        yield heading("Capacity curve")
+        yield picture(address, PICTURES["capacity"])
+
+
+def sensitivity(content: Content) -> Iterator[str]:
+    """Load factors over what a sweep varied; nothing without a sweep."""
+    if content.sweep is not None:
+        yield heading("Sensitivity")
+        yield from _of_sweep(content.sweep, ROWS)
+
+
+def _sweep_parts(sweep: Sweep, labels: Labels) -> Iterator[str]:
+    """The page of a sweep alone: its picture, the worst case, its table."""
+    yield heading(f"Load factors over {' and '.join(sweep.keys)}", 1)
+    version = f"Computed with fenics-contact {sweep.version}"
+    yield paragraph(labels.line(version), kind="labels")
+    yield from _of_sweep(sweep, MOST_ROWS)
+
+
+def _of_sweep(sweep: Sweep, most: int) -> Iterator[str]:
+    """What a sweep found, with at most so many rows of its table."""
+
+    def short(row: Mapping[str, str], name: str) -> str:
+        """A number of the table with five digits; a dash for none."""
+        number = row.get(name) or ""
+        try:
+            return f"{float(number):.5g}" if number else "-"
+        except ValueError:
+            return number
+
+    solved = sorted((row for row in sweep.rows if row["status"] == "limit"), key=least)
+    count = f"The sweep in '{sweep.folder}' varies {' and '.join(sweep.keys)}."
+    if len(sweep.rows) < sweep.points:
+        count += f" It was stopped: {len(sweep.rows)} of {sweep.points} points are there."
+    if solved:
+        row = solved[0]
+        span = f"from {least(row):.4g} to {least(solved[-1]):.4g}."
+        over = f"Over its {len(solved)} limit loads the load factor goes {span}"
+        where = ", ".join(f"{key} = {row[key]}" for key in sweep.keys)
+        end = "" if least(row) == float(row["load_factor"] or "inf") else "_negative"
+        where += " with the live load reversed" if end else ""
+        bracket = " to ".join(short(row, f"{side}{end}") for side in ("lower", "upper"))
+        worst = f"The lowest is {short(row, f'load_factor{end}')} at {where};"
+        yield paragraph(count, over, worst, f"its bracket is {bracket}.")
+    else:
+        yield paragraph(count, "It has no limit load.")
+    if sweep.picture:
+        yield picture(sweep.picture, "Load factor over what the sweep varies.")
+    if sweep.worst:
+        yield picture(sweep.worst, "Mechanism where the load factor is lowest.")
+    columns = {"load_factor": "load factor"}
+    if any(row.get("load_factor_negative") for row in sweep.rows):
+        columns |= {"load_factor_negative": "live load reversed"}
+    rows = [
+        [*(row[key] for key in sweep.keys), row["status"].replace("_", " ")]
+        + [short(row, name) for name in columns]
+        for row in sweep.rows[:most]
+    ]
+    yield table(rows, [*sweep.keys, "status", *columns.values()])
+    if len(sweep.rows) > most:
+        yield paragraph(f"These are the first {most} of {len(sweep.rows)} rows of sweep.csv.")
+
+
+def warnings(content: Content) -> Iterator[str]:
+    """Warnings of the run."""
+    told = content.record["warnings"]
+    yield heading("Warnings")
+    yield bullets(told) if told else paragraph("None.")
+
+
+def notes(content: Content) -> Iterator[str]:
+    """What readers should know of the theory."""
+    scene = content.record["scene"]
+    kinds = "materials", "joints", "foundations"
+    given = [one.get("compressive_strength") for kind in kinds for one in scene[kind].values()]
+    yield heading("What to know when you use these numbers")
+    yield bullets([*NOTES, WITH_STRENGTH if any(given) else WITHOUT_STRENGTH])
+
+
+def verification(content: Content) -> Iterator[str]:
+    """Every condition of a collapse state: what it means, by how much it is missed."""
+    yield heading("Appendix: verification")
+    yield paragraph(
+        "All conditions are computed again from the problem. How the state was found plays no part."
+        " A residual is what a condition is missed by, relative to a typical force, displacement"
+        " or power of the structure."
+    )
+    shown = False
+    for direction in content.record["ends"]:
+        details = content.details(direction)
+        if not details.get("residuals"):
+            continue
+        shown = True
+        allowed = details["tolerances"]
+        rows = []
+        for name, value in details["residuals"].items():
+            good = value is not None and value <= allowed[name]
+            # One below zero has room left.
+            amount = "not known" if value is None else f"{value:.1e}" if value > 0.0 else "0"
+            label, meaning = RESIDUALS.get(name, (name.replace("_", " "), ""))
+            rows.append((label, meaning, amount, f"{allowed[name]:.0e}", "yes" if good else "NO"))
+        head = ("condition", "what it means", "residual", "allowed", "passed")
+        yield table(rows, head, f"State with the {direction_words(direction)}")
+    if not shown:
+        yield paragraph("There is no collapse state to verify.")
+
+
+def computation(content: Content) -> Iterator[str]:
+    """Method, counts, times and versions."""
+    record = content.record
+    scene = record["scene"]
+    mesh = record["mesh"]
+    iterations = record["iterations"]
+    yield heading("Appendix: how it was computed")
+    words = record["words"]
+    keys = KEYS | {name: option for name, (option, _, _) in words.items() if option}
+    left_out = LEFT_OUT | {name: default for name, (_, default, _) in words.items() if default}
+    phases = PHASES | {name: begins for name, (_, _, begins) in words.items() if begins}
+    options = scene["solve"]
+    rows: list[tuple[object, ...]] = []
+    for key, value in options.items():
+        told = value_text(value)
+        if value is None and key in left_out:
+            hurried = options.get("fast") and left_out[key] != "none"
+            told = "no" if hurried else left_out[key]
+        rows.append((keys.get(key, key), told))
+    rows += [("method of the state reported", value_text(record["method"]))]
+    rows += [(MEANING[key], mesh[key]) for key in ("cells", "dofs", "joint_points")]
+    rows += [("degree of the displacements", scene["degree"])]
+    counts = ("fixed_point", "factorizations")
+    rows += [(MEANING[key], value_text(iterations[key])) for key in counts]
+    rows += [("processes (MPI ranks)", record["ranks"]), ("date (UTC)", record["date"])]
+    yield table(rows)
+    seconds = record["seconds"].items()
+    times = [(phases.get(name, name), f"{value:.3g} s") for name, value in seconds]
+    yield table(times, title="Times")
+    for direction, end in record["ends"].items():
+        if end["status"] == "not_converged" and end["attempts"]:
+            names = "name", "outcome", "factorizations"
+            tried = [[one[name] for name in names] for one in end["attempts"]]
+            head = "attempt", "how it ended", "factorisations"
+            yield table(tried, head, f"What was tried, {direction_words(direction)}")
+            yield paragraph(f"In short: {end['reason']}.")
+    if record["skipped"]:
+        yield heading("What was left out", 3)
+        yield bullets(record["skipped"])
+    named = {"fenics-contact": record["version"], **record["versions"]}
+    yield table([(k, version or "not known") for k, version in named.items()], title="Versions")
+
+
+#: Parts of the page in their order, each of which begins with its heading, and their classes:
+#: "break" begins on a new page in print.
+SECTIONS: Mapping[Section, str] = {
+    first_page: "",
+    loads_and_groups: "break",
+    how_it_fails: "",
+    load_factors: "",
+    forces: "",
+    sensitivity: "",
+    structure: "",
+    warnings: "",
+    notes: "",
+    verification: "break appendix",
+    computation: "appendix",
+}
