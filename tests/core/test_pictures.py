@@ -13,7 +13,7 @@ from fenics_contact import JointLaw, Load, limit_load
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, polygons, running_bond, wall
 from fenics_contact.output.drawing import force_text, nice
-from fenics_contact.output.fields import principal_stresses, stress_raster
+from fenics_contact.output.fields import stress_raster
 from fenics_contact.output.plotting import (
     draw_forces,
     draw_mode,
@@ -152,12 +152,6 @@ def test_raster_carries_the_weight(degree, quadrilaterals):
     np.testing.assert_allclose(again, mean, rtol=1e-9)
 
 
-def test_principal_stresses_of_a_tensor():
-    values, first = principal_stresses(np.array([[0.0, 0.0, 2.0], [-3.0, 1.0, 0.0]]))
-    np.testing.assert_allclose(values, [[2.0, -2.0], [1.0, -3.0]])
-    np.testing.assert_allclose(np.abs(first), [[np.sqrt(0.5)] * 2, [0.0, 1.0]], atol=1e-12)
-
-
 @pytest.mark.mpi
 def test_loads_are_shown_where_they_act_with_the_names_of_their_groups():
     force = EdgeForce((0.0, -2.0e3), 0.25)
@@ -218,9 +212,3 @@ def test_materials_and_states_are_in_the_legend_where_they_are():
     for draw in (draw_forces, draw_thrust):
         axes = Figure().subplots()
         assert draw(axes, view) is axes
-
-
-def test_no_forces_without_a_state():
-    with Discretization(on_ground(tower(1), ROUGH)) as made:
-        with pytest.raises(ValueError, match="no joint forces"):
-            draw_forces(Figure().subplots(), view_of(made))

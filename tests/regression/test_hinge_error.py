@@ -115,6 +115,7 @@ def test_where_joints_crush_no_mesh_plays_a_part():
     assert "no error by a mesh" in summary(fine)
 
 
+@pytest.mark.slow
 def test_load_control_has_hinges_too():
     assert wall("W4", 2, control="load").hinges.points == pytest.approx(W4, abs=3e-5)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -57,12 +58,8 @@ def test_every_method_finds_what_is_known(name, method, tmp_path):
 @pytest.mark.parametrize(
     ("name", "friction"),
     [
-        ("4x4", 100.0),
-        *(
-            pytest.param(name, f, marks=pytest.mark.slow)
-            for name in ("W1", "W2")
-            for f in (3.0, 10.0)
-        ),
+        pytest.param(name, f, marks=pytest.mark.slow)
+        for name, f in (("4x4", 100.0), *product(("W1", "W2"), (3.0, 10.0)))
     ],
 )
 def test_high_friction_has_a_verified_state_within_its_bracket(name, friction):
@@ -106,7 +103,7 @@ def test_raising_the_load_ends_at_the_linear_program_with_given_friction(name, t
     assert factor * (1.0 - 2e-4) <= path["equilibrium_up_to"] <= factor * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("name", ["W1", *slow("W2", "W3", "W4")])
+@pytest.mark.parametrize("name", slow("W1", "W2", "W3", "W4"))
 def test_raising_the_load_ends_at_the_same_collapse(name, tmp_path):
     wall = BANK[f"{name} coulomb 0.65"]
     record = recorded(wall.scene(control="load"), tmp_path)

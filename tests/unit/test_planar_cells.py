@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fenics_contact import InputError
-from fenics_contact.geometry.planar_cells import anticlockwise, check_apart
+from fenics_contact.geometry.planar_cells import check_apart
 
 
 def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -60,12 +60,3 @@ def test_blocks_overlap_or_do_not(width, shift, apart, angle):
 
 def test_block_in_a_hole_overlaps_nothing():
     check_two(SMALL, CELLS[~HOLE])
-
-
-@pytest.mark.parametrize("cell", [(0, 1, 2), (0, 1, 3, 2), (0, 2, 1), (2, 3, 1, 0)])
-def test_cells_are_turned_anticlockwise(cell):
-    points, _ = grid(1)
-    (turned,) = anticlockwise(points, np.array([cell]), "drawing")
-    assert sorted(turned) == sorted(cell)
-    x, y = points[turned].T
-    assert x @ np.roll(y, -1) - y @ np.roll(x, -1) > 0.0

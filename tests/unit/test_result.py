@@ -132,13 +132,6 @@ def test_load_factor_outside_its_bracket_is_no_limit_load(sign, outside):
     assert held.status == ("not_converged" if outside else "limit")
 
 
-def test_contraction_is_that_of_the_last_half():
-    changes = [1.0, 0.9, 0.1, 0.01, 0.001]
-    steps = tuple(Step(1.0, change, 1.0, 1) for change in changes)
-    assert History(steps).contraction == pytest.approx(0.1)
-    assert History(steps[:1]).contraction is None
-
-
 def test_numbers_of_the_record_are_strict_json():
     record = {"a": [np.inf, 1, {"b": float("nan"), "c": None}], "d": "text", "e": -0.0}
     expected = {"a": [None, 1, {"b": None, "c": None}], "d": "text", "e": 0.0}
