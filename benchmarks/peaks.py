@@ -17,8 +17,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fenics_contact import OutputOptions, limit_load
+from fenics_contact.answers.peak import find_peak
 from fenics_contact.collapse.load_case import LoadCase
-from fenics_contact.collapse.peak import Above, find_peak
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.discretization.discretization import Discretization
@@ -38,8 +38,7 @@ def row(scene: Scene, control: bool) -> tuple[str, ...] | None:
         if end.status != "limit" or end.state is None or not case.problem.coulomb:
             return None
         solve, before = made.effort.spent - before, made.effort.spent
-        above = Above(end.load_factor, end.size, end.state.work)
-        peak = find_peak(case, above, solve)
+        peak = find_peak(case, end, solve)
         cost = (made.effort.spent - before) / solve
     numbers = end.load_factor, peak.load_factor, peak.not_found_at
     path = by_load_control(scene) if control else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import math
 import time
@@ -16,7 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 from dolfinx import fem
 
-from fenics_contact.answers.asking import answered, of_curve
+from fenics_contact.accuracy import to_accuracy
+from fenics_contact.answers.question import answered, of_curve
 from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
@@ -33,14 +33,6 @@ from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.warnings import pressed_too_much, turn_in
 from fenics_contact.errors import InputError, SolverError, Stopped, checked
 from fenics_contact.geometry.mesh import Array
-from fenics_contact.mesh_error.accuracy import (
-    finer_scene,
-    inaccurate,
-    is_accurate,
-    why_no_finer,
-    with_costs,
-    with_pass,
-)
 from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.files import write_result
 from fenics_contact.output.pictured import Pictured
@@ -296,30 +288,14 @@ def limit_load(
             _log.warning("warning: %s", text)
         result = limit_load_of(discretization, monitor, asked)
     if scene.solve.accuracy is not None and result.status == "limit":
-        result = _to_accuracy(result, monitor, asked)
+
+        def on(finer: Scene) -> LimitLoad:
+            with Discretization(finer) as discretization:
+                return limit_load_of(discretization, monitor, asked)
+
+        result = to_accuracy(result, on)
     total = {"total": time.perf_counter() - start}
     return replace(result, seconds={**result.seconds, **total})
-
-
-def _to_accuracy(result: LimitLoad, monitor: Monitor | None, asked: Callable[[], str]) -> LimitLoad:
-    """The limit load on a mesh that is fine enough for the accuracy that its scene wishes.
-
-    Where there is none, `inaccurate` says so.
-    """
-    result = with_pass(result)
-    for meshes in itertools.count(1):
-        if is_accurate(result):
-            return result
-        finer = finer_scene(result, meshes)
-        if finer is None:
-            return inaccurate(result, why_no_finer(result, meshes))
-        with Discretization(finer) as discretization:
-            new = limit_load_of(discretization, monitor, asked)
-        if new.status != "limit":
-            missed = new.stopped or f"no limit load was found on mesh {meshes + 1}"
-            return inaccurate(with_costs(result, new), missed)
-        result = with_pass(replace(with_costs(new, result), passes=result.passes))
-    return result
 
 
 def limit_load_of(

@@ -350,7 +350,7 @@ class SearchOptions:
     #: Works at the end of the capacity curve and at the onset of the collapse.
     beyond_onset: float = 1.4
 
-    # ---- peak of the path (collapse/peak)
+    # ---- peak of the path (answers/peak)
     #: A load factor is higher than another one by this, relative; so much a path falls past a peak.
     higher: float = 2e-3
     #: Cost until something is seen, in units of that of the collapse,
@@ -391,7 +391,7 @@ class SearchOptions:
     #: which is farther away.
     first_window: int = 8
 
-    # ---- what a load factor owes to the mesh (mesh_error)
+    # ---- what a load factor owes to the mesh (answers/hinges, accuracy)
     #: Cost of hinges of other lengths, in units of that of the collapse, unasked,
     hinge_share: float = 0.5
     #: and where it is asked for.

@@ -49,7 +49,7 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
 
     best: Verified | None = None
     try:
-        mode = elastic_mode(case.coulomb(state.work, scales), state)
+        mode = rates(case.coulomb(state.work, scales), state)[0]
         # It bounds the limit for the state's friction from above, the state's forces from below.
         best = certified(mode, kinematic_factor(case.problem, state, mode))
     except SolverError as error:
@@ -76,17 +76,14 @@ def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: 
     return certified(case.discretization.rigid_motion(motion), rigid_limit)
 
 
-def elastic_mode(kkt: PerturbedKKT, state: State) -> Array:
-    """du/dT at a state, with f_L . du/dT = 1, by the conditions `kkt` with or without given bound.
+def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
+    """du/dT, with f_L . du/dT = 1, and d(lambda)/dT = 1 / (f_L . A^-1 f_L) at a state.
+
+    By the conditions `kkt`, with or without given bound.
 
     Raises:
         SolverError: If A is singular.
     """
-    return rates(kkt, state)[0]
-
-
-def rates(kkt: PerturbedKKT, state: State) -> tuple[Array, float]:
-    """du/dT and d(lambda)/dT = 1 / (f_L . A^-1 f_L) at a state; as `elastic_mode`."""
     near = kkt.on_central_path(state, SEARCH.mode_products, SEARCH.from_bound)
     # No forces arise in a mechanism: a moderate cap lets nothing penetrate and keeps digits.
     spring = SEARCH.mode_products

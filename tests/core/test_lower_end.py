@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Scene, limit_load
-from fenics_contact.answers.hinges import HingesAnswer
+from fenics_contact.answers.hinges import HingeLengths, HingesAnswer
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.mesh_error.hinges import HingeLengths
 from fenics_contact.meshing import arch, buttress
 from fenics_contact.results.bounds import LimitBounds, signed
 from fenics_contact.results.result import Collapse

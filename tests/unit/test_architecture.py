@@ -30,8 +30,7 @@ FLOORS = (
     {"faces"},
     {"results"},
     {"collapse", "output", "console"},
-    {"mesh_error"},
-    {"answers"},
+    {"answers", "accuracy"},
     {"equilibrium", "limit_load"},
     {"sweeps"},
     {"cli"},
@@ -42,7 +41,7 @@ FLOORS = (
 SHORT = {"mesh", "meshing", "builders", "drawing"}
 
 #: Beside the floors: PETSc and numpy only, used by these.
-SOLVERS, SOLVERS_USERS = "solvers", {"discretization", "results", "collapse", "mesh_error"}
+SOLVERS, SOLVERS_USERS = "solvers", {"discretization", "results", "collapse", "answers"}
 IN_SOLVERS = {name for name in TREES if name.startswith(f"{SOLVERS}.")}
 ON_FLOORS = set(TREES) - IN_SOLVERS - SHORT
 
@@ -108,7 +107,7 @@ def test_imports_run_downstairs():
 
 def test_what_is_shown_is_data():
     shown = {name for name in TREES if roots([name]) & {"output", "console", "results"}}
-    others = {name: roots(own_imports(name)) & {"collapse", "mesh_error"} for name in shown}
+    others = {name: roots(own_imports(name)) & {"collapse", "answers"} for name in shown}
     assert {name: found for name, found in others.items() if found} == {}
 
 

@@ -9,8 +9,10 @@ The first mesh is enough only where its mechanism has one load factor (`answers.
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
@@ -35,14 +37,52 @@ Found = TypeVar("Found", bound=Result)
 SIDES = {6: [[1, 2], [0, 2], [0, 1]], 9: [[0, 1], [0, 2], [1, 3], [2, 3]]}
 
 
-def is_accurate(result: Result) -> bool:
-    """Whether the last load factors are as accurate as the scene wishes."""
-    wished = result.scene.solve.accuracy
-    rows = _last_rows(result).items()
-    return wished is None or all(
-        row.estimate <= wished and (row.algebraic_error == 0.0 or _enough_meshes(result, name))
-        for name, row in rows
-    )
+def to_accuracy(result: Found, solve: Callable[[Scene], Found]) -> Found:
+    """The limit load on a mesh that is fine enough for the accuracy that its scene wishes.
+
+    Where there is none, `inaccurate` says so. `solve` finds the limit load of a scene.
+    """
+    result = _with_pass(result)
+    wished = result.scene.solve.accuracy or math.inf
+    for meshes in itertools.count(1):
+        rows = {row.direction: row for row in result.passes}
+        if all(
+            row.estimate <= wished and (row.algebraic_error == 0.0 or _enough_meshes(result, name))
+            for name, row in rows.items()
+        ):
+            return result
+        scene = result.scene
+        hinges_known = all(row.hinge_error <= wished for row in rows.values())
+        why = f"not with {meshes} meshes of up to {result.layout.size} displacements"
+        if not hinges_known:
+            why += "; what short hinges do is not known"
+        if meshes >= SEARCH.meshes or not (hinges_known or scene.degree == 1):
+            break  # where short hinges are not known finer cells do not help
+        if scene.degree == 2:
+            scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
+        corners = scene.mesh.domain.topology.index_map(0).size_global
+        # With the middles of sides there are four times as many nodes, about.
+        if 8 * corners > SEARCH.mesh_size:
+            break
+        new = solve(replace(scene, degree=2))
+        both = (result, new)
+        costs = {
+            "factorizations": sum(one.factorizations for one in both),
+            "mode_factorizations": sum(one.mode_factorizations for one in both),
+            "cost": sum(one.cost for one in both),
+            "seconds": {
+                name: sum(one.seconds.get(name, 0.0) for one in both)
+                for name in {**result.seconds, **new.seconds}
+            },
+        }
+        if new.status != "limit":
+            why = new.stopped or f"no limit load was found on mesh {meshes + 1}"
+            result = replace(result, **costs)
+            break
+        result = _with_pass(replace(new, passes=result.passes, **costs))
+    if result.scene.comm.rank == 0:
+        _log.warning("warning: the accuracy wished is not reached: %s", why)
+    return replace(result, inaccurate=why)
 
 
 def _enough_meshes(result: Result, name: str) -> bool:
@@ -60,46 +100,9 @@ def _enough_meshes(result: Result, name: str) -> bool:
     return not np.any(slides)
 
 
-def finer_scene(result: Result, meshes: int) -> Scene | None:
-    """The scene on the next mesh, after so many; None if there is none to be tried. Collective."""
-    scene = result.scene
-    if meshes >= SEARCH.meshes or not (_hinges_known(result) or scene.degree == 1):
-        return None
-    if scene.degree == 2:
-        scene = replace(scene, mesh=refine(scene.mesh, _cells_to_refine(result)))
-    corners = scene.mesh.domain.topology.index_map(0).size_global
-    # With the middles of sides there are four times as many nodes, about.
-    return replace(scene, degree=2) if 8 * corners <= SEARCH.mesh_size else None
-
-
-def why_no_finer(result: Result, meshes: int) -> str:
-    """Why no mesh after so many is tried, for people."""
-    why = f"not with {meshes} meshes of up to {result.layout.size} displacements"
-    return why + ("" if _hinges_known(result) else "; what short hinges do is not known")
-
-
-def inaccurate(result: Found, why: str) -> Found:
-    """A result that says why it is not as accurate as its scene wishes."""
-    if result.scene.comm.rank == 0:
-        _log.warning("warning: the accuracy wished is not reached: %s", why)
-    return replace(result, inaccurate=why)
-
-
-def with_costs(result: Found, other: Result) -> Found:
-    """A result with the time and the factorisations of another one added to its own."""
-    names = dict.fromkeys([*result.seconds, *other.seconds])
-    return replace(
-        result,
-        factorizations=result.factorizations + other.factorizations,
-        mode_factorizations=result.mode_factorizations + other.mode_factorizations,
-        cost=result.cost + other.cost,
-        seconds={n: result.seconds.get(n, 0.0) + other.seconds.get(n, 0.0) for n in names},
-    )
-
-
-def with_pass(result: Found) -> Found:
+def _with_pass(result: Found) -> Found:
     """A result with load factors for point hinges, and rows for all. Collective."""
-    before = _last_rows(result)
+    before = {row.direction: row for row in result.passes}
     about = result.layout.size, result.scene.degree
     seconds = sum(result.seconds.values())
     ends = dict(result.ends)
@@ -125,17 +128,6 @@ def with_pass(result: Found) -> Found:
             ends[name] = replace(end, load_factor=best)
         _log.info("pass: %s, estimate %.2g", rows[-1], rows[-1].estimate)
     return replace(result, ends=ends, passes=tuple(rows))
-
-
-def _last_rows(result: Result) -> dict[str, Pass]:
-    """The last row of every direction."""
-    return {row.direction: row for row in result.passes}
-
-
-def _hinges_known(result: Result) -> bool:
-    """Whether it is known what short hinges do: finer cells do not help where it is not."""
-    wished = result.scene.solve.accuracy
-    return wished is None or all(row.hinge_error <= wished for row in _last_rows(result).values())
 
 
 def _cells_to_refine(result: Result) -> Flags:

@@ -39,7 +39,7 @@ from fenics_contact.discretization.materials import (
 )
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.solvers.joint_stiffness import GENERAL, JointRows, JointStiffness
-from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap, State
+from fenics_contact.solvers.problem import ContactProblem, Owner, SparseMap
 
 
 @dataclass(frozen=True)
@@ -62,44 +62,46 @@ class SoftHinges:
         widened[: self.modes] = displacement[: self.modes]
         return widened
 
-    def state(self, state: State) -> State:
-        """A state of a structure with other hinges or none, in these unknowns."""
-        u = self.widened(state.displacement)
-        return replace(state, displacement=u, elastic=self.widened(state.elastic))
-
 
 @contextmanager
 def soft_hinges(case: LoadCase, points: Indices, halvings: float) -> Iterator[SoftHinges]:
     """The structure of a load case with so many halvings m at some joint points. Collective."""
-    from scipy.sparse import block_diag, hstack, vstack
+    from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 
     whole = case.discretization
     reduced = whole.block_modes.changed(case.problem).reduced
     nodes = np.unique(whole.joints.nodes[points])
     nodes = nodes[nodes > GROUND]
-    none = np.zeros(2 * len(nodes))
-    hinges = list(np.linalg.inv(halvings * hinge_compliance(whole, nodes)))
-    of_nodes = _columns(whole, nodes)
-    normal, tangential = (
-        hstack([_csr(of_modes), of_nodes[k]]).tocsr()
-        for k, of_modes in enumerate((reduced.normal, reduced.tangential))
+    # Maps of the modes, which every rank has, as scipy's matrices.
+    stiffness, normal, tangential, rigid = (
+        csr_matrix(operator.matrix.getValuesCSR()[::-1], operator.matrix.getSize())
+        for operator in (reduced.stiffness, reduced.normal, reduced.tangential, reduced.rigid)
     )
-    rigid = _csr(reduced.rigid)
+    of_nodes = _columns(whole, nodes)
+    hinges = np.linalg.inv(halvings * hinge_compliance(whole, nodes))
+    none = np.zeros(2 * len(nodes))
     matrices = {
-        "stiffness": block_diag([_csr(reduced.stiffness), *hinges]),
-        "normal": normal,
-        "tangential": tangential,
+        "stiffness": block_diag([stiffness, *hinges]),
+        "normal": hstack([normal, of_nodes[0]]),
+        "tangential": hstack([tangential, of_nodes[1]]),
         "rigid": vstack([rigid, np.zeros((len(none), rigid.shape[1]))]),
     }
     with Owner() as owner:
-        maps = {name: _map(matrix) for name, matrix in matrices.items()}
-        for operator in maps.values():
-            owner.callback(operator.close)
+        maps = {}
+        for name, matrix in matrices.items():
+            matrix = matrices[name] = matrix.tocsr()
+            matrix.sort_indices()
+            start, columns = (
+                part.astype(PETSc.IntType) for part in (matrix.indptr, matrix.indices)
+            )
+            csr = start, columns, matrix.data
+            maps[name] = SparseMap(PETSc.Mat().createAIJ(matrix.shape, csr=csr, comm=MPI.COMM_SELF))
+            owner.callback(maps[name].close)
         loads = {name: np.append(getattr(reduced, name), none) for name in ("dead", "live")}
         problem = replace(reduced, **maps, **loads)
-        rows = [_joint_rows(normal, tangential)]
-        stiffness = JointStiffness(problem.stiffness, rows, GENERAL, whole.mode_tally)
-        yield SoftHinges(problem, owner.enter_context(stiffness), len(reduced.dead))
+        rows = [_joint_rows(matrices["normal"], matrices["tangential"])]
+        springs = JointStiffness(problem.stiffness, rows, GENERAL, whole.mode_tally)
+        yield SoftHinges(problem, owner.enter_context(springs), len(reduced.dead))
 
 
 def hinge_compliance(whole: Discretization, nodes: Indices) -> Array:
@@ -107,13 +109,7 @@ def hinge_compliance(whole: Discretization, nodes: Indices) -> Array:
 
     In the supports' coordinates, the same on all ranks; `nodes` ascend. Collective.
     """
-    compliance = wedge_compliance(_matrices(whole, nodes), *_wedges(whole, nodes))
-    frame = whole.supports.free_directions(nodes)
-    return np.einsum("nji,njk,nkl->nil", frame, compliance, frame)
-
-
-def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
-    """Interior angle of the blocks at nodes of their boundary, and its bisector."""
+    # Interior angle of the blocks at the nodes, and its bisector.
     boundary = whole.boundary
     at = np.searchsorted(nodes, boundary.nodes[:, :2])
     at = np.minimum(at, len(nodes) - 1)
@@ -127,20 +123,19 @@ def _wedges(whole: Discretization, nodes: Indices) -> tuple[Array, Array]:
     inward /= np.maximum(np.linalg.norm(inward, axis=1), 1e-12)[:, None]  # no direction in a slit
     # A facet is at half the angle from the bisector: along . b = cos(a), summed over both.
     cosine = 0.5 * np.sum(sides * inward, axis=1)
-    return 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0)), inward
-
-
-def _matrices(whole: Discretization, nodes: Indices) -> Array:
-    """D at nodes, Pa: that of the softest cell there, shape (nodes, 3, 3). Collective."""
+    angle = 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))
+    # D of the softest cell at every node.
     space = whole.elasticity.space
     matrices = law_matrices(whole.law)
     dofs = compat.cell_dofs(space)
     order = np.argsort(-mean_shear_modulus(matrices), kind="stable")
     softest = np.zeros(int(dofs.max(initial=-1)) + 1, dtype=np.int64)
     softest[dofs[order].ravel()] = np.repeat(order, dofs.shape[1])  # the last one stays
-    start, end = space.dofmap.index_map.local_range
-    mine = nodes[(nodes >= start) & (nodes < end)] - start
-    return np.concatenate(whole.scene.comm.allgather(matrices[softest[mine]]))
+    first, last = space.dofmap.index_map.local_range
+    mine = nodes[(nodes >= first) & (nodes < last)] - first
+    laws = np.concatenate(whole.scene.comm.allgather(matrices[softest[mine]]))
+    frame = whole.supports.free_directions(nodes)
+    return np.einsum("nji,njk,nkl->nil", frame, wedge_compliance(laws, angle, inward), frame)
 
 
 def _columns(whole: Discretization, nodes: Indices) -> list[Any]:
@@ -172,20 +167,3 @@ def _joint_rows(normal: Any, tangential: Any) -> JointRows:
     for coefficients, operator in zip(values, (normal, tangential), strict=True):
         coefficients[row, slot] = np.asarray(operator[row, pattern.indices]).ravel()
     return JointRows.grouped(dofs, *values)
-
-
-def _csr(operator: SparseMap) -> Any:
-    """A map of this rank alone as a scipy matrix."""
-    from scipy.sparse import csr_matrix
-
-    start, columns, values = operator.matrix.getValuesCSR()
-    return csr_matrix((values, columns, start), operator.matrix.getSize())
-
-
-def _map(matrix: Any) -> SparseMap:
-    """A scipy matrix as a map of this rank alone."""
-    matrix = matrix.tocsr()
-    matrix.sort_indices()
-    start, columns = (part.astype(PETSc.IntType) for part in (matrix.indptr, matrix.indices))
-    csr = start, columns, matrix.data
-    return SparseMap(PETSc.Mat().createAIJ(matrix.shape, csr=csr, comm=MPI.COMM_SELF))
