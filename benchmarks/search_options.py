@@ -4,7 +4,7 @@
     python3 benchmarks/search_options.py --only path_    # those whose names begin so
     python3 benchmarks/search_options.py --write         # all, and the table into docs/build.md
 
-Every number is made much larger and much smaller while a fixed set of scenes is solved, the
+Every number is made much larger, and then much smaller, while a fixed set of scenes is solved, the
 cheapest first, among those that read it at all. It is told by the first scene whose status, load
 factor, cost or words change; the table names that scene and the change.
 """
@@ -15,6 +15,7 @@ import argparse
 import re
 import signal
 import sys
+import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -50,13 +51,13 @@ class Row:
     def change(self, other: Row) -> str:
         """What another row has differently, in words; empty where nothing."""
         if self.status != other.status:
-            return f"{self.status} becomes {other.status}"
+            return f"{self.status} -> {other.status}"
         moved = abs(self.load_factor - other.load_factor)
         if moved > 1e-9 * max(1.0, abs(self.load_factor)):
-            return f"load factor {self.load_factor:.6g} by {moved:.1e}"
+            return f"by {moved:.1e}"
         if self.factorizations != other.factorizations:
-            return f"{self.factorizations} factorisations become {other.factorizations}"
-        return "its bracket, peak, lower state or mesh error" if self.words != other.words else ""
+            return f"{self.factorizations} -> {other.factorizations}"
+        return "words" if self.words != other.words else ""
 
 
 def wall(name: str, friction: float = 0.65, **solve: Any) -> Callable[[], Scene]:
@@ -159,27 +160,22 @@ def changed(value: Any) -> tuple[Any, Any]:
     return 10.0 * value, 0.1 * value
 
 
-def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> tuple[str, str]:
-    """What a number's change to larger, and to smaller, does first; empty where nothing."""
+def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> str:
+    """What a number's change to larger, or else to smaller, does first; empty where nothing."""
     value = getattr(SEARCH, name)
-    found = []
-    for other in changed(value):
-        text = ""
+    for way, other in zip(("larger", "smaller"), changed(value), strict=True):
         start = time.process_time()
         object.__setattr__(SEARCH, name, other)
         try:
             for key, scene in scenes.items():
                 change = before[key].change(row(scene))
                 if change:
-                    text = f"{key}: {change}"
-                    break
+                    return f"{way}, {key}: {change}"
                 if time.process_time() - start > SECONDS:
                     break
         finally:
             object.__setattr__(SEARCH, name, value)
-        found.append(text)
-    larger, smaller = found
-    return larger, smaller
+    return ""
 
 
 def main() -> None:
@@ -205,17 +201,21 @@ def main() -> None:
     print(f"one pass: {sum(seconds.values()):.1f} s", flush=True)
     part, parts = map(int, options.part.split("/"))
     names = [one.name for one in fields(SearchOptions) if one.name.startswith(tuple(options.only))]
-    lines = ["| number | value | told by: larger | smaller |", "|---|---|---|---|"]
-    told = 0
+    lines = ["| number | value | told by |", "|---|---|---|"]
+    untold = []
     for name in names[part::parts]:
         readers = sorted((one for one in scenes if name in reads[one]), key=seconds.__getitem__)
-        larger, smaller = told_by(name, {one: scenes[one] for one in readers}, before)
-        told += bool(larger or smaller)
-        none = f"nothing in {len(readers)} scenes"
+        change = told_by(name, {one: scenes[one] for one in readers}, before)
         value = f"{getattr(SEARCH, name):g}"
-        lines.append(f"| `{name}` | {value} | {larger or none} | {smaller or none} |")
-        print(lines[-1], flush=True)
-    print(f"{told} of {len(names[part::parts])} told")
+        if change:
+            lines.append(f"| `{name}` | {value} | {change} |")
+        else:
+            untold.append(f"`{name}` {value}")
+        print(lines[-1] if change else untold[-1], flush=True)
+    print(f"{len(lines) - 2} of {len(names[part::parts])} told")
+    if untold:
+        rest = f"Not told by these scenes: {', '.join(untold)}."
+        lines += ["", *textwrap.wrap(rest, 118, break_long_words=False, break_on_hyphens=False)]
     if options.write:
         text = PAGE.read_text()
         first, last = text.index(MARKS[0]) + len(MARKS[0]), text.index(MARKS[1])
