@@ -163,7 +163,17 @@ def find_corners(boundary: Boundary, gaps: Gaps, found: Stretches, source: str) 
         InputError: If two corners meet that are no nodes of joints.
     """
     vertices = Vertices.of(boundary)
-    vertex, facet = _near(boundary, vertices, float(gaps.gap.max()))
+    # Pairs of convex vertices and facets of other bodies that may be within a gap.
+    count = len(boundary.length)
+    centre = np.concatenate([boundary.points[:, :2].mean(axis=1), vertices.point])
+    depth = CLOSED * boundary.length[vertices.facets].max(axis=1)
+    size = np.concatenate([(0.5 + CLOSED) * boundary.length, depth + 2.0 * gaps.gap.max()])
+    convex = count + np.flatnonzero(vertices.turn > STRAIGHT)
+    near = [np.stack(pair) for pair in near_pairs(centre, size, convex, np.arange(count))]
+    vertex, facet = np.hstack([np.empty((2, 0), dtype=np.int64), *near]) - [[count], [0]]
+    apart = boundary.body[vertices.facets[vertex, 0]] != boundary.body[facet]
+    vertex = vertex[apart]
+    facet = facet[apart]
     count = int(boundary.body.max(initial=0)) + 1
     across = found.facets[::-1, :, None]
     ends = found.nodes != INSIDE
@@ -185,20 +195,6 @@ def find_corners(boundary: Boundary, gaps: Gaps, found: Stretches, source: str) 
     # A node between two facets meets it once.
     pairs = np.sort(np.column_stack([corners.node, other])[~meets], axis=1)
     return corners.take(np.flatnonzero(~meets)[np.unique(pairs, axis=0, return_index=True)[1]])
-
-
-def _near(boundary: Boundary, vertices: Vertices, gap: float) -> tuple[Indices, Indices]:
-    """Pairs of convex vertices and facets of other bodies that may be within a gap."""
-    count = len(boundary.length)
-    centre = np.concatenate([boundary.points[:, :2].mean(axis=1), vertices.point])
-    depth = CLOSED * boundary.length[vertices.facets].max(axis=1)
-    size = np.concatenate([(0.5 + CLOSED) * boundary.length, depth + 2.0 * gap])
-    convex = count + np.flatnonzero(vertices.turn > STRAIGHT)
-    pairs = [np.empty((2, 0), dtype=np.int64)]
-    pairs += [np.stack(pair) for pair in near_pairs(centre, size, convex, np.arange(count))]
-    vertex, facet = np.hstack(pairs) - [[count], [0]]
-    apart = boundary.body[vertices.facets[vertex, 0]] != boundary.body[facet]
-    return vertex[apart], facet[apart]
 
 
 def _before_sides(
@@ -336,29 +332,27 @@ def facing_facets(boundary: Boundary, gaps: Gaps | None = None) -> Stretches:
 
 def _facing(boundary: Boundary, gaps: Gaps) -> tuple[Stretches, Stretches]:
     """Those of `facing_facets`, and others that almost touch."""
-    pairs = _candidates(gaps, boundary)
-    first_side = np.zeros(pairs.shape[1], dtype=np.int64)
-    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, first_side))
-    # The side with more facets is the slave; stretches are seen along its normals.
+    # Pairs of facets of two bodies, near and against each other.
+    middle = boundary.points[:, :2].mean(axis=1)
+    reach = (0.5 + APART) * boundary.length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
+    every = np.arange(len(middle))
+    near = [np.stack(pair) for pair in near_pairs(middle, reach, every, every)]
+    pairs = np.hstack([np.empty((2, 0), dtype=np.int64), *near])
+    pairs = pairs[:, np.subtract(*boundary.body[pairs]) < 0]
+    pairs = pairs[:, _against(boundary, *pairs) > PARALLEL]
+    slave = np.zeros(pairs.shape[1], dtype=np.int64)
+    found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
+    # The side with more facets in all of two bodies is the slave, else the first; stretches are
+    # seen along its normals.
+    both = np.hstack([found.facets, pairs])
+    joint = np.unique(boundary.body[both].T, axis=0, return_inverse=True)[1].ravel()
     count = len(found.slave)
-    slave = _slaves(boundary, np.hstack([found.facets, pairs]), count)[count:]
+    facets = [np.unique([joint[:count], side[:count]], axis=1)[0] for side in both]
+    first, second = (np.bincount(of, minlength=len(joint)) for of in facets)
+    slave = (second > first).astype(np.int64)[joint[count:]]
     if np.any(slave):
         found, doubtful = _touching(gaps, boundary, _common_stretches(boundary, pairs, slave))
     return found.take(np.lexsort((found.span[0].min(axis=1), *found.facets[::-1]))), doubtful
-
-
-def _candidates(gaps: Gaps, boundary: Boundary) -> Indices:
-    """Pairs of facets of two bodies, near and against each other, shape (2, pairs)."""
-    middle = boundary.points[:, :2].mean(axis=1)
-    length = boundary.length
-    reach = (0.5 + APART) * length + _arc_heights(boundary) + 0.5 * gaps.gap.max()
-    pairs = [np.empty((2, 0), dtype=np.int64)]
-    every = np.arange(len(length))
-    for found in near_pairs(middle, reach, every, every):
-        one, other = boundary.body[np.stack(found)]
-        facets = np.stack(found)[:, one < other]
-        pairs.append(facets[:, _against(boundary, *facets) > PARALLEL])
-    return np.hstack(pairs)
 
 
 def _touching(gaps: Gaps, boundary: Boundary, all_of: Stretches) -> tuple[Stretches, Stretches]:
@@ -408,21 +402,6 @@ def _arc_heights(boundary: Boundary) -> Array:
     points = boundary.points[:, :2]
     nodes = boundary.nodes[:, :2]
     return 2.0 * np.abs(arc_heights(points, nodes, boundary.normal))
-
-
-def _slaves(boundary: Boundary, facets: Indices, facing: int) -> Indices:
-    """Side of the slave of pairs: that with more facets in all of two bodies, else the first.
-
-    The first `facing` pairs count.
-    """
-    bodies = boundary.body[facets].T
-    joint = np.unique(bodies, axis=0, return_inverse=True)[1].ravel()
-    total = int(joint.max(initial=-1)) + 1
-    count = [
-        np.bincount(np.unique(np.column_stack([joint, side])[:facing], axis=0)[:, 0], None, total)
-        for side in facets
-    ]
-    return (count[1] > count[0]).astype(np.int64)[joint]
 
 
 def _against(boundary: Boundary, one: Indices, other: Indices) -> Array:

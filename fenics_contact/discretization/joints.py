@@ -172,8 +172,8 @@ class Joints:
 
     def _of_ties(self, name: str) -> Array:
         """Values of ties as those of all points, zero at joints."""
-        none = np.zeros(self.joint_count)
-        return none if self.ties is None else np.concatenate([none, getattr(self.ties, name)])
+        values = [] if self.ties is None else [getattr(self.ties, name)]
+        return np.concatenate([np.zeros(self.joint_count), *values])
 
     @property
     def _whole_length(self) -> Array:
@@ -221,27 +221,24 @@ def find_joints(scene: Scene, boundary: Boundary, ties: Ties | None = None) -> J
     gapped = np.array([law.gap > 0.0 for law in laws], dtype=bool)
     pieces = pieces_of(boundary, stretches, law_of_stretch)
     piece, rows, point = _merge(boundary, pieces)
-    of_pieces, stencil = _points_of_pieces(boundary, pieces, piece[rows], rows, point, gapped)
-    parts = [of_pieces]
-    stencils = [stencil]
+    parts = [_points_of_pieces(boundary, pieces, piece[rows], rows, point, gapped)]
     if len(corners.node):
         parts.append(_points_of_corners(boundary, corners, law_of_corner, gapped))
-        stencils.append(corners.stencil(boundary))
     if ties is not None and len(ties.tie):
         count = len(ties.tie)
-        where = ties.sides.mean(axis=1), ties.sides, np.zeros((count, 2)), ties.share
         none = np.zeros(count)
+        ground = np.full((count, 2), GROUND)
+        where = ties.sides.mean(axis=1), ties.sides, np.zeros((count, 2)), ties.share
         law = len(laws) + ties.tie
-        parts.append((np.full((count, 2), GROUND), ties.bodies, *where, law, none, none))
-        stencils.append(ties.stencil)
+        parts.append((ties.stencil, ground, ties.bodies, *where, law, none, none))
         half = 0.5 * np.bincount(ties.tie, ties.yields, len(ties.names))
         laws = (*laws, *(JointLaw("tresca", bound=float(bound)) for bound in half))
         names = (*names, *(f"ties.{name}" for name in ties.names))
     else:
         ties = None
     closed = pieces.stretches.offset[~gapped[pieces.law[pieces.of_stretch]]]
-    arrays = map(np.concatenate, zip(*parts, strict=True))
-    columns: dict[str, Any] = dict(zip(PER_POINT, arrays, strict=True))
+    stencils, *arrays = zip(*parts, strict=True)
+    columns: dict[str, Any] = dict(zip(PER_POINT, map(np.concatenate, arrays), strict=True))
     return Joints(
         **columns,
         laws=laws,
@@ -262,8 +259,8 @@ def _points_of_pieces(
     rows: Indices,
     point: Indices,
     gapped: Flags,
-) -> tuple[tuple[Any, ...], Stencil]:
-    """Arrays over the joint points of pieces in the order of `PER_POINT`, and their stencil.
+) -> tuple[Any, ...]:
+    """Stencil of the joint points of pieces, and arrays over them in the order of `PER_POINT`.
 
     Args:
         boundary: Facets of the blocks.
@@ -305,25 +302,26 @@ def _points_of_pieces(
     nodes = np.where((pieces.side == 0)[:, None], pieces.nodes, pieces.nodes[::-1])
     nodes = nodes.reshape(2, -1).T[rows]
     where = position, sides, normal, length
-    return (nodes, pieces.bodies[piece], *where, law, gap, curvature), stencil
+    return stencil, nodes, pieces.bodies[piece], *where, law, gap, curvature
 
 
 def _points_of_corners(
     boundary: Boundary, corners: Corners, law: Indices, gapped: Flags
 ) -> tuple[Any, ...]:
-    """Arrays over corners that meet sides of other blocks, in the order of `PER_POINT`."""
+    """Stencil of corners that meet sides, and arrays over them in the order of `PER_POINT`."""
     count = len(corners.node)
     bodies = boundary.body[corners.facets[:, 1:]]
     first = bodies[:, :1] < bodies[:, 1:]  # whether the corner is the first side
     nodes = np.column_stack([np.full(count, INSIDE), corners.node])
     share = SHARES[boundary.nodes.shape[1]][0]
     nodes = np.where(first, nodes[:, ::-1], nodes)
-    sides = corners.stencil(boundary).means(_node_positions(boundary))
+    stencil = corners.stencil(boundary)
+    sides = stencil.means(_node_positions(boundary))
     normal = np.where(first, -1.0, 1.0) * corners.normal
     length = share * boundary.length[corners.facets[:, :2]].min(axis=1)
     gap = np.where(gapped[law], np.maximum(corners.distance, 0.0), 0.0)
     where = corners.position, sides, normal, length
-    return nodes, np.sort(bodies, axis=1), *where, law, gap, np.zeros(count)
+    return stencil, nodes, np.sort(bodies, axis=1), *where, law, gap, np.zeros(count)
 
 
 def _node_positions(boundary: Boundary) -> Array:

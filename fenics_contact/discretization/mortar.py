@@ -64,12 +64,12 @@ class Stencil:
     def joined(cls, parts: Sequence[Stencil]) -> Stencil:
         """Points of several stencils, one after the other."""
         width = max(part.nodes.shape[2] for part in parts)
-        rest = [((0, 0), (0, 0), (0, width - part.nodes.shape[2])) for part in parts]
-        both = [
-            (np.pad(part.nodes, pad, constant_values=NO_NODE), np.pad(part.weights, pad))
-            for part, pad in zip(parts, rest, strict=True)
-        ]
-        nodes, weights = zip(*both, strict=True)
+        nodes = []
+        weights = []
+        for part in parts:
+            rest = (0, 0), (0, 0), (0, width - part.nodes.shape[2])
+            nodes.append(np.pad(part.nodes, rest, constant_values=NO_NODE))
+            weights.append(np.pad(part.weights, rest))
         return cls(np.concatenate(nodes), np.concatenate(weights))
 
     def jump(self, values: Array) -> Array:

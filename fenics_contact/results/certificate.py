@@ -135,9 +135,19 @@ def certify(
     """
     size = max(abs(state.load_factor), SEARCH.small_factor * scales.load_factor)
     missed = abs(rigid_limit - state.load_factor)
+    unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
+    dissipation = _dissipation(problem, state, mode)
+    live_work = problem.dot(problem.live, mode)
+    power = state.load_factor * live_work + problem.dot(problem.dead, mode)
+    straining = problem.elastic_part(mode)
+    elastic = problem.dot(straining, problem.stiffness @ straining)
     residuals = {
         **state_residuals(problem, state, scales),
-        **_mode_residuals(problem, state, mode, scales, size),
+        "mode_work": abs(live_work - 1.0),
+        "mode_penetration": problem.max(-problem.clearance_rates(mode)) / unit,
+        # Change of the load factor, were the motion to go on as far again.
+        "mode_elastic": elastic * abs(state.work) / size,
+        "mode_power": abs(dissipation - power) / max(dissipation, abs(power), size),
         "limit": missed / size,
     }
     worst = None if points is None else worst_joint(problem, state, scales, points)
@@ -150,6 +160,11 @@ def kinematic_factor(problem: ContactProblem, state: State, mode: Array) -> floa
     live = problem.dot(problem.live, mode)
     rest = _dissipation(problem, state, mode) - problem.dot(problem.dead, mode)
     return rest / live if live else float("nan")
+
+
+def _dissipation(problem: ContactProblem, state: State, mode: Array) -> float:
+    """The sum of g |B_T v|, W per metre of thickness."""
+    return problem.sum(problem.law.dissipation(state.pressure, problem.tangential @ mode))
 
 
 def state_residuals(
@@ -205,27 +220,3 @@ def _joint_misses(
     units = {"tension": f, "penetration": d, "friction": f}
     missed = law.missed(opening, slip, state.pressure, state.shear)
     return {name: values / units.get(name, d * f) for name, values in missed.items()}
-
-
-def _mode_residuals(
-    problem: ContactProblem, state: State, mode: Array, scales: Scales, size: float
-) -> dict[str, float]:
-    """What a mode misses of a collapse mode, relative; `size` as in `Certificate`."""
-    unit = scales.displacement / abs(state.work)  # displacement of a mode with f_L.v = 1
-    dissipation = _dissipation(problem, state, mode)
-    live_work = problem.dot(problem.live, mode)
-    power = state.load_factor * live_work + problem.dot(problem.dead, mode)
-    straining = problem.elastic_part(mode)
-    elastic = problem.dot(straining, problem.stiffness @ straining)
-    return {
-        "mode_work": abs(live_work - 1.0),
-        "mode_penetration": problem.max(-problem.clearance_rates(mode)) / unit,
-        # Change of the load factor, were the motion to go on as far again.
-        "mode_elastic": elastic * abs(state.work) / size,
-        "mode_power": abs(dissipation - power) / max(dissipation, abs(power), size),
-    }
-
-
-def _dissipation(problem: ContactProblem, state: State, mode: Array) -> float:
-    """The sum of g |B_T v|, W per metre of thickness."""
-    return problem.sum(problem.law.dissipation(state.pressure, problem.tangential @ mode))

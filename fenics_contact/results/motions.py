@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout, straight_faces
-from fenics_contact.geometry.mesh import Array, Flags, Indices
+from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.results.values import Contact, JointValues
 
 #: A block moves, or turns, from this part of the largest speed on. Elastic motions are smaller.
@@ -48,48 +47,36 @@ class Mechanism:
 def mechanism(layout: Layout, mode: Array, values: JointValues) -> Mechanism:
     """What a mode does; `mode` is this rank's part in the supports' coordinates. Collective."""
     motion = layout.centroid_motions(mode)
-    speed, reach = _largest(layout, mode)
+    # Of all bodies: largest speed of a node, and largest distance of one from their mean.
+    size = [np.linalg.norm(table, axis=1) for table in (layout.cartesian(mode), layout.arm)]
+    largest = np.zeros((len(motion), 2))
+    np.maximum.at(largest, layout.node_body, np.column_stack(size))
+    layout.scene.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    speed, reach = largest.T
     velocity = motion[:, :2]
     edge_speed = np.abs(motion[:, 2]) * reach
     fastest = int(np.argmax(speed))
     least = MOVES * speed[fastest]
     pace = float(np.linalg.norm(velocity[fastest]))
-    direction = velocity[fastest] / pace if pace > least else np.zeros(2)
-    return Mechanism(
-        np.flatnonzero(speed > least),
-        np.flatnonzero(edge_speed > least),
-        fastest,
-        layout.centroid[fastest],
-        direction,
-        *_counts(layout.joints.without_ties(), values.first(layout.joints.joint_count)),
-    )
-
-
-def _largest(layout: Layout, mode: Array) -> tuple[Array, Array]:
-    """Of all bodies: largest speed of a node, and largest distance of one from their mean."""
-    size = [np.linalg.norm(table, axis=1) for table in (layout.cartesian(mode), layout.arm)]
-    largest = np.zeros((len(layout.bodies.centre), 2))
-    np.maximum.at(largest, layout.node_body, np.column_stack(size))
-    layout.scene.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    return largest[:, 0], largest[:, 1]
-
-
-def _counts(joints: Joints, values: JointValues) -> tuple[int, int, int, int]:
-    """Number of joints, and of those that part, rock and slide."""
-    face = straight_faces(joints).of_point
+    values = values.first(layout.joints.joint_count)
+    face = straight_faces(layout.joints.without_ties()).of_point
     count = int(face.max(initial=-1)) + 1
-
-    def points(chosen: Flags) -> Indices:
-        return np.bincount(face[chosen], minlength=count)
-
     is_open = values.contact == Contact.OPEN
-    opening = points(is_open & values.opens) > 0
-    closed = points(~is_open) > 0
-    slipping = points(values.contact == Contact.SLIP) > 0
-    parting = opening & ~closed
-    rocking = opening & closed
-    sliding = ~opening & slipping
-    return count, int(parting.sum()), int(rocking.sum()), int(sliding.sum())
+    opening, closed, slipping = (  # joints with a point that does so
+        np.bincount(face[points], minlength=count) > 0
+        for points in (is_open & values.opens, ~is_open, values.contact == Contact.SLIP)
+    )
+    return Mechanism(
+        moving=np.flatnonzero(speed > least),
+        turning=np.flatnonzero(edge_speed > least),
+        fastest=fastest,
+        centre=layout.centroid[fastest],
+        direction=velocity[fastest] / pace if pace > least else np.zeros(2),
+        joints=count,
+        parting=int(np.sum(opening & ~closed)),
+        rocking=int(np.sum(opening & closed)),
+        sliding=int(np.sum(~opening & slipping)),
+    )
 
 
 #: Blocks fall, or wedge, from this part of the largest motion, or force, on.
@@ -132,12 +119,8 @@ def fall_reason(layout: Layout, fall: Array | None) -> str:
     turns = turning > OBLIQUE * (pace + turning)
     cross = np.abs(shift[:, 0] * dead[:, 1] - shift[:, 1] * dead[:, 0])
     falls = ~turns & (cross <= OBLIQUE * np.sum(shift * dead, axis=1))
-    kinds = {"fall": falls, "slide": ~turns & ~falls, "turn": turns}
-    parts = [
-        named_blocks(blocks[which], layout.centroid, what)
-        for what, which in kinds.items()
-        if np.any(which)
-    ]
+    kinds = (("fall", falls), ("slide", ~turns & ~falls), ("turn", turns))
+    parts = [named_blocks(blocks[k], layout.centroid, what) for what, k in kinds if np.any(k)]
     return f"there is no equilibrium under the dead load alone: {', '.join(parts)}"
 
 

@@ -248,9 +248,8 @@ class Collapse:
     @property
     def as_state(self) -> CollapseState:
         """This end as one of several collapse states."""
-        gap = self.gap
-        if gap is None and self.certificate is not None:
-            gap = self.certificate.residuals.get("limit")
+        residuals = {} if self.certificate is None else self.certificate.residuals
+        gap = residuals.get("limit") if self.gap is None else self.gap
         return CollapseState(self.engine, self.status, self.load_factor, gap)
 
     @property
@@ -284,13 +283,26 @@ class Collapse:
         bracket. The load factor of a state that is none of equilibrium is left out if it is beyond.
         """
         bounds = self.bounds.rounded(self.size)
-        outside = self._outside(bounds)
         known = replace(self, program=partial(known_bounds, signed(bounds, self.sign)))
-        if self.certificate is None or self.status != "limit":
+        certificate = self.certificate
+        if certificate is None:
+            return known
+        is_limit = self.status == "limit"
+        # Equilibrium without a collapse may be below the lower end.
+        lower = bounds.lower if is_limit else bounds.frictionless
+        lower = -np.inf if lower is None else lower
+        upper = np.inf if bounds.upper is None else bounds.upper
+        # The lower end is that of exact states: those found are as near as was asked for.
+        lower -= certificate.tolerance * certificate.size
+        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
+        # Beyond what the state's own accuracy leaves, relative.
+        gap = np.nan_to_num(certificate.error_estimate)
+        outside = float(max(outside - gap, 0.0) / certificate.size)
+        if not is_limit:
             beyond = self.status != "unbounded" and outside > 0.0
             return replace(known, load_factor=np.nan) if beyond else known
-        residuals = {**self.certificate.residuals, "bracket": outside}
-        known = replace(known, certificate=replace(self.certificate, residuals=residuals))
+        residuals = {**certificate.residuals, "bracket": outside}
+        known = replace(known, certificate=replace(certificate, residuals=residuals))
         return known.with_errors_in_bracket() if known.in_bracket else known
 
     @property
@@ -314,21 +326,6 @@ class Collapse:
         if held.in_bracket:
             return held
         return replace(held, status="not_converged", reason=held.contradiction)
-
-    def _outside(self, bounds: LimitBounds) -> float:
-        """Distance from a bracket, relative, beyond what the state's own accuracy leaves."""
-        certificate = self.certificate
-        if certificate is None:
-            return 0.0
-        # Equilibrium without a collapse may be below the lower end.
-        lower = bounds.lower if self.status == "limit" else bounds.frictionless
-        lower = -np.inf if lower is None else lower
-        upper = np.inf if bounds.upper is None else bounds.upper
-        # The lower end is that of exact states: those found are as near as was asked for.
-        lower -= certificate.tolerance * certificate.size
-        outside = max(lower - self.load_factor, self.load_factor - upper, 0.0)
-        gap = np.nan_to_num(certificate.error_estimate)
-        return float(max(outside - gap, 0.0) / certificate.size)
 
     def with_errors_in_bracket(self) -> Collapse:
         """With answers that know of the bracket. Collective."""
@@ -523,11 +520,9 @@ class Result:
     @property
     def curve_end(self) -> CurveEnd | None:
         """How complete the capacity curve is; None if it was not traced."""
-        return (
-            CurveEnd.of(self.capacity, self.collapse.load_factor)
-            if self.collapse and self.capacity
-            else None
-        )
+        if not (self.collapse and self.capacity):
+            return None
+        return CurveEnd.of(self.capacity, self.collapse.load_factor)
 
     @property
     def bounds(self) -> LimitBounds | None:
@@ -543,14 +538,12 @@ class Result:
 
         That of the bracket is among them once it was solved for: `with_brackets`.
         """
-        certificate = self._certificate
-        return {} if certificate is None else dict(certificate.residuals)
+        return {} if self._certificate is None else dict(self._certificate.residuals)
 
     @property
     def tolerances(self) -> Mapping[str, float]:
         """What each residual may be in a limit load; empty as `residuals`."""
-        certificate = self._certificate
-        return {} if certificate is None else dict(certificate.tolerances)
+        return {} if self._certificate is None else dict(self._certificate.tolerances)
 
     @property
     def _certificate(self) -> Certificate | None:
