@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_contact.discretization.joints import GROUND, Joints
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.profiles import floor_strips
+from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.results.bounds import WITHOUT_PATH
 from fenics_contact.results.history import CapacityPoint, Pass, Step, TracePoint
 from fenics_contact.results.result import Collapse, Result, skipped

@@ -32,12 +32,12 @@ from fenics_contact.output.fields import displacement_function
 from fenics_contact.output.pictured import Pictured
 from fenics_contact.output.state_files import write_service_state
 from fenics_contact.output.view import NO_LOAD, Caption, View, view_of
-from fenics_contact.results.motions import falling_blocks
 from fenics_contact.results.result import ServiceState
 from fenics_contact.results.values import (
     Contact,
     NamedArrays,
     block_arrays,
+    falling_blocks,
     joint_arrays,
     tie_arrays,
 )

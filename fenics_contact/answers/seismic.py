@@ -22,8 +22,8 @@ from fenics_contact.answers.question import Asked, Question
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected
-from fenics_contact.results.motions import mechanism
 from fenics_contact.results.result import Collapse, Table
+from fenics_contact.results.values import mechanism
 from fenics_contact.scene.scene import Seismic
 from fenics_contact.scene.units import Units
 

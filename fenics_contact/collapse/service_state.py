@@ -25,8 +25,8 @@ from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import state_under
 from fenics_contact.geometry.mesh import Array
 from fenics_contact.results.certificate import state_residuals, tolerances
-from fenics_contact.results.motions import fall_reason
 from fenics_contact.results.result import ServiceState
+from fenics_contact.results.values import fall_reason
 from fenics_contact.solvers.problem import ContactProblem, State
 
 

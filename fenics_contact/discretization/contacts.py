@@ -13,7 +13,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from fenics_contact.discretization.facets import CLOSED, GROUND, INSIDE, Boundary, Stretches
-from fenics_contact.discretization.mortar import NO_NODE, Stencil, lagrange
 from fenics_contact.errors import InputError
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.geometry.planar_cells import (
@@ -136,18 +135,6 @@ class Corners:
     def take(self, rows: Indices | Flags) -> Corners:
         """The corners of some rows."""
         return Corners(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
-
-    def stencil(self, boundary: Boundary) -> Stencil:
-        """Nodes of both sides; the first side is the body with the lower number."""
-        rows = np.arange(len(self.node))
-        own, met = boundary.body[self.facets[:, 1:]].T
-        nodes = np.full((len(rows), 2, boundary.nodes.shape[1]), NO_NODE)
-        weights = np.zeros(nodes.shape)
-        nodes[rows, (own > met).astype(int), 0] = self.node
-        weights[rows, (own > met).astype(int), 0] = 1.0
-        nodes[rows, (met > own).astype(int)] = boundary.nodes[self.facets[:, 2]]
-        weights[rows, (met > own).astype(int)] = lagrange(self.place, boundary.nodes.shape[1])
-        return Stencil(nodes, weights)
 
 
 def find_corners(boundary: Boundary, gaps: Gaps, found: Stretches, source: str) -> Corners:

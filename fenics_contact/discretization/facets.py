@@ -1,12 +1,13 @@
 """The blocks' boundary facets as one table, the same on every rank.
 
-Joints, supports and outlines are found on this table, by the same code on every rank.
+Joints, supports and outlines are found on this table, by the same code on every rank. Shape
+functions of facets and cells, and stencils of nodes, give displacements between the nodes.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -201,3 +202,113 @@ def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
         "length": length,
         "body": mesh.body[cell],
     }, facets
+
+
+#: Integrals of a facet's Lagrange functions over its length, by number of nodes.
+SHARES = {2: np.array([1, 1]) / 2, 3: np.array([1, 1, 4]) / 6}
+#: Weights below this are rounding.
+NOTHING = 1e-13
+#: In the place of a node: none.
+NO_NODE = -1
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Nodes that give the displacement of both sides at joint points, by their weighted sum.
+
+    Attributes:
+        nodes: `NO_NODE` for none, shape (points, 2, most nodes of a side).
+        weights: Their sum is 1, but 0 on rigid ground.
+    """
+
+    nodes: Indices
+    weights: Array
+
+    @classmethod
+    def of_rows(cls, table: Any) -> Stencil:
+        """From a sparse matrix of nodes' shares, in rows 2 * point + side, of any positive sums."""
+        filled = np.diff(table.indptr)
+        nodes = np.full((table.shape[0], max(1, int(filled.max(initial=0)))), NO_NODE)
+        weights = np.zeros(nodes.shape)
+        row = np.repeat(np.arange(table.shape[0]), filled)
+        place = np.arange(len(row)) - table.indptr[row]
+        total = np.asarray(table.sum(axis=1)).ravel()  # the length of the point
+        nodes[row, place], weights[row, place] = table.indices, table.data / total[row]
+        shape = (-1, 2, nodes.shape[1])
+        return cls(nodes.reshape(shape), weights.reshape(shape))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Stencil]) -> Stencil:
+        """Points of several stencils, one after the other."""
+        width = max(part.nodes.shape[2] for part in parts)
+        nodes = []
+        weights = []
+        for part in parts:
+            rest = (0, 0), (0, 0), (0, width - part.nodes.shape[2])
+            nodes.append(np.pad(part.nodes, rest, constant_values=NO_NODE))
+            weights.append(np.pad(part.weights, rest))
+        return cls(np.concatenate(nodes), np.concatenate(weights))
+
+    def jump(self, values: Array) -> Array:
+        """Vectors of the second side minus those of the first, shape (points, 2), from nodes'."""
+        means = self.means(values)
+        return np.asarray(means[:, 1] - means[:, 0])
+
+    def means(self, values: Array) -> Array:
+        """Weighted sums of nodes' vectors on both sides, shape (points, 2 sides, 2)."""
+        padded = np.vstack([values, np.zeros((1, 2))])  # the last for none
+        return np.asarray(np.einsum("nsi,nsik->nsk", self.weights, padded[self.nodes]))
+
+
+#: Parameters of a facet's nodes.
+NODES = {2: np.array([0.0, 1.0]), 3: np.array([0.0, 1.0, 0.5])}
+
+
+def lagrange(parameter: Array, count: int) -> Array:
+    """Lagrange functions of a facet with so many nodes, shape (*parameter.shape, count)."""
+    s = parameter[..., None]
+    if count == 2:
+        return np.concatenate([1.0 - s, s], axis=-1)
+    ends = [(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0)]
+    return np.concatenate([*ends, 4.0 * s * (1.0 - s)], axis=-1)
+
+
+def shape_functions(space: Any, place: Array) -> Array:
+    """Lagrange functions of a cell's nodes at reference places, shape (..., nodes)."""
+    nodes = compat.interpolation_points(space)
+    count = 2 if len(nodes) < 6 else 3
+    simplex = len(nodes) in (3, 6)
+    powers = [(i, j) for i in range(count) for j in range(count - i * simplex)]
+
+    def monomials(at: Array) -> Array:
+        return np.stack([at[..., 0] ** i * at[..., 1] ** j for i, j in powers], axis=-1)
+
+    return np.asarray(monomials(place) @ np.linalg.inv(monomials(nodes)))
+
+
+def reference_places(corners: Array, arm: Array) -> Array:
+    """Places in the reference cell of places from the first corner, shape (rows, points, 2).
+
+    These are b xi + c eta + d xi eta: what is left without c eta is along b + d eta, an equation of
+    the second degree for eta.
+    """
+    b, c, d = cell_sides(corners)
+    constant = cross(arm, b)
+    linear = cross(arm, d) + cross(b, c)
+    root = np.sqrt(np.maximum(linear**2 + 4.0 * cross(c, d) * constant, 0.0))
+    eta = -2.0 * constant / (linear + np.sign(cross(b, c)) * root)
+    side = b + d * eta[..., None]
+    xi = np.sum((arm - c * eta[..., None]) * side, axis=-1) / np.sum(side**2, axis=-1)
+    return np.stack([xi, eta], axis=-1)
+
+
+def cell_sides(corners: Array) -> tuple[Array, Array, Array]:
+    """Vectors b, c, d of x = a + b xi + c eta + d xi eta in cells, shape (cells, 1, 2)."""
+    a, b, c = np.moveaxis(corners[:, :3, None], 1, 0)
+    rest = corners[:, 3, None] - b - c + a if corners.shape[1] == 4 else 0.0 * a
+    return b - a, c - a, rest
+
+
+def cross(one: Array, other: Array) -> Array:
+    """Cross products of vectors in the plane, shape without the last axis."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])

@@ -22,15 +22,16 @@ import numpy as np
 from petsc4py import PETSc
 
 from fenics_contact.discretization.contacts import Corners, find_contacts, straight_sides
-from fenics_contact.discretization.facets import GROUND, INSIDE, Boundary
-from fenics_contact.discretization.mortar import (
+from fenics_contact.discretization.facets import (
+    GROUND,
+    INSIDE,
+    NO_NODE,
     SHARES,
-    Pieces,
+    Boundary,
     Stencil,
     lagrange,
-    pieces_of,
-    stencil_of,
 )
+from fenics_contact.discretization.mortar import Pieces, pieces_of, stencil_of
 from fenics_contact.discretization.supports import Supports
 from fenics_contact.discretization.ties import Ties
 from fenics_contact.geometry.mesh import Array, Flags, Indices, Labels
@@ -315,7 +316,15 @@ def _points_of_corners(
     nodes = np.column_stack([np.full(count, INSIDE), corners.node])
     share = SHARES[boundary.nodes.shape[1]][0]
     nodes = np.where(first, nodes[:, ::-1], nodes)
-    stencil = corners.stencil(boundary)
+    rows = np.arange(count)
+    own = (bodies[:, 0] > bodies[:, 1]).astype(int)
+    of_nodes = np.full((count, 2, boundary.nodes.shape[1]), NO_NODE)
+    weights = np.zeros(of_nodes.shape)
+    of_nodes[rows, own, 0] = corners.node
+    weights[rows, own, 0] = 1.0
+    of_nodes[rows, 1 - own] = boundary.nodes[corners.facets[:, 2]]
+    weights[rows, 1 - own] = lagrange(corners.place, boundary.nodes.shape[1])
+    stencil = Stencil(of_nodes, weights)
     sides = stencil.means(_node_positions(boundary))
     normal = np.where(first, -1.0, 1.0) * corners.normal
     length = share * boundary.length[corners.facets[:, :2]].min(axis=1)

@@ -1,27 +1,340 @@
 """Nodal forces of a load: body force, tractions, forces at places, earth pressure, floors.
 
 Body forces, tractions and forms of the user are assembled from UFL forms, but body forces with a
-profile. Forces at places, earth pressure and floors act on parts of facets.
+profile over the height, of blocks and of floors with mass. Forces at places, earth pressure and
+floors act on parts of facets.
+
+The acceleration is c(h) b, with c in straight lines between some heights. Cells are cut there, so
+that the forces are exact. The height is measured against the dead body force, or along y where
+there is none; the foot is the lowest corner of all blocks. "triangular" is c = h / H, with the
+height H of the centre of mass, so that the total is that of the uniform load:
+F_i = F z_i m_i / sum(z_j m_j) of EN 1998-1:2004, (4.11), and of NTC 2018, (7.3.7). Floors with mass
+are in it.
+
+On a part of a facet, with the Lagrange functions N_k of a facet of length L,
+
+    f_k = L int_a^b N_k(s) t(x(s)) ds,   0 <= a < b <= 1,
+
+by Gauss' rule with three points, exact for tractions t that are linear in x.
+
+Between two heights, of its corners or of cuts, a convex cell is a strip with two straight sides.
+Gauss's rule along the height and across takes a strip: exactly in triangles, and to rounding in
+quadrilaterals, whose shape functions are no polynomials of the place, but their resultant and
+moment exactly. Quadrilaterals without cuts are integrated as they are.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
 
 from fenics_contact import compat
-from fenics_contact.discretization import forms, profiles
+from fenics_contact.discretization import forms
 from fenics_contact.discretization.contacts import facing_facets
-from fenics_contact.discretization.facets import Boundary
+from fenics_contact.discretization.facets import (
+    CLOSED,
+    Boundary,
+    cell_sides,
+    cross,
+    lagrange,
+    reference_places,
+    shape_functions,
+)
 from fenics_contact.discretization.forms import given_load
-from fenics_contact.discretization.mortar import lagrange
-from fenics_contact.discretization.profiles import Strips
 from fenics_contact.errors import InputError, raised_together
 from fenics_contact.geometry.mesh import Array, Flags, Indices
 from fenics_contact.scene.scene import EarthPressure, EdgeForce, Load, Scene
+
+
+@dataclass(frozen=True)
+class Strips:
+    """Parts of facets.
+
+    Attributes:
+        facets: Rows of the boundary, shape (strips,).
+        start: Where the part begins on the facet, 0 to 1, shape (strips,).
+        end: Where it ends.
+    """
+
+    facets: Indices
+    start: Array
+    end: Array
+
+    @classmethod
+    def between(
+        cls, boundary: Boundary, mine: Flags, axis: int, ends: tuple[float, float]
+    ) -> Strips:
+        """Parts of some facets between two places x (axis 0) or y (axis 1)."""
+        first, second = boundary.points[:, :2, axis].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            places = (np.array(ends) - first[:, None]) / (second - first)[:, None]
+        # A facet at one place lies between the ends all along, or not at all.
+        inside = (first >= ends[0]) & (first <= ends[1])
+        start, end = np.clip(np.sort(places, axis=1), 0.0, 1.0).T
+        start = np.where(first == second, 0.0, start)
+        end = np.where(first == second, np.where(inside, 1.0, 0.0), end)
+        rows = np.flatnonzero(mine & (end - start > NOTHING))
+        return cls(rows, start[rows], end[rows])
+
+    def length(self, boundary: Boundary) -> Array:
+        """m, shape (strips,)."""
+        return np.asarray(boundary.length[self.facets] * (self.end - self.start))
+
+    def forces(self, boundary: Boundary, traction: Any) -> Array:
+        """Forces on the nodes of the facets, N/m, shape (strips, nodes of a facet, 2).
+
+        `traction` gives forces per area, shape (..., 2), at positions of shape (..., 2).
+        """
+        abscissa, weight = np.polynomial.legendre.leggauss(3)
+        s = self.start[:, None] + np.outer(self.end - self.start, 0.5 * (1.0 + abscissa))
+        first, second = boundary.points[self.facets, :2].swapaxes(0, 1)
+        position = first[:, None] + s[:, :, None] * (second - first)[:, None]
+        values = lagrange(s, boundary.nodes.shape[1])
+        length = 0.5 * self.length(boundary)
+        return np.einsum("f,g,fgk,fgd->fkd", length, weight, values, traction(position))
+
+    def cut(self, boundary: Boundary, up: Array, levels: Array) -> Strips:
+        """Strips that end where they cross levels of the height up . x, m."""
+        first, second = (boundary.points[self.facets, :2] @ up).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = (levels - first[:, None]) / (second - first)[:, None]
+        crossing = np.clip(np.nan_to_num(crossing), self.start[:, None], self.end[:, None])
+        ends = np.sort(np.hstack([self.start[:, None], crossing, self.end[:, None]]), axis=1)
+        row, number = np.nonzero(np.diff(ends, axis=1) > 0.0)
+        return Strips(self.facets[row], ends[row, number], ends[row, number + 1])
+
+
+#: Parts of facets, and of normals, below this are rounding.
+NOTHING = 1e-9
+
+
+def upward(body: tuple[float, float]) -> Array:
+    """Unit vector against a body force; along y where there is none."""
+    size = math.hypot(*body)
+    return -np.array(body) / size if size > 0.0 else np.array([0.0, 1.0])
+
+
+def floor_strips(scene: Scene, boundary: Boundary) -> Mapping[str, Strips]:
+    """The top sides that every floor lies on.
+
+    Raises:
+        InputError: If a floor lies on none, or on sides inside a block.
+    """
+    found = {}
+    looks_up = boundary.normal @ upward(scene.dead.body) > NOTHING
+    gap = max((law.gap for law in scene.joints.values()), default=0.0)
+    for name, floor in scene.floors.items():
+        mine = looks_up if floor.at is None else looks_up & (boundary.role([floor.at]) == 0)
+        strips = Strips.between(boundary, mine, 0, floor.x or (-np.inf, np.inf))
+        height = boundary.points[strips.facets, :2, 1]
+        if floor.y is not None:
+            # At its height, or at the highest level below it within a gap of joints.
+            near = CLOSED * boundary.length[strips.facets, None]
+            within = (height <= floor.y + near) & (height >= floor.y - gap - near)
+            under = np.all(within, axis=1)
+            top = height[under].max(initial=-np.inf)
+            rows = under & np.all(height >= top - near, axis=1)
+            strips = Strips(strips.facets[rows], strips.start[rows], strips.end[rows])
+        found[name] = strips
+        if len(strips.facets):
+            continue
+        if floor.y is None:
+            missed = f"at = '{floor.at}': no side of this group looks up; name top sides"
+        else:
+            missed = f"y = {floor.y:g}: no top side of a block is at this height there; "
+            places = height.ravel()
+            if len(places) == 0:
+                missed += "give x where blocks are"
+            else:
+                nearest = places[np.argmin(np.abs(places - floor.y))]
+                missed += f"the nearest is at y = {nearest:g}"
+        raise InputError(f"floors.{name}.{missed}")
+    return found
+
+
+#: Cells of strips; points of integration in the reference cell, shape (strips or 1, points, 2);
+#: weights, m2, shape (strips, points); heights up . x there, m.
+Rule = tuple[Indices, Array, Array, Array]
+
+#: Gauss points along each side of a strip, by corners of the cell.
+POINTS = {3: 3, 4: 16}
+#: Strips thinner than this are none, over the height of their cell.
+THIN = 1e-12
+#: Cells that are cut at a time, which bounds the memory.
+PORTION = 300
+
+
+def rules(domain: Any, up: Array, levels: Array) -> Iterator[Rule]:
+    """Rules for this rank's cells, cut at levels of the height up . x, m."""
+    corners = domain.geometry.x[compat.geometry_dofs(domain)][:, :, :2]
+    height = corners @ up
+    low = height.min(axis=1, keepdims=True)
+    part = (levels - low) / (height.max(axis=1, keepdims=True) - low)
+    cut = np.any((part > THIN) & (part < 1.0 - THIN), axis=1) | (corners.shape[1] == 3)
+    yield _whole(np.flatnonzero(~cut), corners[~cut], up)
+    for cells in np.array_split(np.flatnonzero(cut), cut.sum() // PORTION + 1):
+        yield _cut(cells, corners[cells], up, levels)
+
+
+def _whole(cells: Indices, corners: Array, up: Array) -> Rule:
+    """A rule for whole quadrilaterals; corners as dolfinx has them, row by row."""
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS[3])  # polynomials, as in triangles
+    place = 0.5 * (1.0 + np.stack(np.meshgrid(abscissa, abscissa), axis=-1).reshape(1, -1, 2))
+    b, c, d = cell_sides(corners)
+    area = np.abs(cross(b + d * place[..., 1:], c + d * place[..., :1]))
+    arm = b * place[..., :1] + c * place[..., 1:] + d * place.prod(axis=-1, keepdims=True)
+    area *= 0.25 * np.outer(weight, weight).ravel()
+    return cells, place, area, corners[:, :1] @ up + arm @ up
+
+
+def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
+    """A rule for cells cut into strips; corners as dolfinx has them, row by row."""
+    # From the first corner, so that far-away origins cost no digits.
+    base = corners[:, :1] @ up
+    corners = corners - corners[:, :1]
+    axes = np.column_stack([up, [up[1], -up[0]]])  # along the height, and across
+    outline = corners[:, [0, 1, 3, 2] if corners.shape[1] == 4 else [0, 1, 2]] @ axes
+    low = outline[..., 0].min(axis=1, keepdims=True)
+    high = outline[..., 0].max(axis=1, keepdims=True)
+    ends = np.sort(np.hstack([outline[..., 0], np.clip(levels - base, low, high)]), axis=1)
+    row, number = np.nonzero(np.diff(ends, axis=1) > THIN * (high - low))
+    extent = ends[row, number + 1] - ends[row, number]
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS[corners.shape[1]])
+    share = 0.5 * (1.0 + abscissa)
+    height = ends[row, number][:, None] + extent[:, None] * share
+    left, width = _across(outline[row], height)
+    across = left[..., None] + width[..., None] * share
+    area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)
+    flat = len(row), len(share) ** 2
+    arm = np.stack(np.broadcast_arrays(height[..., None], across), axis=-1).reshape(*flat, 2)
+    place = reference_places(corners[row], arm @ axes.T)
+    return cells[row], place, area.reshape(flat), arm[..., 0] + base[row]
+
+
+def _across(outline: Array, height: Array) -> tuple[Array, Array]:
+    """Where cells begin across at heights inside them, and how wide they are there, m.
+
+    `outline` has heights and places across of the corners, shape (rows, corners, 2).
+    """
+    first = outline[:, :, None]
+    step = np.roll(outline, -1, axis=1)[:, :, None] - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (height[:, None] - first[..., 0]) / step[..., 0]
+        across = first[..., 1] + share * step[..., 1]
+    meets = (share >= 0.0) & (share <= 1.0)
+    left = np.where(meets, across, np.inf).min(axis=1)
+    return left, np.where(meets, across, -np.inf).max(axis=1) - left
+
+
+#: Weight of a mass of 1 kg, N, by which the weight of a floor gives its mass.
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Factor c on a body force.
+
+    Attributes:
+        up: Unit vector along which heights are measured.
+        levels: Heights up . x at which the slope of c changes, m.
+        factors: c there; it is constant below the first and above the last.
+    """
+
+    up: Array
+    levels: Array
+    factors: Array
+
+    def at(self, place: Array) -> Array:
+        """C at heights up . x, m."""
+        return np.interp(place, self.levels, self.factors)
+
+
+def profile_of(scene: Scene, load: Load, boundary: Boundary, density: fem.Function) -> Profile:
+    """The profile of a load. Collective."""
+    up = upward(scene.dead.acceleration)
+    height = boundary.points[:, :2] @ up
+    foot = float(height.min())
+    even = Profile(up, np.array([foot]), np.ones(1))
+    if load.profile == "uniform":
+        return even
+    if isinstance(load.profile, str):
+        ends = np.array([foot, float(height.max())])
+        rising = Profile(up, ends, ends - foot)
+        mass, moment = (_total(scene, boundary, density, one) for one in (even, rising))
+        return Profile(up, ends, rising.factors * (mass / moment if moment > 0.0 else 1.0))
+    heights, factors = np.transpose(load.profile)
+    return Profile(up, foot + heights, factors)
+
+
+def add_body_force(
+    forces: fem.Function, load: Load, body_load: forms.BodyLoad, profile: Profile
+) -> None:
+    """Add the nodal forces of a body force with its profile, those at ghosts too."""
+    if load.profile == "uniform":
+        fem.assemble_vector(forces.x.array, body_load.form(load.acceleration))
+        return
+    space = forces.function_space
+    density = _by_cell(body_load.density)
+    for cell, place, weight, height in rules(space.mesh, profile.up, profile.levels):
+        mass = density[cell, None] * weight * profile.at(height)
+        share = (mass[:, None] @ shape_functions(space, place))[:, 0]
+        nodes = compat.cell_dofs(space)[cell]
+        np.add.at(forces.x.array.reshape(-1, 2), nodes, share[..., None] * load.acceleration)
+
+
+def weights_of_floors(scene: Scene, boundary: Boundary) -> list[tuple[Indices, Array]]:
+    """Facets and the forces on their nodes, of the weight of every floor.
+
+    Forces have the shape (facets, nodes of a facet, 2), N per metre of thickness.
+
+    Raises:
+        InputError: If a floor lies nowhere.
+    """
+    up = upward(scene.dead.acceleration)
+    return _on_floors(scene, boundary, scene.floors, Profile(up, np.zeros(1), np.ones(1)), -up)
+
+
+def inertia_of_floors(
+    scene: Scene, boundary: Boundary, profile: Profile, acceleration: tuple[float, float]
+) -> list[tuple[Indices, Array]]:
+    """The same of an acceleration, times a profile, of the floors that have mass."""
+    floors = {name: floor for name, floor in scene.floors.items() if floor.mass}
+    return _on_floors(scene, boundary, floors, profile, np.array(acceleration) / GRAVITY)
+
+
+def _on_floors(
+    scene: Scene, boundary: Boundary, floors: Iterable[str], profile: Profile, vector: Array
+) -> list[tuple[Indices, Array]]:
+    """Forces of the floors' weights times a profile and a vector."""
+    found = []
+    strips = floor_strips(scene, boundary)
+    for name in floors:
+        parts = strips[name].cut(boundary, profile.up, profile.levels)
+        weight = scene.floors[name].force * boundary.normal[parts.facets] @ upward(scene.dead.body)
+        force = parts.forces(boundary, lambda x: profile.at(x @ profile.up)[..., None] * vector)
+        found.append((parts.facets, weight[:, None, None] * force))
+    return found
+
+
+def _total(scene: Scene, boundary: Boundary, density: fem.Function, profile: Profile) -> float:
+    """Integral of a profile over all masses, kg per metre of thickness. Collective."""
+    total = 0.0
+    per_cell = _by_cell(density)
+    for cell, _, weight, height in rules(scene.mesh.domain, profile.up, profile.levels):
+        total += float(np.sum(per_cell[cell, None] * weight * profile.at(height)))
+    floors = inertia_of_floors(scene, boundary, profile, (1.0, 0.0))
+    return float(scene.comm.allreduce(total)) + sum(float(force.sum()) for _, force in floors)
+
+
+def _by_cell(field: fem.Function) -> Array:
+    """Values of a function that is constant in every cell of this rank."""
+    return np.asarray(field.x.array[compat.cell_dofs(field.function_space)[:, 0]])
+
 
 #: Facets look the same way if their normals differ by less than 60 degrees.
 ALIKE = 0.5
@@ -38,8 +351,8 @@ def nodal_forces(
     """
     load: Load = getattr(scene, kind)
     forces = fem.Function(space)
-    profile = profiles.profile_of(scene, load, boundary, body_load.density)
-    profiles.add_body_force(forces, load, body_load, profile)
+    profile = profile_of(scene, load, boundary, body_load.density)
+    add_body_force(forces, load, body_load, profile)
     for name in (*load.traction, *load.earth):
         if name in boundary.interior:
             boundary.role([name])  # raises: a traction acts on the outside of a block
@@ -60,9 +373,9 @@ def nodal_forces(
     first, last = index_map.local_range
     on_facets = forces_on_facets(boundary, load, f"loads.{kind}")
     if kind == "dead":
-        on_facets += profiles.weights_of_floors(scene, boundary)
+        on_facets += weights_of_floors(scene, boundary)
     else:
-        on_facets += profiles.inertia_of_floors(scene, boundary, profile, load.acceleration)
+        on_facets += inertia_of_floors(scene, boundary, profile, load.acceleration)
     for facets, force in on_facets:
         nodes = boundary.nodes[facets]
         here = (nodes >= first) & (nodes < last)

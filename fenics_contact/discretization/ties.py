@@ -31,11 +31,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_contact import compat
-from fenics_contact.discretization.facets import GROUND, Boundary
-from fenics_contact.discretization.mortar import (
+from fenics_contact.discretization.facets import (
+    GROUND,
     NO_NODE,
     NOTHING,
     SHARES,
+    Boundary,
     Stencil,
     reference_places,
     shape_functions,

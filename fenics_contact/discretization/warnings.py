@@ -18,7 +18,7 @@ from fenics_contact.discretization.contacts import Gaps, facing_facets
 from fenics_contact.discretization.facets import GROUND, Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import straight_faces, strength_of
-from fenics_contact.discretization.profiles import floor_strips
+from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.discretization.supports import facet_motion
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.geometry.planar_cells import connected

@@ -30,9 +30,8 @@ from fenics_contact.output.state_files import (
     tie_records,
 )
 from fenics_contact.output.view import View, caption_of, motion_record, view_of
-from fenics_contact.results.motions import mechanism
 from fenics_contact.results.result import Answer, Collapse, Result, Table
-from fenics_contact.results.values import tie_arrays
+from fenics_contact.results.values import mechanism, tie_arrays
 from fenics_contact.scene.units import rounded_alike
 
 #: What result.json says of `SolveOptions.slip`.

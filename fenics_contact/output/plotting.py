@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from fenics_contact.discretization.joints import GROUND
-from fenics_contact.discretization.profiles import floor_strips
+from fenics_contact.discretization.loads import floor_strips
 from fenics_contact.errors import InputError, check_like, plain
 from fenics_contact.output.drawing import (
     BLACK,

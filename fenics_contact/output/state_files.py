@@ -31,9 +31,8 @@ from fenics_contact.output.report.content import RECORD
 from fenics_contact.output.scene_record import scene_record
 from fenics_contact.output.view import View, view_of
 from fenics_contact.results.certificate import tolerances
-from fenics_contact.results.motions import falling_blocks
 from fenics_contact.results.result import ServiceState
-from fenics_contact.results.values import NamedArrays, TieState, tie_arrays
+from fenics_contact.results.values import NamedArrays, TieState, falling_blocks, tie_arrays
 from fenics_contact.scene.scene import Scene
 from fenics_contact.version import __version__
 

@@ -13,8 +13,7 @@ from mpi4py import MPI
 from fenics_contact.discretization.facets import Boundary
 from fenics_contact.discretization.joints import Joints
 from fenics_contact.discretization.layout import Layout
-from fenics_contact.discretization.loads import forces_on_facets
-from fenics_contact.discretization.profiles import weights_of_floors
+from fenics_contact.discretization.loads import forces_on_facets, weights_of_floors
 from fenics_contact.geometry.mesh import Array, Indices
 from fenics_contact.output.fields import at_nodes, at_sides, material_numbers, middle, mode_scale
 from fenics_contact.results.values import JointValues, TieValues, tie_values

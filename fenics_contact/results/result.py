@@ -39,12 +39,15 @@ from fenics_contact.results.history import (
     TracePoint,
     Trial,
 )
-from fenics_contact.results.motions import fall_reason, falling_blocks, large, named_blocks
 from fenics_contact.results.values import (
     JointValues,
     NamedArrays,
     block_arrays,
+    fall_reason,
+    falling_blocks,
     joint_arrays,
+    large,
+    named_blocks,
     tie_arrays,
 )
 from fenics_contact.scene.scene import Scene

@@ -9,7 +9,7 @@ import pytest
 
 from fenics_contact import JointLaw, Load, equilibrium, limit_load
 from fenics_contact.meshing import polygons, wall
-from fenics_contact.results.motions import mechanism
+from fenics_contact.results.values import mechanism
 from tests.drawing import rectangle
 from tests.helpers import on_ground
 
