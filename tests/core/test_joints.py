@@ -15,13 +15,14 @@ from fenics_contact.discretization.joints import (
     find_joints,
 )
 from fenics_contact.discretization.materials import displacement_space
-from fenics_contact.meshing import polygons, wall
+from fenics_contact.meshing import polygons
 from tests.helpers import (
     PUSH,
     STONE,
     coulomb,
     grid_blocks,
     mesh_of,
+    on_ground,
 )
 
 TWO = (((0, 0), (1, 1), (2, 1)), ((0, 1), (1, 1), (2, 1)))  # one block on another
@@ -42,16 +43,6 @@ def free_scene(model, joints=None, foundations=None) -> Scene:
 def at(joints: Joints, x: float, y: float) -> np.ndarray:
     """Points of the joints at a place."""
     return np.flatnonzero(np.abs(joints.position - [x, y]).max(axis=1) < 1e-9)
-
-
-def test_weights_are_those_of_the_trapezoidal_and_of_simpsons_rule():
-    scene = free_scene(wall([[1], [1]], (0.4, 0.2), 1))  # two facets of 0.2
-    for degree, expected in ((1, [1 / 4, 2 / 4, 1 / 4]), (2, np.array([1, 4, 2, 4, 1]) / 12)):
-        joints = joints_of(replace(scene, degree=degree))
-        order = np.argsort(joints.position[:, 0])
-        places = np.linspace(0.0, 0.4, len(expected))
-        assert joints.position[order, 0] == pytest.approx(places, abs=1e-15)
-        assert joints.length[order] == pytest.approx(0.4 * np.array(expected), rel=1e-12)
 
 
 @pytest.mark.parametrize(("kink", "points"), [(10.0, 1), (14.0, 1), (16.0, 2), (40.0, 2)])
@@ -99,3 +90,12 @@ def test_traction_inside_a_block():
     scene = replace(free_scene(drawing.model()), live=Load(traction={"seam": (1.0, 0.0)}))
     with pytest.raises(InputError, match="'seam': 1 facets lie inside a body"):
         Discretization(scene)
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0.0, 0), (1e-4, 1)])
+def test_warning_of_a_gap(gap, count):
+    drawing = grid_blocks(((0, 0), (1, 1), (2, 2)), ((0, 1 + gap), (1, 1), (3, 2)))
+    drawing.facets = {"base": drawing.facets["bottom0"]}
+    with Discretization(on_ground(drawing.model(), coulomb(0.5))) as made:
+        found = [text for text in made.warnings if "gaps or overlaps up to 0.0001 m" in text]
+    assert len(found) == count

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from fenics_contact import JointLaw, Scene, limit_load
-from fenics_contact.answers.hinges import HingeLengths, HingesAnswer
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.console import summary
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.meshing import arch, buttress
 from fenics_contact.results.bounds import LimitBounds, signed
-from fenics_contact.results.result import Collapse
 from tests import bank
 from tests.bank import BANK, Known, Recipe, arch_recipe, block_recipe, coulomb, stack_recipe, tresca
 from tests.helpers import numbers
@@ -110,24 +108,6 @@ def test_a_closed_bracket_is_said():
     assert "no other collapse state exists" in result.summary()
     open_ = replace(result.positive, program=lambda: LimitBounds(0.1, 0.3, 0.0))
     assert "no other" not in summary(replace(result, ends={"positive": open_}))
-
-
-@pytest.mark.parametrize(
-    ("points", "ends", "expected"),
-    [
-        (0.312, (0.27, 0.3), 0.3),
-        (0.31, (0.0, 0.33), 0.31),
-        (0.25, (0.26, 0.3), 0.26),
-        (math.nan, (0.3, 0.3), 0.3),
-        (math.nan, (0.0, 0.3), math.nan),
-    ],
-)
-def test_hinges_do_not_lead_out_of_the_bracket(points, ends, expected):
-    found = HingesAnswer(HingeLengths("known", 0.3, 1e-3, points, points=points))
-    if math.isnan(points):
-        found = HingesAnswer.not_known("")
-    within = found.in_bracket(Collapse("limit", 0.3, lambda: LimitBounds(*ends)))
-    assert within.value.points == pytest.approx(expected, abs=1e-12, nan_ok=True)
 
 
 @pytest.mark.mpi

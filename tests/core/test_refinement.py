@@ -10,7 +10,6 @@ import pytest
 from mpi4py import MPI
 
 from fenics_contact import BlockMesh, Scene, compat, limit_load
-from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.geometry.refinement import refine
 from tests.bank import coulomb, wall_recipe
 
@@ -35,37 +34,6 @@ def refined(scene: Scene, x: float, y: float, times: int) -> Scene:
         mesh = scene.mesh
         scene = replace(scene, mesh=refine(mesh, near(mesh, x, y, 0.8 * 0.5**k)))
     return scene
-
-
-def areas(mesh: BlockMesh) -> np.ndarray:
-    """Area by body and group of cells, on every rank."""
-    points = corners(mesh)
-    following = np.roll(points, -1, axis=1)
-    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
-    table = np.zeros((mesh.body_count, len(mesh.cell_sets)))
-    np.add.at(table, (mesh.body, mesh.cell_groups), 0.5 * np.abs(cross.sum(axis=1)))
-    return mesh.comm.allreduce(table)
-
-
-def lengths(scene: Scene) -> dict[str, float]:
-    """Length of joints and foundations by name, and of groups."""
-    with Discretization(scene) as whole:
-        boundary, joints = whole.boundary, whole.joints
-        found = {
-            name: float(joints.length[joints.law == law].sum())
-            for law, name in enumerate(joints.names)
-        }
-        names = scene.mesh.facet_names
-        groups = {f"group {name}": boundary.length[boundary.in_group(name)].sum() for name in names}
-        return found | groups
-
-
-@pytest.mark.parametrize("elements", [1, 2])
-def test_nothing_is_lost(elements):
-    scene = wall_recipe("W4", coulomb(0.65)).scene(elements)
-    finer = refined(scene, 1.0, 0.9, 4)
-    assert areas(finer.mesh) == pytest.approx(areas(scene.mesh), rel=1e-12)
-    assert lengths(finer) == pytest.approx(lengths(scene), rel=1e-12)
 
 
 @pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -142,6 +142,11 @@ LOADS = {
 CONTACT = {
     "no facet opposite": Wrong(("'top'", "no facet opposite"), {"joints.top": ROUGH}),
     "on nothing": Wrong(("block.msh", "[supports]", "[foundations]"), {"foundations": {}}),
+    "on rollers alone": Wrong(
+        ("can move all together even with closed joints",),
+        {"foundations": {}, "supports.base": "roller"},
+        "stack",
+    ),
     "block in the air": Wrong(("apart.msh", "(0.5, 1.25)"), mesh="apart"),
     "no joint law": Wrong(("[joints.default]", "0.5)"), {"joints": {}}, "stack"),
     "blocks almost touch": Wrong(("apart by", "0.003", ", 1)", "'bed'"), mesh="almost"),

@@ -16,7 +16,6 @@ from fenics_contact.geometry.gmsh_mesh import (
     with_blocks,
 )
 from fenics_contact.geometry.gmsh_reader import ReadLimits, read
-from fenics_contact.geometry.mesh import BODY_IMBALANCE, ranks_of_bodies
 from fenics_contact.meshing import model_from_arrays, polygons, wall
 from tests.helpers import mesh_of, rectangle
 
@@ -244,19 +243,3 @@ def test_plane_parallel_to_x_and_y_and_small_cells_far_from_the_origin_are_fine(
     assert mesh_of(lifted(7.0, 7.0, 7.0, 7.0)).body_count == 1
     points = 1e-3 * np.array(SQUARE) + 1e3
     assert mesh_of(model_from_arrays(points, ONE_CELL, {})).body_count == 1
-
-
-@pytest.mark.parametrize("ranks", [2, 3, 4])
-def test_bodies_stay_whole_on_ranks_and_balance(ranks):
-    drawn = extract(wall([[1] * 6] * 6, elements=1), "wall")
-    body = bodies_of_cells(drawn)
-    rank = ranks_of_bodies(drawn, body, ranks)
-    assert rank is not None
-    assert len(np.unique(np.column_stack([body, rank]), axis=0)) == 36
-    load = np.bincount(rank, minlength=ranks)
-    assert load.max() <= BODY_IMBALANCE * load.mean()
-
-
-def test_one_large_body_is_not_kept_whole():
-    drawn = extract(wall([[8], [1]], elements=1), "wall")
-    assert ranks_of_bodies(drawn, bodies_of_cells(drawn), 2) is None

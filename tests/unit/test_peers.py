@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.peers import PEERS, calculix, peer, rigid_lp
-from benchmarks.peers.blocks import GROUND, Blocks
+from benchmarks.peers import PEERS, peer, rigid_lp
+from benchmarks.peers.blocks import Blocks
 from benchmarks.scenes import arch_blocks, wall_blocks
 from tests.bank import BANK, rectangle
 
@@ -39,31 +39,3 @@ def test_gilbert_is_below_associative_friction():
     upper, answer = rigid_lp.solve(blocks), peer("gilbert").solve(blocks)
     assert 0.5 < answer.load_factor < 0.97 * upper.load_factor
     assert peer("gilbert").solve(blocks, deadline=0.0).status == "time-out"
-
-
-def test_faces_of_a_wall_are_contact_pairs():
-    blocks = wall_blocks("2x2", 0.5)  # two bricks; half, whole, half
-    bodies = blocks.faces.bodies
-    assert np.count_nonzero(bodies[:, 0] == GROUND) == 2
-    assert len(bodies) == 2 + 4 + 1 + 2  # ground, beds, heads of both courses
-    length = np.linalg.norm(blocks.faces.ends[:, 1] - blocks.faces.ends[:, 0], axis=1)
-    assert length.sum() == pytest.approx(4 * 0.4 + 3 * 0.2)
-    lines = calculix.deck(blocks, 2, 1.0).splitlines()
-    assert sum(line.startswith("*CONTACT PAIR") for line in lines) == len(bodies)
-    surfaces = [k for k, line in enumerate(lines) if line.startswith("*SURFACE,NAME")]
-    assert all(",S" in lines[k + 1] for k in surfaces)
-
-
-STATUS = """\
-SUMMARY OF JOB INFORMATION
-  STEP      INC     ATT  ITRS     TOT TIME     STEP TIME      INC TIME
-     1          1     1{failed}  4  0.100000E+01  0.100000E+01  0.100000E+01
-"""
-SECOND = "     2          1     1    12  0.102000E+01  0.200000E-01  0.200000E-01\n"
-THIRD = "     2          2     1U   21  0.104000E+01  0.400000E-01  0.200000E-01\n"
-
-
-@pytest.mark.parametrize(("rows", "reached"), [("", 0.0), (SECOND, 0.02), (SECOND + THIRD, 0.02)])
-def test_last_increment_that_converged(rows, reached):
-    assert calculix.converged_time(STATUS.format(failed=" ") + rows) == reached
-    assert np.isnan(calculix.converged_time(STATUS.format(failed="U") + rows))

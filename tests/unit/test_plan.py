@@ -8,8 +8,7 @@ import pytest
 
 from fenics_contact import JointLaw, Load, OutputOptions, Scene, SolveOptions
 from fenics_contact.meshing import wall
-from fenics_contact.results.history import History, Step
-from fenics_contact.results.result import skipped, skipped_iterations
+from fenics_contact.results.result import skipped
 from tests.helpers import PUSH, coulomb, on_ground, tresca
 
 SMOOTH = JointLaw("frictionless")
@@ -68,31 +67,3 @@ def test_fixed_point_and_shear_are_for_friction_only(full, joint, ground, fixed_
 )
 def test_what_is_not_given_or_not_asked_for(full, changes, expected):
     assert names(replace(full, **changes)) == expected
-
-
-def test_every_item_gives_its_reason(full):
-    smooth = {"joints": {"default": SMOOTH}, "foundations": {"base": SMOOTH}}
-    output = OutputOptions(paraview=False, pictures=False, capacity=0)
-    bare = replace(full, dead=Load(), live=PUSH, solve=SolveOptions(), output=output, **smooth)
-    items = skipped(bare)
-    assert len(items) == len(set(items)) == 9
-    assert "negative direction: solve.direction = 'positive'" in items
-    for item in items:
-        what, reason = item.split(": ", 1)
-        assert what and reason
-
-
-@pytest.mark.parametrize(
-    ("histories", "spared"),
-    [
-        ([], False),
-        ([("monolithic", 1)], True),
-        ([("monolithic", 1), ("monolithic", 1)], True),
-        ([("monolithic", 1), ("monolithic", 4)], False),
-        ([("fixed-point", 1)], False),
-    ],
-)
-def test_iterations_that_one_step_spared(histories, spared):
-    step = Step(load_factor=1.0, bound_change=0.0, relaxation=1.0, factorizations=5)
-    done = [History((step,) * count, method=method) for method, count in histories]
-    assert bool(skipped_iterations(done)) == spared
