@@ -63,11 +63,8 @@ def test_message_names_what_is_wrong(name, folder, capsys):
     assert files(folder) == before
 
 
-# One that rank 0 finds alone, one that all find, one that gmsh finds.
-@pytest.mark.parametrize(
-    ("name", "ranks"),
-    [("missing mesh", 1), ("missing mesh", 2), ("no facet opposite", 2), ("mesh cut short", 2)],
-)
+# One that rank 0 finds alone, one that all find.
+@pytest.mark.parametrize(("name", "ranks"), [("missing mesh", 1), ("no facet opposite", 2)])
 def test_exit_code_2_and_one_message(name, ranks, tmp_path):
     arguments = prepare(ALL[name], tmp_path)
     before = files(tmp_path)

@@ -57,7 +57,10 @@ def test_only_the_first_run_compiles_and_says_nothing(name, ranks, tmp_path, mon
     assert all(found["compile"] > 0.0 for found in seconds)
 
 
-@pytest.mark.parametrize("missing", ["laws of an earlier run", "laws and forms"])
+@pytest.mark.parametrize(
+    "missing",
+    [pytest.param("laws of an earlier run", marks=pytest.mark.slow), "laws and forms"],
+)
 def test_a_run_without_a_compiler_says_what_to_install(missing, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write_scene(tmp_path, {"output.pictures": False}, "block")

@@ -35,7 +35,7 @@ PAGES = sorted(
 )
 RUN = ("sh", "python", "toml")
 #: Pages whose commands take more than a few seconds.
-SLOW = ("README.md", "docs/tutorial.md", "docs/sweep.md")
+SLOW = ("README.md", "docs/tutorial.md", "docs/sweep.md", "docs/python.md", "docs/scene.md")
 #: Commands that install, or prepare the shell.
 NOT_RUN = ("make", "source", "export", "docker", "conda", "pip")
 #: All pictures of the gallery, bytes.

@@ -135,10 +135,14 @@ def test_fast_leaves_out_the_capacity_curve(folder, capsys):
     ("ranks", "changes", "mesh", "code", "status"),
     [
         (1, {}, "wall", 0, "limit"),
-        (2, UNBOUNDED["pressed on strong ground"], "block", 0, "unbounded"),
-        (1, *UNSTABLE["stack that hangs over"], 3, "unstable"),
         (2, *UNSTABLE["stack that hangs over"], 3, "unstable"),
-        (2, HOPELESS, "block", 4, "not_converged"),
+        *(
+            pytest.param(*more, marks=pytest.mark.slow)
+            for more in (
+                (2, UNBOUNDED["pressed on strong ground"], "block", 0, "unbounded"),
+                (2, HOPELESS, "block", 4, "not_converged"),
+            )
+        ),
     ],
 )
 def test_codes_of_the_program(ranks, changes, mesh, code, status, tmp_path):

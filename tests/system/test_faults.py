@@ -281,8 +281,7 @@ def test_folder_removed(moment, ranks, scene):
         assert found.err.startswith("fenics-contact: ")
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("lines", [0, 1])
+@pytest.mark.parametrize(("lines", "ranks"), [(0, 1), (1, 2)])
 def test_output_that_nobody_reads(lines, ranks, tmp_path):
     """As `fenics-contact solve scene.toml | head -1`."""
     write_scene(tmp_path)
