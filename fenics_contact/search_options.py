@@ -22,6 +22,22 @@ class SearchOptions:
     first_work: float = 300.0
     #: Factor from one work to the next, where one was too little.
     work_growth: float = 10.0
+    #: Works at most that are tried in vain.
+    works: int = 3
+    #: Steps, or iterations, without progress at which a method has lost its way.
+    no_progress: int = 6
+    #: Error of a state that is exact, relative: joint forces next to a collapse, equilibrium of
+    #: faces, and a stalled interior point method where less was asked for.
+    exact_state: float = 1e-9
+    #: Relative sizes that rounding makes: of missing forces, of a prescribed work, of proved ends.
+    rounding: float = 1e-8
+    #: What makes systems definite, relative: added to Newton's matrix of faces (times the gap), to
+    #: the strengths for which a mode is found, and to the diagonal for joint forces.
+    regularization: float = 1e-7
+    #: Load factors agree that are as close as this, relative.
+    agrees: float = 1e-5
+    #: Motions, and what is left of a strength, below this part of the largest one are none.
+    slight: float = 1e-4
 
     # ---- Newton's equations of a state (solvers/kkt)
     #: Cap on springs of joints, in units of K's mean diagonal: larger ones would cancel digits.
@@ -44,9 +60,6 @@ class SearchOptions:
     interior_steps: int = 80
     #: Steps over which the error has to halve; else the method has stalled.
     interior_window: int = 20
-    #: Error up to which a stalled state is accepted where less was asked for. What it is worth the
-    #: certificate tells.
-    interior_acceptable: float = 1e-9
     #: Steps at most from the first iterate that is exact enough, while its load factor changes.
     resting_steps: int = 3
     #: Products that are aimed at, at least, in units of the tolerance.
@@ -66,8 +79,6 @@ class SearchOptions:
     path_change: float = 3.0
     #: Change of s for which the points are chosen that follow their laws.
     path_aimed: float = 2.0
-    #: Part of the end at which a path ends, so that rounding does not fall short of it.
-    path_past: float = 1e-3
     #: Length of s at least on either side of where the path is reached.
     path_room: float = 1e-4
     #: Distance from the path that may be left at its end, relative to p and q.
@@ -78,8 +89,6 @@ class SearchOptions:
     path_shorter: float = 0.3
     #: Least such distance, in units of the usual one: random 85 and 283 end elsewhere without it.
     path_least: float = 0.03
-    #: Steps in a row that do not reach the path, until it is lost.
-    path_lost: int = 6
 
     # ---- one step of it: points that follow their exact laws (solvers/nonlinear_elimination)
     #: Points chosen at most, before a step; half as many at once where they end the way to it.
@@ -107,8 +116,6 @@ class SearchOptions:
     hold_balance: float = 1e2
     #: A step that contracts less than this calls for a smaller one.
     slow_hold: float = 0.3
-    #: Hold on the forces, in units of the diagonal: makes programs definite.
-    force_hold: float = 1e-7
     #: Tolerance on programs, relative to the change in the last step.
     program_accuracy: float = 1e-3
     #: Residual at which sweeps end, likewise; those that contract less are ended by a step for all
@@ -126,28 +133,18 @@ class SearchOptions:
     # ---- programs on face forces (faces/kernel, faces/programs)
     #: Relative gap at which a program ends.
     face_gap: float = 1e-7
-    #: Error of equilibrium at which it ends, over the largest force; ten times that is none.
-    face_equilibrium: float = 1e-9
     #: Steps at most.
     face_steps: int = 60
     #: Length below which a step is short.
     face_short: float = 0.2
-    #: Short steps in a row that end a program.
-    face_patience: int = 6
     #: Steps without a better iterate that end it.
     face_stale: int = 12
-    #: Added to Newton's matrix, in units of displacement over force, times the relative gap.
-    proximal: float = 1e-7
     #: The same where a mode is proved: it would be missing in the mode's equation.
     firm_proximal: float = 1e-11
     #: Further correctors at most.
     pushes: int = 2
     #: Factor of products, about those aimed at, out of which these pull them.
     product_band: float = 10.0
-    #: Distance of a proved end and an equilibrium, relative, at which the search for it ends.
-    sharp_end: float = 1e-8
-    #: Distance from which on an end is looked for again.
-    blunt_end: float = 1e-5
     #: Searches at most.
     end_searches: int = 4
     #: Least length of a face's springs, in units of the median one.
@@ -163,8 +160,6 @@ class SearchOptions:
     #: Part of its size by which a state is below the limit with its strengths, from which on it
     #: does too little work.
     far_limit: float = 0.02
-    #: Works at most.
-    face_works: int = 3
     #: Part of Coulomb's law in the steps that follow, the rest of the bound being given.
     coulomb_part: float = 0.5
     #: Steps at most.
@@ -173,10 +168,6 @@ class SearchOptions:
     part_gap: float = 3e-2
     #: Part of the dissipation that the bound misses, from which on the certificate is tried.
     part_tried: float = 5e-2
-    #: Part below which more steps do not help.
-    part_settled: float = 1e-3
-    #: Strength added for the mode, in units of the typical force.
-    mode_slack: float = 1e-7
     #: Products at the start of the mode's program, in units of those of the elastic state.
     near_products: float = 10.0
     #: Those at the start of the state's program.
@@ -191,8 +182,6 @@ class SearchOptions:
     # ---- lower states by face forces (faces/lowest)
     #: Gap of a state at most.
     lowest_allowed: float = 1.5e-4
-    #: Change of pressing forces, relative, below which a start's steps end.
-    start_settled: float = 3e-2
     #: Factorisations of one start at most, unasked.
     usual_effort: int = 150
 
@@ -203,25 +192,18 @@ class SearchOptions:
     soon: float = 25.0
     #: Gap asked for by default,
     gap: float = 1e-3
-    #: and of many blocks,
-    gap_of_many: float = 5e-3
     #: from so many on; lower states are then not looked for unasked.
     many_blocks: int = 1000
     #: Steps in which these springs' forces are taken away again.
     field_steps: int = 3
     #: Forces, and motions, below this part of the largest one are none.
     no_force: float = 1e-6
-    #: A face is at its strength where so little of its force is left for the other end.
-    at_strength: float = 1e-4
 
     # ---- linear programs of rigid blocks (collapse/rigid_blocks)
     #: HiGHS' primal and dual tolerance, forces in the program's unit.
     feasibility: float = 1e-10
     #: Iterations of HiGHS at most, for each row and column: it may go round in circles.
     program_iterations: int = 50
-    #: Missing forces, in units of the largest dead load, that count as none; and what an upper end
-    #: by HiGHS is raised by, relative.
-    program_rounding: float = 1e-8
     #: Unknowns above which a program takes a second or more: it gets a process of its own, or the
     #: face engine.
     large_program: int = 5000
@@ -248,15 +230,8 @@ class SearchOptions:
     verified_slip: float = 1e-5
     #: Of the mode's power, and its straining.
     verified_mode: float = 1e-4
-    #: Of the work that is prescribed.
-    verified_work: float = 1e-8
     #: Gap of the load factor to the limit with the state's own friction, relative.
     verified_gap: float = 3e-6
-    #: Complementarity may be missed by this part of the tolerance asked for: what products are left
-    #: is part of the gap.
-    products_left: float = 1e-2
-    #: A joint moves if it does so faster than this part of the fastest one.
-    moving: float = 1e-4
     #: Products of open and sliding joints in an elastic mode, force times displacement.
     mode_products: float = 1e-12
     #: Cap on springs of closed joints in it, in units of K's mean diagonal.
@@ -265,26 +240,21 @@ class SearchOptions:
     # ---- path to a collapse (collapse/strategy); products in force times elastic displacement
     #: Products while the work rises. Smaller ones take more steps, larger ones miss low states.
     rising_products: float = 1e-2
-    #: Part of that with which the path is followed where it leads to no state.
-    smaller_products: float = 0.1
     #: They grow like this power of the number of blocks of large walls, whose paths turn back more.
     products_of_many: float = 0.8
+    #: Factor from one size of products to the next smaller one.
+    decade: float = 0.1
     #: Where block modes are left, and the interior point method is tried first;
     end_products: float = 3e-3
-    #: then a tenth of that, so many times in all.
+    #: then a decade less, so many times in all. Next to a state at another load they are one more
+    #: decade, and at nearly the same one a decade less.
     path_ends: int = 4
-    #: Times that the products fall at most, each time at more work,
-    falls: int = 3
     #: by this factor.
     further_work: float = 1.5
     #: `interior_window` next to a state.
     finish_window: int = 4
-    #: `interior_acceptable` there: digits are lost along a mechanism.
+    #: `exact_state` there: digits are lost along a mechanism.
     finish_acceptable: float = 1e-7
-    #: Products next to a state at another load,
-    warm_products: float = 3e-2
-    #: and at nearly the same one; and those of block modes on the way to a peak.
-    close_products: float = 3e-4
 
     # ---- growing work, its costs (collapse/work_control), in factorisations of the structure
     #: First work per square of the number of blocks, if that is more: large walls are far from
@@ -292,8 +262,6 @@ class SearchOptions:
     work_of_many: float = 0.2
     #: Works, and load factors, that are looked at, in units of the first, and typical, ones.
     largest: float = 1e3
-    #: Works in a row without a state that end it.
-    missing_works: int = 3
     #: Gap of a collapse state, in units of the tolerance: as its friction bound follows, the load
     #: factor still changes by 10 to 40 times as much.
     work_gap: float = 2.5e-2
@@ -325,17 +293,11 @@ class SearchOptions:
     largest_relaxation: float = 2.0
     #: and that where changes keep one direction: growth, not a cycle.
     fast_relaxation: float = 50.0
-    #: Iterations without a smaller change that make a cycle.
-    cycle: int = 6
-    #: Contractions closer to one than this count as this in the estimate of the error.
-    slowest: float = 0.999
     #: Factor of what secants promise: the slowest direction hides among others.
     secant_safety: float = 3.0
     #: Tolerance of a state by joint forces, in units of the last change of the bound; by the
     #: interior point method it is the square of that,
     bound_precision: float = 1e-2
-    #: and the smallest one by joint forces; that of states beside the collapse.
-    exact_state: float = 1e-9
 
     # ---- rising load (collapse/load_control)
     #: Accuracy, relative, of load factors beside the one that is reported: of the peak, of lower
@@ -368,12 +330,6 @@ class SearchOptions:
     another_path: float = 2e-2
     #: Products on block modes where the path is lost with `close_products`.
     peak_products: float = 1e-3
-    #: Products on the structure, where it is followed from block modes,
-    peak_far: float = 1e-4
-    #: and to the peak,
-    peak_close: float = 1e-5
-    #: from where the state is looked for with these.
-    first_close: float = 3e-5
     #: States that are settled on the way at most.
     peak_states: int = 16
     #: `path_change` on block modes: peaks are narrow,
@@ -398,14 +354,10 @@ class SearchOptions:
     hinge_asked: float = 3.0
     #: Halvings of the elements at hinges: first state,
     few_halvings: float = 30.0
-    #: and second one.
-    many_halvings: float = 300.0
     #: Halvings of a block's height that lead to a hinge of the mesh, about; measured.
     own_halvings: float = 2.0
     #: Displacements that change joint forces by their own size, in units of those at the work.
     hinge_give: float = 3e-3
-    #: Distance of the mode's kinematic load factor, relative.
-    hinge_agrees: float = 1e-5
     #: What such a state misses of its equations at most: a step more than this is not worth it.
     hinge_exact: float = 1e-8
     #: `interior_window` there.

@@ -56,7 +56,7 @@ SETTLING = replace(SEARCH, path_corrections=SEARCH.hinge_corrections, points=SEA
 #: and the interior point method ends soon or not at all,
 FINISHING = replace(SEARCH, interior_window=SEARCH.hinge_window)
 #: at a state that is so exact.
-EXACT = Tolerances(SEARCH.hinge_exact, SEARCH.hinge_agrees)
+EXACT = Tolerances(SEARCH.hinge_exact, SEARCH.agrees)
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
             lower, upper = end.range.lower, end.range.upper
             if lower <= states[-1].state.load_factor <= upper:  # the mechanism of the mesh
                 point = min(max(point, lower), upper)
-        if abs(point - load_factor) <= SEARCH.hinge_agrees * end.size:
+        if abs(point - load_factor) <= SEARCH.agrees * end.size:
             return here
         halvings = max(math.log2(length / IN_STONE), 0.0)
         own = change / (load_factor - point)  # so that no halving leaves that of the mesh
@@ -264,7 +264,7 @@ def hinge_lengths(case: LoadCase, end: Collapse, cost: float) -> HingeLengths:
 def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
     """The collapse, and states with more and more halvings, as far as the effort allows."""
     few = SEARCH.few_halvings
-    many = SEARCH.many_halvings
+    many = SEARCH.few_halvings * SEARCH.work_growth
     states = [start]
     for halvings, attempt in ((few, _next_to), (few, _from_afar), (many, _next_to)):
         last = states[-1]
@@ -280,7 +280,7 @@ def _followed(case: LoadCase, end: Collapse, start: _Known) -> list[_Known]:
         states.append(new)
         _log.info("  %g halvings: load factor %.8g", halvings, new.state.load_factor)
         change = abs(new.state.load_factor - end.load_factor)
-        if change <= SEARCH.hinge_agrees * end.size and len(new.points) == len(last.points):
+        if change <= SEARCH.agrees * end.size and len(new.points) == len(last.points):
             break
     return states
 
@@ -302,14 +302,14 @@ def _with(
     work = more * max(end.work_ratio, 1.0) * case.bonded_work
     work *= SEARCH.work_growth if attempt is _next_to else 1.0
     scales = case.scales_at(work, abs(end.load_factor))
-    task = Task(case, work, scales, SEARCH.hinge_agrees)
+    task = Task(case, work, scales, SEARCH.agrees)
     with soft_hinges(case, last.points, halvings) as soft:
         problem = soft.problem
         kkt = PerturbedKKT.coulomb(problem, soft.stiffness, scales, work)
         state = attempt(task, kkt, soft, last).state
         mode = rates(replace(kkt, work=state.work), state)[0]
         factor = kinematic_factor(problem, state, mode)
-        if not abs(factor - state.load_factor) <= SEARCH.hinge_agrees * abs(state.load_factor):
+        if not abs(factor - state.load_factor) <= SEARCH.agrees * abs(state.load_factor):
             raise SolverError(f"the mode gives a load factor of {factor:.8g}")
         values = replace(
             last.joints,

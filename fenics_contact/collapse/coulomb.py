@@ -155,9 +155,9 @@ class FixedPoint:
     def _series(self, steps: Sequence[Step]) -> float:
         """Sum of all further changes over the last: a geometric series, by changes and secants."""
         contraction = History(tuple(steps)).contraction
-        contraction = min(contraction or 0.5, SEARCH.slowest)
+        contraction = min(contraction or 0.5, 1.0 - SEARCH.small_factor)
         secant = min(step.secant for step in steps[len(steps) // 2 :])
-        slow = SEARCH.secant_safety * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+        slow = SEARCH.secant_safety * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
         return max(slow, contraction / (1.0 - contraction))
 
     def _load_factor_error(self, steps: Sequence[Step]) -> float:
@@ -179,7 +179,7 @@ class FixedPoint:
         omega = np.array([step.relaxation for step in last[:-1]])
         rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
         secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-        creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+        creeps = abs(float(rates[-1])) * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
         return max(series, SEARCH.secant_safety * creeps)
 
 
@@ -210,7 +210,7 @@ class _Relaxation:
             self._since = 0
         elif not aligned:
             self._since += 1
-        if self._since >= SEARCH.cycle:
+        if self._since >= SEARCH.no_progress:
             self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.least_relaxation)
             self._since = 0
             self.cycles += 1

@@ -87,7 +87,7 @@ class CrushingAnswer(Answer):
 def asked_gap(case: LoadCase) -> float:
     """The gap that a state may have, as the scene asks for it or by default."""
     given = case.discretization.scene.solve.gap
-    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else SEARCH.gap_of_many
+    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
     return default if given is None else given
 
 
@@ -249,9 +249,7 @@ def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(
-        at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])
-    ):
+    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
         point = faces.faces.ends[face, 1 - end]
         length = float(normal[face] / faces.crushing[face])
         x, y = map(float, joints.position[point])

@@ -62,7 +62,10 @@ class WarmStart:
     """
 
     products: tuple[float, ...] = field(
-        default_factory=lambda: (SEARCH.warm_products, SEARCH.close_products)
+        default_factory=lambda: (
+            SEARCH.end_products / SEARCH.decade,
+            SEARCH.end_products * SEARCH.decade,
+        )
     )
     from_afar: tuple[float, ...] = (1.0,)
     tolerances: Tolerances = field(default_factory=Tolerances)
@@ -74,7 +77,7 @@ def finishing() -> SearchOptions:
     return replace(
         SEARCH,
         interior_window=SEARCH.finish_window,
-        interior_acceptable=SEARCH.finish_acceptable,
+        exact_state=SEARCH.finish_acceptable,
     )
 
 
@@ -165,10 +168,10 @@ def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
     task = path.task
     record = task.case.record
     first = min(task.case.bonded_work, task.work)
-    parts = 1.0, SEARCH.smaller_products
+    parts = 1.0, SEARCH.decade
     points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
     risen: dict[float, list[PathSample]] = {part: [] for part in points}
-    works = task.work * SEARCH.further_work ** np.arange(SEARCH.falls)
+    works = task.work * SEARCH.further_work ** np.arange(SEARCH.works)
     for work, part in product(works, parts):
         if part not in points:
             continue
@@ -236,7 +239,7 @@ def to_end(task: Task, state: State, mu: float) -> Solution:
     point = path.next_to(state, mu)
     passed: list[PathPoint] = []
     try:
-        for end in SEARCH.end_products * 0.1 ** np.arange(SEARCH.path_ends):
+        for end in SEARCH.end_products * SEARCH.decade ** np.arange(SEARCH.path_ends):
             point = path.with_products(point, task.mu(float(end)))
             passed.append(point)
             try:

@@ -59,7 +59,7 @@ def _at_growing_work(search: _Search, options: SearchOptions, blocks: int) -> st
     """The status that states by the attempts of a search lead to."""
     ratio = first = first_work(options, blocks, search.tolerance)
     missing = 0
-    while ratio <= SEARCH.largest * first and missing < options.missing_works:
+    while ratio <= SEARCH.largest * first and missing < options.works:
         found = search.at(ratio)
         missing = missing + 1 if found is None else 0
         if search.done(found):

@@ -98,7 +98,7 @@ class Certifier:
     def mode(self, force: Array, start: Iterate | None = None) -> Iterate | None:
         """(a): the limit with the strengths of a state; its motion is the mode, f_L . v = sign."""
         model = self.model
-        strength = model.own_strength(force) + SEARCH.mode_slack * model.force
+        strength = model.own_strength(force) + SEARCH.regularization * model.force
         program = self._program(strength, model.dilatancy)
         near = None
         if start is not None:
@@ -152,7 +152,7 @@ class Certifier:
     def state(self, found: Iterate, mode: Array) -> FaceState | None:
         """An iterate as a certified state; None without equilibrium, or with a mode that closes."""
         model = self.model
-        if not (found.missing < 10.0 * SEARCH.face_equilibrium and np.isfinite(found.load_factor)):
+        if not (found.missing < 10.0 * SEARCH.exact_state and np.isfinite(found.load_factor)):
             return None
         power = model.power(mode)
         relative = np.abs(model.relative(mode)).max(initial=1e-300)

@@ -52,7 +52,7 @@ class Tolerances:
     """What ends the method: relative gap, equilibrium, and motions."""
 
     gap: float = field(default_factory=lambda: SEARCH.face_gap)
-    equilibrium: float = field(default_factory=lambda: SEARCH.face_equilibrium)
+    equilibrium: float = field(default_factory=lambda: SEARCH.exact_state)
     motion: float = field(default_factory=lambda: SEARCH.verified)
 
 
@@ -187,7 +187,7 @@ def solve(
             except SolverError:
                 break
             short = short + 1 if length < options.face_short else 0
-            if length < 1e-7 or short >= options.face_patience:
+            if length < 1e-7 or short >= options.no_progress:
                 break
         return best or iterate
 
@@ -384,7 +384,7 @@ class _Local:
         if not method.symmetric:
             self.right = model.derivatives(point.force, method.program.friction)
         near = min(1.0, max(point.gap, 1e-3))
-        shift = method.options.proximal * method.displacement / model.force * near
+        shift = method.options.regularization * method.displacement / model.force * near
         weights = [one.weights for one in self.scaled[:-1]] + [method.compliance + shift]
         if method.curved:
             weights.append(model.curvature(point.duals)[:, None])

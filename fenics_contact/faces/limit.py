@@ -125,7 +125,7 @@ class FaceSearch:
     def _with_coulomb(self, work: float) -> tuple[Iterate, float]:
         """The elastic state with Coulomb's law, and its work; more work where it is too little."""
         model = self.model
-        for again in range(SEARCH.face_works):
+        for again in range(SEARCH.works):
             work *= SEARCH.work_growth if again else 1.0
             state = self.elastic(1.0, np.zeros(model.shape[0]), work, SEARCH.rough_gap)
             limit = self._certified("Coulomb's law", state, work)
@@ -158,7 +158,7 @@ class FaceSearch:
             pressed = own if near else 0.5 * (pressed + own)
             if near and missed < SEARCH.part_tried:
                 self._certified(f"theta {theta:g}", state, work)
-                if self._found or missed < SEARCH.part_settled:
+                if self._found or missed < SEARCH.gap:
                     break
 
     def elastic(self, theta: float, pressed: Array, work: float, gap: float) -> Iterate:

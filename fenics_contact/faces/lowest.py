@@ -41,7 +41,7 @@ def lowest_from(search: FaceSearch, start: tuple[float, float, int]) -> FaceStat
     for step in range(steps):
         state = search.elastic(theta, pressed, search.work, SEARCH.rough_gap)
         own = np.maximum(search.model.normal(state.force), 0.0)
-        settled = float(np.abs(own - pressed).sum()) < SEARCH.start_settled * float(own.sum())
+        settled = float(np.abs(own - pressed).sum()) < SEARCH.part_gap * float(own.sum())
         pressed = own
         if not (step == 0 or settled or step == steps - 1):
             continue

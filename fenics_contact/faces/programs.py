@@ -52,7 +52,7 @@ def associative_end(model: FaceModel) -> float | None:
     Args:
         model: The faces; slip is taken to be associative, with the dilatancy F.
     """
-    firm = replace(SEARCH, proximal=SEARCH.firm_proximal)
+    firm = replace(SEARCH, regularization=SEARCH.firm_proximal)
     friction = model.friction
     loaded, carried = model, 0.0
     end: float | None = None
@@ -61,7 +61,7 @@ def associative_end(model: FaceModel) -> float | None:
 
     def near(iterate: Iterate) -> bool:
         nonlocal end, stands
-        stands = stands or iterate.missing <= 10.0 * SEARCH.face_equilibrium
+        stands = stands or iterate.missing <= 10.0 * SEARCH.exact_state
         work = float(model.live @ iterate.motion)
         if work <= 0.0:
             return False
@@ -81,15 +81,15 @@ def associative_end(model: FaceModel) -> float | None:
         if found is not None and (end is None or found < end):
             end = found
         reached = carried + iterate.load_factor
-        if end is None or iterate.missing > 10.0 * SEARCH.face_equilibrium:
+        if end is None or iterate.missing > 10.0 * SEARCH.exact_state:
             return False
-        return abs(end - reached) <= SEARCH.sharp_end * model.size(reached)
+        return abs(end - reached) <= SEARCH.rounding * model.size(reached)
 
     for _ in range(SEARCH.end_searches):
         program = Program(loaded, Equations(loaded), model.strength, friction, friction)
         found = solve(program, enough=near, tolerances=Tolerances(1e-12), options=firm)
         carried += found.load_factor
-        if stands and end is not None and end - carried <= SEARCH.blunt_end * model.size(carried):
+        if stands and end is not None and end - carried <= SEARCH.agrees * model.size(carried):
             return end
         loaded = replace(model, dead=model.dead + carried * model.live)
     return end if stands else None
@@ -187,7 +187,7 @@ def _state(model: FaceModel, equations: Equations, work: float) -> Iterate | Non
     """The elastic state in which the live load, if there is one, does some work."""
     laws = model.strength, model.friction, model.dilatancy
     found = solve(Program(model, equations, *laws, work, elastic=True))
-    near = found.within(SEARCH.rough_gap, SEARCH.face_equilibrium, 10.0 * SEARCH.verified)
+    near = found.within(SEARCH.rough_gap, SEARCH.exact_state, 10.0 * SEARCH.verified)
     return found if near else None
 
 

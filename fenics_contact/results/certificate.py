@@ -40,7 +40,7 @@ def tolerances() -> dict[str, float]:
         **dict.fromkeys((*state, "mode_work", "bracket", "crushing"), SEARCH.verified),
         **dict.fromkeys(("friction", "slip_direction", "mode_penetration"), SEARCH.verified_slip),
         **dict.fromkeys(("mode_elastic", "mode_power"), SEARCH.verified_mode),
-        "work": SEARCH.verified_work,
+        "work": SEARCH.rounding,
         "limit": SEARCH.verified_gap,
     }
 
@@ -82,7 +82,7 @@ class Certificate:
         """What the residuals may be, by name."""
         allowed = tolerances()
         allowed["limit"] = max(allowed["limit"], self.tolerance)
-        products = SEARCH.products_left * self.tolerance
+        products = SEARCH.least_products * self.tolerance
         allowed["complementarity"] = max(allowed["complementarity"], products)
         return {name: allowed[name] for name in self.residuals}
 

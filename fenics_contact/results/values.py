@@ -105,7 +105,7 @@ class JointValues:
     @property
     def _moving_rate(self) -> float:
         rates = np.abs([self.opening_rate, self.slip_rate])
-        return SEARCH.moving * float(rates.max(initial=0.0))
+        return SEARCH.slight * float(rates.max(initial=0.0))
 
 
 #: Tensions this close to 0, or to the yield, are there; relative to the yield.

@@ -136,14 +136,14 @@ class Continuation:
                 by log 2 for too many of them.
         """
         options = self.options
-        goal = self.path.progress(end, end) + options.path_past
+        goal = self.path.progress(end, end) + options.small_factor
         usual = limit = options.allowed_distance
         before: PathPoint | None = None  # where the last step that reached the path began
         best = self._progress(point)
         best_step = astray = 0
         for step in range(options.path_steps):
             progress = self._progress(point)
-            if progress >= goal - 0.5 * options.path_past:
+            if progress >= goal - 0.5 * options.small_factor:
                 yield self.settled(point, options.path_close)
                 return
             if progress >= best + np.log(2.0):
@@ -165,7 +165,7 @@ class Continuation:
                 before = point if reached else None
                 point = new
             _log.debug("    %3d  %.12g  mu %.2e, T %.4e", step, *point.numbers)
-            if astray > options.path_lost or not np.all(np.isfinite(point.numbers)):
+            if astray > options.no_progress or not np.all(np.isfinite(point.numbers)):
                 raise SolverError(f"central path: lost after {step + 1} steps")
         raise SolverError(f"central path: not at its end after {options.path_steps} steps")
 

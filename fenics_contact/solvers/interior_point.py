@@ -72,10 +72,10 @@ def solve_interior_point(
         mu: Products of the first iterate, in units of force times displacement; below 1 for a
             state next to the solution.
         tolerances: How exact the state has to be.
-        options: When to stop: `interior_steps`, `interior_window`, `interior_acceptable`.
+        options: When to stop: `interior_steps`, `interior_window`, `exact_state`.
 
     Raises:
-        SolverError: If neither the tolerance nor `interior_acceptable` is reached.
+        SolverError: If neither the tolerance nor `exact_state` is reached.
     """
     asked = tolerances.residual
     anything = tolerances.load_factor == np.inf
@@ -132,7 +132,7 @@ def solve_interior_point(
         except SolverError as failure:
             _log.debug("    %s", failure)
             break
-    if not reached <= max(asked, options.interior_acceptable):
+    if not reached <= max(asked, options.exact_state):
         raise SolverError(
             f"interior point: residual {reached:.1e} after {step} steps, asked {asked:.1e}"
         )

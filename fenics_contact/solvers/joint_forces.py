@@ -118,7 +118,8 @@ class DelassusOperator(Closing):
             self._vectors = [owner.own(v) for v in problem.stiffness.matrix.createVecs()]
             self.matrix = SparseMap(self._assembled(points))
             owner.callback(self.matrix.close)
-            self.hold = SEARCH.force_hold / (1.0 + SEARCH.force_hold) * self.matrix.diagonal()
+            added = SEARCH.regularization
+            self.hold = added / (1.0 + added) * self.matrix.diagonal()
             self._owner = owner.pop_all()
 
     def right(self, near: Array, held: Array, work: float) -> tuple[Array, Array]:
@@ -191,7 +192,7 @@ class DelassusOperator(Closing):
         total = sum(sizes)
         entries = [*self._flexibility(points, start), *self._border(start, total)]
         rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
-        values = np.where(rows == columns, 1.0 + SEARCH.force_hold, 1.0) * values
+        values = np.where(rows == columns, 1.0 + SEARCH.regularization, 1.0) * values
         table = coo_matrix((values, (rows - start, columns)), (size, total)).tocsr()
         csr = table.indptr.astype(PETSc.IntType), table.indices.astype(PETSc.IntType), table.data
         matrix = PETSc.Mat().createAIJ(((size, total), (size, total)), csr=csr, comm=comm)
@@ -302,7 +303,7 @@ class ProximalStep:
         """Openings and slips that x misses the joint laws by, relative to typical ones."""
         lower, upper = self.bounds
         gradient = self.operator.matrix @ x - self.right
-        unit = self.operator.hold / SEARCH.force_hold
+        unit = self.operator.hold / SEARCH.regularization
         miss = np.minimum((x - lower) * unit, np.maximum((x - upper) * unit, gradient))
         miss = np.abs(miss[: 2 * self.operator.points])
         largest = self.operator.matrix.comm.allgather(float(np.max(miss, initial=0.0)))

@@ -34,7 +34,7 @@ def not_settled(task: Task):
 
 
 def collapse_of(case: LoadCase, *attempts):
-    work = replace(SEARCH, missing_works=2)
+    work = replace(SEARCH, works=2)
     return explained(case, find_collapse(case, Strategy(attempts, GENERAL, options=work), 1e-6))
 
 

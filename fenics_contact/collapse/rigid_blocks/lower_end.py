@@ -92,7 +92,7 @@ def given_friction(model: BlockModel, iterations: int) -> GivenFriction:
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
     else:
         missing, multipliers, _ = largest.least_missing()
-        factor = -np.inf if missing > SEARCH.program_rounding else np.inf
+        factor = -np.inf if missing > SEARCH.rounding else np.inf
         if factor > 0.0 and wedging_forces(model) is None:
             raise SolverError(f"rigid-block linear program failed: {answer.message}")
     slip = np.abs(largest.columns.T @ multipliers)[-len(model.strength) :]
@@ -146,7 +146,7 @@ def least_forces(
     all_sums = LinearProgram(costs.ravel(), columns, right, np.tile(ends, (count, 1)))
     answer = all_sums.answer("highs-ds", {"maxiter": iterations})
     spent = int(answer.nit)
-    if answer.status == 2 and single.least_missing()[0] > SEARCH.program_rounding:
+    if answer.status == 2 and single.least_missing()[0] > SEARCH.rounding:
         return LeastForces(np.full(count, np.inf), np.empty(0), np.empty((0, 0)), spent)
     if answer.status != 0:
         raise SolverError(f"rigid-block linear program failed: {answer.message}")
@@ -170,7 +170,7 @@ def lower_end(model: BlockModel, upper: float, check_stop: Callable[[], None]) -
     """
     dilatancy = model.planar.model.dilatancy
     given = BlockModel.of(model.planar, dilatancy, model.strength)
-    search = _Search(model, given, check_stop, upper + SEARCH.program_rounding * abs(upper))
+    search = _Search(model, given, check_stop, upper + SEARCH.rounding * abs(upper))
     try:
         search.run()
     except (SolverError, Stopped, _SpentError) as error:

@@ -207,7 +207,7 @@ def wedging_forces(model: BlockModel) -> Array | None:
     right = -model.planar.model.live / unit
     balance = LinearProgram(np.ones(len(ends)), model.forces, right, ends)
     missing, _, x = balance.least_missing()
-    if missing > SEARCH.program_rounding:
+    if missing > SEARCH.rounding:
         return None
     least = balance.answer("highs-ds")
     return model.point_forces(unit * (least.x if least.status == 0 else x))

@@ -63,14 +63,14 @@ def falling_motion(model: BlockModel, load_factor: float) -> Array | None:
     """
     # On large walls the face engine is twenty times as fast as HiGHS; its forces are the proof.
     found = state_under(model.units, load_factor) if model.is_large else None
-    if found is not None and found.missing <= SEARCH.program_rounding:
+    if found is not None and found.missing <= SEARCH.rounding:
         return None
     standing = model.standing(load_factor)
     # Any equilibrium will do: the simplex method with Dantzig's plain pricing is fastest.
     plain = {"simplex_dual_edge_weight_strategy": "dantzig"}
     if standing.answer("highs-ds", plain).status != 0:
         missing, multipliers, _ = standing.least_missing()
-        if missing > SEARCH.program_rounding:
+        if missing > SEARCH.rounding:
             return model.planar.motions(-multipliers)
     motion = crushed_by(model.units, load_factor) if model.crushes else None
     return None if motion is None else model.planar.motions(motion)
@@ -95,7 +95,7 @@ def largest_load(
             work = float(model.planar.model.live @ multipliers)
             motion = model.planar.motions(multipliers) / work if work else None
             return float(answer.x[0]) * model.load, motion
-    if largest.least_missing()[0] > SEARCH.program_rounding:
+    if largest.least_missing()[0] > SEARCH.rounding:
         return None, None
     if wedging_forces(model) is not None:
         return np.inf, None
