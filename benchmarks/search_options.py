@@ -38,6 +38,7 @@ SECONDS = 1.5
 #: Seconds of one scene at most: changed numbers may never come to an end.
 LONGEST = 15
 
+
 @dataclass(frozen=True)
 class Row:
     """What a scene says: status, load factor, factorisations and the summary's words."""
@@ -58,10 +59,12 @@ class Row:
             return f"{self.factorizations} -> {other.factorizations}"
         return "words" if self.words != other.words else ""
 
+
 def wall(name: str, friction: float = 0.65, **solve: Any) -> Callable[[], Scene]:
     """A wall with two elements along half a block, by name."""
     solve.setdefault("fast", False)
     return lambda: wall_recipe(name, coulomb(friction)).scene(2, **solve)
+
 
 def drawn(seed: int) -> Callable[[], Scene]:
     """A random scene of the tests."""
@@ -71,6 +74,7 @@ def drawn(seed: int) -> Callable[[], Scene]:
         return draw.recipe().scene(draw.elements, fast=False)
 
     return scene
+
 
 SCENES: dict[str, Callable[[], Scene]] = {
     **{
@@ -99,6 +103,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "20x20 by faces": wall("20x20", 0.75, engine="faces", fast=True),
 }
 
+
 def row(scene: Scene) -> Row:
     """The limit load of a scene as a row."""
     signal.alarm(LONGEST)
@@ -117,9 +122,11 @@ def row(scene: Scene) -> Row:
     factor = result.load_factor if result.load_factor is not None else 0.0
     return Row(result.status, factor, count, words)
 
+
 def too_long(*_: object) -> None:
     """Raise where a scene takes too long."""
     raise TimeoutError
+
 
 class Reads:
     """Names of the numbers that a scene reads, noted by properties in their place."""
@@ -143,6 +150,7 @@ class Reads:
 
         return property(get, lambda self, value: vars(self).__setitem__(name, value))
 
+
 def changed(value: Any) -> tuple[Any, Any]:
     """A number ten times as large and as small; parts of one: ten times as near, and as far."""
     if isinstance(value, int):
@@ -150,6 +158,7 @@ def changed(value: Any) -> tuple[Any, Any]:
     if 0.5 < value < 1.0:
         return 1.0 - 0.1 * (1.0 - value), max(1.0 - 10.0 * (1.0 - value), 0.1 * value)
     return 10.0 * value, 0.1 * value
+
 
 def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> str:
     """What a number's change to larger, or else to smaller, does first; empty where nothing."""
@@ -167,6 +176,7 @@ def told_by(name: str, scenes: dict[str, Scene], before: dict[str, Row]) -> str:
         finally:
             object.__setattr__(SEARCH, name, value)
     return ""
+
 
 def main() -> None:
     """Solve, change, print, and write the table."""
@@ -210,6 +220,7 @@ def main() -> None:
         text = PAGE.read_text()
         first, last = text.index(MARKS[0]) + len(MARKS[0]), text.index(MARKS[1])
         PAGE.write_text(text[:first] + "\n\n" + "\n".join(lines) + "\n\n" + text[last:])
+
 
 if __name__ == "__main__":
     main()
