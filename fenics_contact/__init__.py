@@ -65,26 +65,14 @@ __all__ = [
     "sweep",
 ]
 
-#: Modules that have the names above.
-_HOMES = {
+#: Modules that have the names above, but those of the scene and of exceptions.
+_HOMES = dict.fromkeys(set(__all__) - set(globals()), "scene.scene") | {
     "BlockMesh": "geometry.mesh",
-    "EarthPressure": "scene.scene",
-    "EdgeForce": "scene.scene",
     "Equilibrium": "equilibrium",
-    "Floor": "scene.scene",
-    "JointLaw": "scene.scene",
     "LimitLoad": "limit_load",
-    "Load": "scene.scene",
-    "Material": "scene.scene",
-    "Movement": "scene.scene",
-    "OutputOptions": "scene.scene",
     "Point": "sweeps.points",
-    "Scene": "scene.scene",
-    "Seismic": "scene.scene",
     "SeismicCheck": "answers.seismic",
-    "SolveOptions": "scene.scene",
     "Sweep": "sweeps.sweep",
-    "Tie": "scene.scene",
     "equilibrium": "equilibrium",
     "limit_load": "limit_load",
     "stands": "equilibrium",

@@ -76,7 +76,7 @@ def require(condition: bool, message: str, error: type[Exception] = InputError) 
 
 @contextmanager
 def raised_together(comm: MPI.Comm) -> Iterator[None]:
-    """Raise on all ranks the input or output error of the lowest rank that raised one inside.
+    """Raise on all ranks the input or output error of the first rank that raised one inside.
 
     The block itself must not communicate after a place where it may raise: a rank that raises
     leaves it early.

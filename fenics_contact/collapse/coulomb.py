@@ -38,7 +38,7 @@ def settled(
 ) -> bool:
     """Whether a law that depends on the state settles: it is frozen, solved for, and renewed.
 
-    The one loop for such laws: the bound on friction here, joints that tear in `torn`.
+    The one loop for such laws: the bound on friction here, of joints that tear.
 
     Args:
         solve: The answer with the law frozen.

@@ -89,9 +89,9 @@ class LoadCase:
         record = self.record.reversed()
         return replace(case, problem=problem, record=record)
 
-    def with_torn(self, torn: Flags) -> LoadCase:
+    def with_unbonded(self, unbonded: Flags) -> LoadCase:
         """The load case with joint points that have lost their strengths, of all points."""
-        whole = self.discretization.with_(torn=torn)
+        whole = self.discretization.with_(unbonded=unbonded)
         given = replace(self.bonded, live=self.sign * self.bonded.live)
         case = LoadCase.of(whole, given, self.sign, self.kind, self.monitor)
         return replace(case, record=self.record)

@@ -92,7 +92,7 @@ def torn_collapse(
     def collapse(torn: Flags) -> Collapse:
         if not np.any(torn):
             return collapse_of(case)
-        now = case.with_torn(torn)
+        now = case.with_unbonded(torn)
         cases.append(now)
         now.record.best = None  # its joints were not torn yet
         whole = found[0].load_factor

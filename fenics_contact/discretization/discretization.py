@@ -110,7 +110,7 @@ class Discretization(Layout, Closing):
         self.bodies = bodies = rigid_bodies(made, self.supports, self.boundary)
         closed = self.joints.without_ties()
         check_held(closed.bodies, closed.position, self.supports, bodies, scene.mesh.source)
-        self._check_live_load(np.ones_like(bodies.floating))
+        self.check_pushed(np.ones_like(bodies.floating))
         self.operators = rows = joint_operators(self.joints, self.supports, made.stiffness)
         self.points = rows.points
         self._owner = Owner()
@@ -129,12 +129,12 @@ class Discretization(Layout, Closing):
         self._stiffnesses: dict[str, JointStiffness] = {}
         self.seconds = time.perf_counter() - start
 
-    def with_(self, *, scene: Scene | None = None, torn: Flags | None = None) -> Discretization:
+    def with_(self, *, scene: Scene | None = None, unbonded: Flags | None = None) -> Discretization:
         """Another structure that shares the matrices, which remain with this object.
 
         Args:
             scene: Another scene for which `shares_matrices`; factorisations are counted from 0.
-            torn: Joint points that have lost their strengths.
+            unbonded: Joint points that have lost their strengths.
 
         Raises:
             InputError: If loads do not fit the mesh.
@@ -148,11 +148,11 @@ class Discretization(Layout, Closing):
             new._find_joints(scene)
             new.elasticity = with_loads(self.elasticity, scene, self.boundary, new.supports)
             new.bodies = rigid_bodies(new.elasticity, new.supports, self.boundary)
-            new._check_live_load(np.ones_like(new.bodies.floating))
+            new.check_pushed(np.ones_like(new.bodies.floating))
             for tally in (self.tally, self.mode_tally):
                 tally.restart()
-        if torn is not None:
-            new.joints = replace(new.joints, torn=torn)
+        if unbonded is not None:
+            new.joints = replace(new.joints, unbonded=unbonded)
         new._take_loads_and_laws()
         if "block_modes" in vars(self):
             new.block_modes = self.block_modes.changed(new.problem)
@@ -166,9 +166,19 @@ class Discretization(Layout, Closing):
         # petsc4py keeps what was dropped elsewhere until all ranks free it together.
         PETSc.garbage_cleanup(self.scene.comm)
 
-    def check_pushed(self) -> None:
-        """Raise `InputError` if the live load pushes no body but those that supports hold."""
-        self._check_live_load(self.bodies.floating)
+    def check_pushed(self, bodies: Flags | None = None) -> None:
+        """Raise `InputError` if the live load pushes none of some bodies.
+
+        By default of those that supports do not hold.
+        """
+        bodies = self.bodies.floating if bodies is None else bodies
+        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
+        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
+        if not self.scene.comm.allreduce(pushed, MPI.LOR):
+            raise InputError(
+                "loads.live: the live load is zero on every free body; give it a body force on"
+                " blocks with density, or a traction"
+            )
 
     def shares_matrices(self, scene: Scene) -> bool:
         """Whether another scene differs in its laws, loads and options only."""
@@ -180,13 +190,12 @@ class Discretization(Layout, Closing):
                 return [(key, tie.from_, tie.to, tie.ground) for key, tie in value.items()]
             return value
 
-        for name in {item.name for item in fields(scene)} - set(WITHOUT_MATRICES):
-            ours = getattr(self.scene, name)
-            other = getattr(scene, name)
-            alike = name != "mesh" and compared(name, ours) == compared(name, other)
-            if ours is not other and not alike:
-                return False
-        return True
+        names = {item.name for item in fields(scene)} - set(WITHOUT_MATRICES)
+        both = {name: (getattr(self.scene, name), getattr(scene, name)) for name in names}
+        return all(
+            ours is other or (name != "mesh" and compared(name, ours) == compared(name, other))
+            for name, (ours, other) in both.items()
+        )
 
     def end_when(self, asked: Callable[[], str]) -> None:
         """End factorisations with `Stopped`, on all ranks, once `asked` says why on one of them."""
@@ -292,16 +301,6 @@ class Discretization(Layout, Closing):
         give = np.stack([np.zeros(len(points)), joints.compliance[points]])
         live = self.elasticity.live
         self.problem = replace(self.problem, dead=dead, live=live, law=law, compliance=give)
-
-    def _check_live_load(self, bodies: Flags) -> None:
-        """Refuse a live load that is zero on all of some bodies."""
-        force = np.abs(self.elasticity.live).reshape(-1, 2).max(axis=1)
-        pushed = bool(np.any(force[bodies[self.node_body]] > 0.0))
-        if not self.scene.comm.allreduce(pushed, MPI.LOR):
-            raise InputError(
-                "loads.live: the live load is zero on every free body; give it a body force on"
-                " blocks with density, or a traction"
-            )
 
 
 def typical_sizes(problem: ContactProblem, bonded: Bonded) -> Scales:

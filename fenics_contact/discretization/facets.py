@@ -143,7 +143,37 @@ class Stretches:
 
 def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
     """Boundary facets of all ranks, with the nodes of a displacement space of degree 1 or 2."""
-    mine, local_facets = _local_facets(mesh, space)
+    domain = mesh.domain
+    layout = space.dofmap.dof_layout
+    topology = domain.topology
+    for dims in ((1, 2), (2, 1)):
+        topology.create_connectivity(*dims)
+    local_facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
+    to_cell = topology.connectivity(1, 2)
+    cell = to_cell.array[to_cell.offsets[local_facets]]
+    geometry = compat.geometry_dofs(domain)[cell]
+    count = geometry.shape[1]  # of sides, as of corners
+    sides = topology.connectivity(2, 1).array.reshape(-1, count)[cell]
+    # The two ends come first; they are numbered like the corners of the cell.
+    dofs = np.array([layout.entity_closure_dofs(1, side) for side in range(count)])
+    dofs = dofs[np.argmax(sides == local_facets[:, None], axis=1)]
+    ends = np.take_along_axis(geometry, dofs[:, :2], axis=1)
+    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], dofs, axis=1)
+    points = space.tabulate_dof_coordinates()[nodes][:, :, :2]
+    global_nodes = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
+    along = points[:, 1] - points[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    centre = domain.geometry.x[geometry][:, :, :2].mean(axis=1)
+    normal[np.sum(normal * (points[:, 0] - centre), axis=1) < 0.0] *= -1.0
+    mine: dict[str, Any] = {
+        "inputs": np.sort(np.asarray(domain.geometry.input_global_indices)[ends], axis=1),
+        "nodes": np.asarray(global_nodes).reshape(nodes.shape),
+        "points": points,
+        "normal": normal,
+        "length": length,
+        "body": mesh.body[cell],
+    }
     parts = mesh.comm.allgather(mine)
     table = {name: np.concatenate([part[name] for part in parts]) for name in mine}
     inputs = table.pop("inputs")
@@ -167,41 +197,6 @@ def collect_boundary(mesh: BlockMesh, space: Any) -> Boundary:
         local_facets=local_facets,
         interior=Counter(inside),
     )
-
-
-def _local_facets(mesh: BlockMesh, space: Any) -> tuple[dict[str, Any], Labels]:
-    """Columns of `Boundary` for this rank, with "inputs", input nodes of the ends; its facets."""
-    domain = mesh.domain
-    layout = space.dofmap.dof_layout
-    topology = domain.topology
-    for dims in ((1, 2), (2, 1)):
-        topology.create_connectivity(*dims)
-    facets = np.asarray(exterior_facet_indices(topology), dtype=np.int32)
-    to_cell = topology.connectivity(1, 2)
-    cell = to_cell.array[to_cell.offsets[facets]]
-    geometry = compat.geometry_dofs(domain)[cell]
-    count = geometry.shape[1]  # of sides, as of corners
-    sides = topology.connectivity(2, 1).array.reshape(-1, count)[cell]
-    # The two ends come first; they are numbered like the corners of the cell.
-    dofs = np.array([layout.entity_closure_dofs(1, side) for side in range(count)])
-    dofs = dofs[np.argmax(sides == facets[:, None], axis=1)]
-    ends = np.take_along_axis(geometry, dofs[:, :2], axis=1)
-    nodes = np.take_along_axis(compat.cell_dofs(space)[cell], dofs, axis=1)
-    points = space.tabulate_dof_coordinates()[nodes][:, :, :2]
-    global_nodes = space.dofmap.index_map.local_to_global(nodes.ravel().astype(np.int32))
-    along = points[:, 1] - points[:, 0]
-    length = np.linalg.norm(along, axis=1)
-    normal = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
-    centre = domain.geometry.x[geometry][:, :, :2].mean(axis=1)
-    normal[np.sum(normal * (points[:, 0] - centre), axis=1) < 0.0] *= -1.0
-    return {
-        "inputs": np.sort(np.asarray(domain.geometry.input_global_indices)[ends], axis=1),
-        "nodes": np.asarray(global_nodes).reshape(nodes.shape),
-        "points": points,
-        "normal": normal,
-        "length": length,
-        "body": mesh.body[cell],
-    }, facets
 
 
 #: Integrals of a facet's Lagrange functions over its length, by number of nodes.

@@ -322,8 +322,22 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
         example = "ufl.inner(traction, v) * ds('back')"
         raise InputError(f"{key} returned a {type(form).__name__}; return a form such as {example}")
     form = ufl.Form([one for one in form.integrals() if not isinstance(one.integrand(), Zero)])
+    # No other measures than those that are known, and no other meshes.
+    tags = {measure.integral_type(): measure.subdomain_data() for measure in known}
     for integral in form.integrals():
-        _check_integral(integral, known, key)
+        kind = integral.integral_type()
+        data = integral.subdomain_data()
+        everywhere = data is None and integral.subdomain_id() == "everywhere"
+        if kind not in tags or not (everywhere or data is tags[kind]):
+            raise InputError(f"{key} has a measure of its own; use dx and ds, which it is given")
+        used = {integral.ufl_domain()}
+        for terminal in traverse_unique_terminals(integral.integrand()):
+            used.update(extract_domains(terminal))
+        if used != {known[0].ufl_domain()}:
+            raise InputError(
+                f"{key} uses another mesh than that of its blocks, scene.mesh.domain; take it from"
+                " the measure, dx.ufl_domain()"
+            )
     problem = f"{key} must be linear in the test function v that it is given"
     try:
         arguments = form.arguments()
@@ -334,21 +348,3 @@ def _checked(form: Any, v: Any, known: tuple[ufl.Measure, ...], key: str) -> ufl
     if arguments != (v,) and not form.empty():
         raise InputError(f"{problem}, and in no other; it has {len(arguments)} arguments")
     return form
-
-
-def _check_integral(integral: Any, known: tuple[ufl.Measure, ...], key: str) -> None:
-    """Refuse integrals by other measures than those that are known, and on other meshes."""
-    tags = {measure.integral_type(): measure.subdomain_data() for measure in known}
-    kind = integral.integral_type()
-    data = integral.subdomain_data()
-    everywhere = data is None and integral.subdomain_id() == "everywhere"
-    if kind not in tags or not (everywhere or data is tags[kind]):
-        raise InputError(f"{key} has a measure of its own; use dx and ds, which it is given")
-    used = {integral.ufl_domain()}
-    for terminal in traverse_unique_terminals(integral.integrand()):
-        used.update(extract_domains(terminal))
-    if used != {known[0].ufl_domain()}:
-        raise InputError(
-            f"{key} uses another mesh than that of its blocks, scene.mesh.domain; take it from the"
-            " measure, dx.ufl_domain()"
-        )

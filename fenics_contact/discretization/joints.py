@@ -70,7 +70,7 @@ class Joints:
         gap: Initial opening of every point, m; 0 where the law gives no gap.
         curvature: Of one side relative to the other, 1/m; 0 unless sides are curved and unlike.
         offset: Largest gap or overlap of the blocks that is taken for closed, m.
-        torn: Points that have lost cohesion and tensile strength; none if left out.
+        unbonded: Points that have lost cohesion and tensile strength; none if left out.
         ties: The last points; None: there are none.
         corners: Number of points before them, in no segment, at which a corner meets a side.
     """
@@ -90,7 +90,7 @@ class Joints:
     gap: Array
     curvature: Array
     offset: float = 0.0
-    torn: Flags | None = None
+    unbonded: Flags | None = None
     ties: Ties | None = None
     corners: int = 0
 
@@ -106,7 +106,7 @@ class Joints:
             stencil=Stencil(self.stencil.nodes[:count], self.stencil.weights[:count]),
             laws=self.laws[:laws],
             names=self.names[:laws],
-            torn=None if self.torn is None else self.torn[:count],
+            unbonded=None if self.unbonded is None else self.unbonded[:count],
             ties=None,
         )
 
@@ -178,10 +178,10 @@ class Joints:
 
     @property
     def _whole_length(self) -> Array:
-        """Length of joint of every point that carries strengths: not torn, no corner, m."""
+        """Length of joint of every point that carries strengths: bonded, no corner, m."""
         length = self.length.copy()
-        if self.torn is not None:
-            length[self.torn] = 0.0
+        if self.unbonded is not None:
+            length[self.unbonded] = 0.0
         length[self.joint_count - self.corners : self.joint_count] = 0.0
         return length
 

@@ -19,7 +19,7 @@ face is a block of pressure f_c at its end, a = N / f_c long. So it stays a / 2 
 
     |M| <= N (L - N / f_c) / 2                                               (one length L),
 
-a convex set: crushing is associative (J. Heyman, The masonry arch (1982), section 2.4; R.K.
+a convex set: the law is associative (J. Heyman, The masonry arch (1982), section 2.4; R.K.
 Livesley, Int. J. Numer. Meth. Eng. 12 (1978) 1853). It is a law of the face engine (`faces.model`).
 """
 
@@ -317,7 +317,7 @@ class Layout:
     @property
     def layout(self) -> Layout:
         """These arrays alone."""
-        new = Layout(**{item.name: getattr(self, item.name) for item in fields(Layout)})
+        new = Layout(**self.__getstate__())
         if "space" in vars(self):
             new.space = self.space
         return new

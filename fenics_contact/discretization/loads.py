@@ -6,7 +6,7 @@ floors act on parts of facets.
 
 The acceleration is c(h) b, with c in straight lines between some heights. Cells are cut there, so
 that the forces are exact. The height is measured against the dead body force, or along y where
-there is none; the foot is the lowest corner of all blocks. "triangular" is c = h / H, with the
+there is none; the foot is the least height of all blocks. "triangular" is c = h / H, with the
 height H of the centre of mass, so that the total is that of the uniform load:
 F_i = F z_i m_i / sum(z_j m_j) of EN 1998-1:2004, (4.11), and of NTC 2018, (7.3.7). Floors with mass
 are in it.
@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -176,20 +177,16 @@ def rules(domain: Any, up: Array, levels: Array) -> Iterator[Rule]:
     low = height.min(axis=1, keepdims=True)
     part = (levels - low) / (height.max(axis=1, keepdims=True) - low)
     cut = np.any((part > THIN) & (part < 1.0 - THIN), axis=1) | (corners.shape[1] == 3)
-    yield _whole(np.flatnonzero(~cut), corners[~cut], up)
-    for cells in np.array_split(np.flatnonzero(cut), cut.sum() // PORTION + 1):
-        yield _cut(cells, corners[cells], up, levels)
-
-
-def _whole(cells: Indices, corners: Array, up: Array) -> Rule:
-    """A rule for whole quadrilaterals; corners as dolfinx has them, row by row."""
+    # Whole quadrilaterals; corners as dolfinx has them, row by row.
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS[3])  # polynomials, as in triangles
     place = 0.5 * (1.0 + np.stack(np.meshgrid(abscissa, abscissa), axis=-1).reshape(1, -1, 2))
-    b, c, d = cell_sides(corners)
+    b, c, d = cell_sides(corners[~cut])
     area = np.abs(cross(b + d * place[..., 1:], c + d * place[..., :1]))
     arm = b * place[..., :1] + c * place[..., 1:] + d * place.prod(axis=-1, keepdims=True)
     area *= 0.25 * np.outer(weight, weight).ravel()
-    return cells, place, area, corners[:, :1] @ up + arm @ up
+    yield np.flatnonzero(~cut), place, area, corners[~cut][:, :1] @ up + arm @ up
+    for cells in np.array_split(np.flatnonzero(cut), cut.sum() // PORTION + 1):
+        yield _cut(cells, corners[cells], up, levels)
 
 
 def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
@@ -207,28 +204,21 @@ def _cut(cells: Indices, corners: Array, up: Array, levels: Array) -> Rule:
     abscissa, weight = np.polynomial.legendre.leggauss(POINTS[corners.shape[1]])
     share = 0.5 * (1.0 + abscissa)
     height = ends[row, number][:, None] + extent[:, None] * share
-    left, width = _across(outline[row], height)
+    # Where cells begin across at heights inside them, and how wide they are there, m.
+    first = outline[row][:, :, None]
+    step = np.roll(outline[row], -1, axis=1)[:, :, None] - first
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = (height[:, None] - first[..., 0]) / step[..., 0]
+        across = first[..., 1] + part * step[..., 1]
+    meets = (part >= 0.0) & (part <= 1.0)
+    left = np.where(meets, across, np.inf).min(axis=1)
+    width = np.where(meets, across, -np.inf).max(axis=1) - left
     across = left[..., None] + width[..., None] * share
     area = np.einsum("r,h,rh,a->rha", 0.25 * extent, weight, width, weight)
     flat = len(row), len(share) ** 2
     arm = np.stack(np.broadcast_arrays(height[..., None], across), axis=-1).reshape(*flat, 2)
     place = reference_places(corners[row], arm @ axes.T)
     return cells[row], place, area.reshape(flat), arm[..., 0] + base[row]
-
-
-def _across(outline: Array, height: Array) -> tuple[Array, Array]:
-    """Where cells begin across at heights inside them, and how wide they are there, m.
-
-    `outline` has heights and places across of the corners, shape (rows, corners, 2).
-    """
-    first = outline[:, :, None]
-    step = np.roll(outline, -1, axis=1)[:, :, None] - first
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (height[:, None] - first[..., 0]) / step[..., 0]
-        across = first[..., 1] + share * step[..., 1]
-    meets = (share >= 0.0) & (share <= 1.0)
-    left = np.where(meets, across, np.inf).min(axis=1)
-    return left, np.where(meets, across, -np.inf).max(axis=1) - left
 
 
 #: Weight of a mass of 1 kg, N, by which the weight of a floor gives its mass.
@@ -396,28 +386,24 @@ def forces_on_facets(
     found = []
     for name, earth in load.earth.items():
         strips = Strips.between(boundary, boundary.in_group(name), 1, (-np.inf, earth.level))
-        found.append((strips, strips.forces(boundary, _earth_traction(boundary, strips, earth))))
+        normal = boundary.normal[strips.facets]
+        along = np.column_stack([-normal[:, 1], normal[:, 0]])
+        down = np.where(along[:, 1:] > 0.0, -along, along)
+        direction = down * math.tan(math.radians(earth.wall_friction)) - normal
+
+        def traction(position: Array, earth: EarthPressure, direction: Array) -> Array:
+            depth = earth.level - position[..., 1]
+            pressure = earth.coefficient * (earth.surcharge + earth.unit_weight * depth)
+            return pressure[..., None] * direction[:, None]
+
+        acts = partial(traction, earth=earth, direction=direction)
+        found.append((strips, strips.forces(boundary, acts)))
     if load.force:
         free = np.ones(len(boundary.length), dtype=bool)
         free[facing_facets(boundary).facets] = False
         for name, force in load.force.items():
             found.append(_at_place(boundary, free, force, f"{key}.force.{name}"))
     return [(strips.facets, force) for strips, force in found]
-
-
-def _earth_traction(boundary: Boundary, strips: Strips, earth: EarthPressure) -> Any:
-    """Traction of earth pressure as a function of the position."""
-    normal = boundary.normal[strips.facets]
-    along = np.column_stack([-normal[:, 1], normal[:, 0]])
-    down = np.where(along[:, 1:] > 0.0, -along, along)
-    direction = down * math.tan(math.radians(earth.wall_friction)) - normal
-
-    def traction(position: Array) -> Array:
-        depth = earth.level - position[..., 1]
-        pressure = earth.coefficient * (earth.surcharge + earth.unit_weight * depth)
-        return pressure[..., None] * direction[:, None]
-
-    return traction
 
 
 def _at_place(boundary: Boundary, free: Flags, load: EdgeForce, key: str) -> tuple[Strips, Array]:

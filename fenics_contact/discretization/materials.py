@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -37,6 +36,8 @@ POINTS = 96
 ROUNDING = 1e-9
 #: Strains e_xx, e_yy, 2 e_xy at which a law is asked.
 STRAINS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, -2.0, 3.0]])
+#: Of messages: whose law it is.
+OF = "stress: the law of material '{}'"
 #: Of messages: what a function must give.
 FAILS = (
     "fails: it must give a symmetric 2 x 2 UFL tensor of (strain, material), or of (strain,"
@@ -68,7 +69,7 @@ def asked(law: StressLaw, material: Material, name: str, place: Any) -> Any:
         rows = [sigma[i, j] for sigma in tensors for i in range(2) for j in range(2)]
         return ufl.as_vector(rows)
     except Exception as error:  # of a function of the user
-        raise InputError(f"{_of(name)} {FAILS} ({type(error).__name__}: {error})") from error
+        raise InputError(f"{OF.format(name)} {FAILS} ({type(error).__name__}: {error})") from error
 
 
 def checked_matrices(stresses: Array, name: str, places: Array | None = None) -> Array:
@@ -92,7 +93,7 @@ def checked_matrices(stresses: Array, name: str, places: Array | None = None) ->
         cell = int(np.argmax(wrong))
         matrix = "" if told is None else f": {told[cell].tolist()}"
         here = "" if places is None else " at ({:.6g}, {:.6g})".format(*places[cell])
-        raise InputError(f"{_of(name)} {words}{here}{matrix}")
+        raise InputError(f"{OF.format(name)} {words}{here}{matrix}")
 
     tensors = stresses.reshape(-1, len(STRAINS), 2, 2)
     size = np.abs(tensors).max(axis=(1, 2, 3))
@@ -110,20 +111,10 @@ def checked_matrices(stresses: Array, name: str, places: Array | None = None) ->
     return matrix
 
 
-def _of(name: str) -> str:
-    return f"stress: the law of material '{name}'"
-
-
 def mean_shear_modulus(matrix: Array) -> Array:
     """Shear modulus, mean over all directions, Pa, of matrices of shape (..., 3, 3)."""
     stretch = matrix[..., 0, 0] + matrix[..., 1, 1] - 2.0 * matrix[..., 0, 1]
     return np.asarray(0.125 * (stretch + 4.0 * matrix[..., 2, 2]))
-
-
-@cache
-def _gauss() -> tuple[Array, Array]:
-    """Points and weights of Gauss' rule over a wedge."""
-    return np.polynomial.legendre.leggauss(POINTS)
 
 
 def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
@@ -134,7 +125,7 @@ def wedge_compliance(matrix: Array, angle: Array, bisector: Array) -> Array:
         angle: Interior angle, shape (wedges,).
         bisector: Unit vectors, shape (wedges, 2).
     """
-    abscissa, weight = _gauss()
+    abscissa, weight = np.polynomial.legendre.leggauss(POINTS)
     middle = np.arctan2(bisector[:, 1], bisector[:, 0])
     direction = middle[:, None] + 0.5 * angle[:, None] * abscissa
     x = np.cos(direction)
@@ -173,7 +164,18 @@ def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
     names = np.array([scene.material_name(groups) for groups in mesh.cell_sets])
     with raised_together(scene.comm):
         stresses = {str(n): asked(law, scene.materials[n], n, place) for n in np.unique(names)}
-        varies = {name: _varies(given, mesh, name) for name, given in stresses.items()}
+        varies = {}
+        for name, given in stresses.items():
+            domains: set[Any] = set()
+            for terminal in traverse_unique_terminals(given):
+                domains.update(extract_domains(terminal))
+            if domains - {place.ufl_domain()}:
+                raise InputError(
+                    f"{OF.format(name)} uses another mesh than that of its blocks,"
+                    " scene.mesh.domain; take the place from a third parameter,"
+                    " (strain, material, x)"
+                )
+            varies[name] = bool(domains)
     space = compat.function_space(mesh.domain, "DG", 0, (9,))
     rows = np.zeros((len(mesh.cell_groups), 9))
     for name, given in stresses.items():
@@ -188,29 +190,12 @@ def _given_law(scene: Scene, law: StressLaw) -> fem.Function:
                     values = [float(given[k](())) for k in range(4 * len(STRAINS))]
                 except Exception as error:  # of UFL, for what a user gave
                     told = f"{type(error).__name__}: {error}"
-                    raise InputError(f"{_of(name)} {FAILS} ({told})") from error
+                    raise InputError(f"{OF.format(name)} {FAILS} ({told})") from error
                 matrices = checked_matrices(np.array([values]), name)
             rows[cells] = matrices.reshape(-1, 9)
     field = fem.Function(space, name="law")
     field.x.array.reshape(-1, 9)[compat.cell_dofs(space)[:, 0]] = rows
     return field
-
-
-def _varies(stresses: Any, mesh: BlockMesh, name: str) -> bool:
-    """Whether what a law gives depends on the place.
-
-    Raises:
-        InputError: If it does so on another mesh.
-    """
-    domains: set[Any] = set()
-    for terminal in traverse_unique_terminals(stresses):
-        domains.update(extract_domains(terminal))
-    if domains - {ufl.SpatialCoordinate(mesh.domain).ufl_domain()}:
-        raise InputError(
-            f"stress: the law of material '{name}' uses another mesh than that of its blocks,"
-            " scene.mesh.domain; take the place from a third parameter, (strain, material, x)"
-        )
-    return bool(domains)
 
 
 def _in_cells(mesh: BlockMesh, values: Sequence[Any]) -> Array:

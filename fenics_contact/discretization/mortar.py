@@ -98,10 +98,24 @@ def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
     facet = made.facets[0, first]
     side = made.slave[first]
     span = np.column_stack([made.span[0, first, 0], made.span[0, last, 1]])
+    # Nodes of both sides at the joint points, from the first stretch to the last.
+    facets = made.facets[:, first]
+    count = boundary.nodes.shape[1]
+    nodes = np.full((*facets.shape, count), INSIDE)
+    nodes[:, :, 0] = made.nodes[:, first, 0]
+    nodes[:, :, 1] = made.nodes[:, last, 1]
+    # Before a slave's node is one of the other side only if it is in the same place.
+    gap = np.abs(np.column_stack([made.offset[first, 0], made.offset[last, 1]]))
+    apart = gap > CLOSED * boundary.length[facets[0], None]
+    nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
+    if count == 3:  # mid nodes of whole facets
+        whole = np.all(nodes[:, :, :2] != INSIDE, axis=2)
+        whole[1] &= first == last
+        nodes[whole, 2] = boundary.nodes[facets[whole], 2]
     return Pieces(
         facet=facet,
         span=span,
-        nodes=_nodes_at_points(boundary, made, first, last),
+        nodes=nodes,
         side=side,
         bodies=bodies[first],
         law=law[first],
@@ -110,25 +124,6 @@ def pieces_of(boundary: Boundary, stretches: Stretches, law: Indices) -> Pieces:
         stretches=made,
         of_stretch=np.cumsum(begins) - 1,
     )
-
-
-def _nodes_at_points(
-    boundary: Boundary, stretches: Stretches, first: Indices, last: Indices
-) -> Indices:
-    """Nodes of both sides at the joint points of pieces, from the first stretch to the last."""
-    facets = stretches.facets[:, first]
-    count = boundary.nodes.shape[1]
-    nodes = np.full((*facets.shape, count), INSIDE)
-    nodes[:, :, 0], nodes[:, :, 1] = stretches.nodes[:, first, 0], stretches.nodes[:, last, 1]
-    # Before a slave's node is one of the other side only if it is in the same place.
-    gap = np.abs(np.column_stack([stretches.offset[first, 0], stretches.offset[last, 1]]))
-    apart = gap > CLOSED * boundary.length[facets[0], None]
-    nodes[1, :, :2][apart & (nodes[0, :, :2] != INSIDE)] = INSIDE
-    if count == 3:  # mid nodes of whole facets
-        whole = np.all(nodes[:, :, :2] != INSIDE, axis=2)
-        whole[1] &= first == last
-        nodes[whole, 2] = boundary.nodes[facets[whole], 2]
-    return nodes
 
 
 def stencil_of(boundary: Boundary, pieces: Pieces, point: Indices) -> Stencil:
@@ -140,25 +135,9 @@ def stencil_of(boundary: Boundary, pieces: Pieces, point: Indices) -> Stencil:
     count = boundary.nodes.shape[1]
     slave = pieces.length[:, None] * SHARES[count]
     slave = slave[:, :, None] * lagrange(pieces.places, count)
-    values = np.concatenate([slave, _mortar_integrals(pieces, count)])
-    side = np.concatenate([pieces.side, 1 - pieces.side[of]])
-    rows = 2 * np.concatenate([point, point[of]]) + side[:, None]
-    facets = np.concatenate([pieces.facet, stretches.facets[1]])
-    keep = np.abs(values) > NOTHING * values.max(initial=0.0)
-    keep[facets == GROUND] = False
-    rows = np.broadcast_to(rows[:, :, None], keep.shape)[keep]
-    columns = np.broadcast_to(boundary.nodes[facets, None], keep.shape)[keep]
-    size = 2 * (int(point.max(initial=-1)) + 1), int(boundary.nodes.max(initial=-1)) + 1
-    return Stencil.of_rows(coo_matrix((values[keep], (rows, columns)), size).tocsr())
-
-
-def _mortar_integrals(pieces: Pieces, count: int) -> Array:
-    """Integrals of psi_j N_i over every stretch, N_i of the other side, m.
-
-    Shape (stretches, points of a piece, nodes of a facet).
-    """
-    of = pieces.of_stretch
-    span = pieces.stretches.span
+    # Integrals of psi_j N_i over every stretch, N_i of the other side, m, shape (stretches, points
+    # of a piece, nodes of a facet).
+    span = stretches.span
     bounds = pieces.span[of]
     length = pieces.length[of]
     local = (span[0] - bounds[:, :1]) / (bounds[:, 1:] - bounds[:, :1])
@@ -168,15 +147,23 @@ def _mortar_integrals(pieces: Pieces, count: int) -> Array:
     several = np.bincount(of, minlength=len(pieces.length))[of] > 1
     local = local[several]
     span = span[1, several]
-    size = length[several]
     gauss, weight = np.polynomial.legendre.leggauss(3)
     gauss = 0.5 * (1.0 + gauss)
     weight = 0.5 * weight
     here, there = (ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * gauss for ends in (local, span))
     dual = SHARES[count][:, None] * np.linalg.inv(PRODUCTS[count])
     psi = lagrange(here, count) @ dual.T
-    size = size * (local[:, 1] - local[:, 0])
+    size = length[several] * (local[:, 1] - local[:, 0])
     integrals[several] = np.einsum(
         "s,g,sgj,sgi->sji", size, weight, psi, lagrange(there, count), optimize=True
     )
-    return integrals
+    values = np.concatenate([slave, integrals])
+    side = np.concatenate([pieces.side, 1 - pieces.side[of]])
+    rows = 2 * np.concatenate([point, point[of]]) + side[:, None]
+    facets = np.concatenate([pieces.facet, stretches.facets[1]])
+    keep = np.abs(values) > NOTHING * values.max(initial=0.0)
+    keep[facets == GROUND] = False
+    rows = np.broadcast_to(rows[:, :, None], keep.shape)[keep]
+    columns = np.broadcast_to(boundary.nodes[facets, None], keep.shape)[keep]
+    size = 2 * (int(point.max(initial=-1)) + 1), int(boundary.nodes.max(initial=-1)) + 1
+    return Stencil.of_rows(coo_matrix((values[keep], (rows, columns)), size).tocsr())

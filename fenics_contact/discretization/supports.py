@@ -45,11 +45,6 @@ class Supports:
     motion: Array
 
     @property
-    def inclined(self) -> bool:
-        """Whether some node's coordinates are turned."""
-        return bool(np.any(self.frame != np.eye(2)))
-
-    @property
     def _free_frame(self) -> Array:
         return self.frame * ~self.held[:, None, :]
 
@@ -80,7 +75,7 @@ class Supports:
     def constrain_matrix(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """Q^T K Q, with held rows and columns set to the mean diagonal; uses up K."""
         start, end = stiffness.getOwnershipRange()
-        if self.inclined:
+        if np.any(self.frame != np.eye(2)):  # some node's coordinates are turned
             nodes = np.arange(start // 2, end // 2, dtype=PETSc.IntType)
             csr = np.arange(len(nodes) + 1, dtype=PETSc.IntType), nodes, self._at(nodes, self.frame)
             turn = PETSc.Mat().createBAIJ(stiffness.getSizes(), 2, csr=csr, comm=stiffness.comm)
@@ -144,14 +139,8 @@ def find_supports(scene: Scene, boundary: Boundary) -> Supports:
             f"loads.dead.movement: supports that meet at ({x:g}, {y:g}) move apart; move them"
             " alike there, or leave an edge between them"
         )
-    frame, held = _principal_directions(total)
-    in_frame = np.einsum("nji,nj->ni", frame, common) * held
-    return Supports(nodes, frame, held, body, points, np.einsum("nij,nj->ni", frame, in_frame))
-
-
-def _principal_directions(gram: Array) -> tuple[Array, Flags]:
-    """Frames along the normals of nodes, and what is held in them."""
-    size, direction = np.linalg.eigh(gram)
+    # Frames along the normals of nodes, and what is held in them.
+    size, direction = np.linalg.eigh(total)
     # Two normals at an angle give the sizes 1 -+ cos(angle), ascending.
     both = size[:, 0] > np.tan(0.5 * SMOOTH_ANGLE) ** 2 * size[:, 1]
     normal = direction[:, :, 1]
@@ -160,7 +149,9 @@ def _principal_directions(gram: Array) -> tuple[Array, Flags]:
     frame[straight] = np.eye(2)
     # In a turned frame the first direction is held, in x and y that of the normal.
     axis = np.where(straight, np.argmax(np.abs(normal), axis=1), 0)
-    return frame, both[:, None] | (axis[:, None] == np.arange(2))
+    held = both[:, None] | (axis[:, None] == np.arange(2))
+    in_frame = np.einsum("nji,nj->ni", frame, common) * held
+    return Supports(nodes, frame, held, body, points, np.einsum("nij,nj->ni", frame, in_frame))
 
 
 def facet_motion(scene: Scene, boundary: Boundary) -> Array:

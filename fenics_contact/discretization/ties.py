@@ -100,14 +100,6 @@ class Ties:
         """o_T, m."""
         return (0.5 * self.yields - self.prestress) * self.compliance
 
-    def tensions(self, shear: Array) -> Array:
-        """Tensions t = Y/2 - r_T, N per metre of thickness."""
-        return 0.5 * self.yields - shear
-
-    def elongations(self, slip: Array, shear: Array) -> Array:
-        """Elongations e by e_p and r_T, m."""
-        return slip + (self.tensions(shear) - self.prestress) * self.compliance
-
 
 #: Where a bar begins or ends: the body (`GROUND` for the ground), the place, m, displacement nodes
 #: and their weights, whose sum is 1, and the part of the end of the tie.
@@ -209,7 +201,13 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
     found = None
     if len(here):
         cell = int(here[np.argmin(distance[here])])
-        found = float(distance[cell]), *_shape_functions(space, cell, place)
+        corners = mesh.domain.geometry.x[compat.geometry_dofs(mesh.domain)[cell], :2]
+        at = reference_places(corners[None], (place - corners[0])[None, None])
+        values = shape_functions(space, at)[0, 0]
+        dofs = compat.cell_dofs(space)[cell].astype(np.int32)
+        used = np.abs(values) > NOTHING
+        nodes = np.asarray(space.dofmap.index_map.local_to_global(dofs))[used]
+        found = float(distance[cell]), nodes, values[used] / values[used].sum()
     parts = mesh.comm.allgather((np.unique(mesh.body[here]).tolist(), found))
     bodies = sorted({body for part, _ in parts for body in part})
     x, y = place
@@ -227,15 +225,3 @@ def _end_at_place(mesh: BlockMesh, boundary: Boundary, space: Any, place: Array,
         )
     _, nodes, weights = min((one for _, one in parts if one is not None), key=lambda one: one[0])
     return bodies[0], place, nodes, weights, 1.0
-
-
-def _shape_functions(space: Any, cell: int, place: Array) -> tuple[Indices, Array]:
-    """Global nodes of a cell of this rank, and their shape functions at a place."""
-    domain = space.mesh
-    corners = domain.geometry.x[compat.geometry_dofs(domain)[cell], :2]
-    at = reference_places(corners[None], (place - corners[0])[None, None])
-    values = shape_functions(space, at)[0, 0]
-    dofs = compat.cell_dofs(space)[cell]
-    nodes = space.dofmap.index_map.local_to_global(dofs.astype(np.int32))
-    used = np.abs(values) > NOTHING
-    return np.asarray(nodes)[used], values[used] / values[used].sum()

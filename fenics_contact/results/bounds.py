@@ -148,7 +148,14 @@ def proof(load_factor: float, limit: float, inside: str, searched: str) -> str:
         inside: What joint forces are inside of.
         searched: What was searched for, in words; empty for what a load leads to.
     """
-    here, end = _apart(load_factor, limit)
+    # Both with the digits that tell them apart; the limit is rounded away from the state.
+    size = abs(load_factor) or abs(limit) or 1.0
+    apart = max(abs(limit - load_factor) / size, 1e-15)
+    digits = min(max(1 + math.floor(-math.log10(apart)), DIGITS[0]), DIGITS[1])
+    unit = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
+    outward = math.ceil if abs(limit) >= abs(load_factor) else math.floor
+    beyond = math.copysign(outward(round(abs(limit) / unit, 6)) * unit, limit)
+    here, end = rounded_alike([load_factor, beyond], digits)
     what = f"the {searched}, is at" if searched else "collapses at"
     # Where the dead load drives the collapse these forces need so much of the live load.
     more = "more" if abs(limit) >= abs(load_factor) else "less"
@@ -156,14 +163,3 @@ def proof(load_factor: float, limit: float, inside: str, searched: str) -> str:
         f"{what} {here}: there is an equilibrium inside {inside} at {here}, and with its friction"
         f" forces nothing carries {more} than {end}{f'; {NOT_FROM_REST}' * bool(searched)}"
     )
-
-
-def _apart(load_factor: float, limit: float) -> list[str]:
-    """Both with the digits that tell them apart; the limit is rounded away from the state."""
-    size = abs(load_factor) or abs(limit) or 1.0
-    apart = max(abs(limit - load_factor) / size, 1e-15)
-    digits = min(max(1 + math.floor(-math.log10(apart)), DIGITS[0]), DIGITS[1])
-    unit = 10.0 ** (math.floor(math.log10(size)) + 1 - digits)
-    outward = math.ceil if abs(limit) >= abs(load_factor) else math.floor
-    rounded = outward(round(abs(limit) / unit, 6)) * unit
-    return rounded_alike([load_factor, math.copysign(rounded, limit)], digits)

@@ -150,11 +150,11 @@ def tie_values(joints: Joints, values: JointValues) -> TieValues | None:
     if bars is None:
         return None
     count = joints.joint_count
-    shear = values.shear_force[count:]
+    tension = 0.5 * bars.yields - values.shear_force[count:]  # t = Y/2 - r_T
     return TieValues(
         bars=bars,
-        force=np.clip(bars.tensions(shear), 0.0, bars.yields),  # rounding
-        elongation=bars.elongations(values.slip[count:], shear),
+        force=np.clip(tension, 0.0, bars.yields),  # rounding
+        elongation=values.slip[count:] + (tension - bars.prestress) * bars.compliance,
         elongation_rate=values.slip_rate[count:],
     )
 
