@@ -74,11 +74,6 @@ def dense(matrix: PETSc.Mat) -> Array:
     return np.concatenate(matrix.comm.tompi4py().allgather(rows))
 
 
-def whole(vector: PETSc.Vec) -> Array:
-    """All entries of a vector on every rank."""
-    return np.concatenate(vector.comm.tompi4py().allgather(vector.array_r.copy()))
-
-
 def planar_faces(scene: Scene, sign: float = 1.0) -> PlanarFaces:
     """The faces of a scene as the face engine sees them."""
     with Discretization(scene) as made:
