@@ -13,6 +13,7 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_contact.collapse.load_case import LoadCase
+from fenics_contact.collapse.reasons import within
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import (
     rests,
@@ -20,7 +21,6 @@ from fenics_contact.collapse.service_state import (
     told_by_faces,
     without_equilibrium,
 )
-from fenics_contact.collapse.stopping import within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.console import tension_lines
 from fenics_contact.discretization.discretization import Discretization

@@ -21,11 +21,10 @@ from fenics_contact.collapse.engine import collapse_by_engine
 from fenics_contact.collapse.least_forces import with_least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve
-from fenics_contact.collapse.reasons import explained
+from fenics_contact.collapse.reasons import explained, unfinished, within
 from fenics_contact.collapse.record import Listener
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import rests, service_state
-from fenics_contact.collapse.stopping import unfinished, within
 from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.collapse.torn import torn_collapse
 from fenics_contact.console import Progress, summary

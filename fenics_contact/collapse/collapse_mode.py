@@ -30,10 +30,6 @@ class Verified:
     mode: Array
     certificate: Certificate
 
-    def known_to(self, change: float) -> Verified:
-        """This state with a load factor that may still change so much, relative."""
-        return replace(self, certificate=self.certificate.known_to(change))
-
 
 def verify(case: LoadCase, state: State, scales: Scales, tolerance: float, gap: float) -> Verified:
     """The collapse mode of a state, and their certificate.

@@ -20,7 +20,7 @@ import numpy as np
 from fenics_contact.errors import SolverError
 from fenics_contact.results.history import History, Step
 from fenics_contact.search_options import SEARCH
-from fenics_contact.solvers.interior_point import Solution, Tolerances
+from fenics_contact.solvers.interior_point import Solution
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
@@ -38,7 +38,7 @@ def settled(
 ) -> bool:
     """Whether a law that depends on the state settles: it is frozen, solved for, and renewed.
 
-    The one loop for such laws: the bound on friction here, of joints that tear.
+    The one loop for such laws: the bound on friction here, joints that tear in `torn`.
 
     Args:
         solve: The answer with the law frozen.
@@ -54,20 +54,10 @@ def settled(
     return False
 
 
-#: State with a friction bound g: `solve(g, start, mu, tolerance)`, with g at this rank's points in
-#: N per metre of thickness, products mu to start with (1 from afar), and the tolerance on the
-#: residuals. Raises `SolverError` where none is found.
+#: State with a friction bound g: `solve(g, start, mu, change)`, with g at this rank's points in
+#: N per metre of thickness, products mu to start with (1 from afar), and the last change of the
+#: bound, relative, which tells how exact a state has to be. Raises `SolverError` if there is none.
 GivenFriction = Callable[[Array, State, float, float], Solution]
-
-
-def to_second_order(change: float) -> float:
-    """Tolerance of a state, which costs little, after a change of the bound of at most one."""
-    return max((SEARCH.bound_precision * change) ** 2, Tolerances().residual)
-
-
-def to_first_order(change: float) -> float:
-    """The same where each digit of a state is dear."""
-    return max(SEARCH.bound_precision * change, SEARCH.exact_state)
 
 
 @dataclass(frozen=True)
@@ -80,7 +70,6 @@ class FixedPoint:
         tolerance: On the load factor and on the bound, relative.
         monitor: Told every iteration.
         factorizations: Number of factorisations so far.
-        exact: Tolerance of a state for the last change of the bound.
     """
 
     problem: ContactProblem
@@ -88,7 +77,6 @@ class FixedPoint:
     tolerance: float
     monitor: Callable[[Step], None]
     factorizations: Callable[[], int]
-    exact: Callable[[float], float] = to_second_order
 
     def run(self, start: State, bound: Array) -> tuple[Solution, History]:
         """State whose friction bound g is Coulomb's, and the history, which says if it converged.
@@ -107,14 +95,24 @@ class FixedPoint:
 
         def state(bound: Array) -> Solution:
             change = steps[-1].bound_change if steps else np.inf
-            return self._state(bound, found[-1].state if found else start, change)
+            last = found[-1].state if found else start
+            mu = float(np.clip(1e-2 * change, 1e-8, 1.0))
+            while mu < 1.0:
+                try:
+                    return self.solve(bound, last, mu, min(change, 1.0))
+                except SolverError:
+                    mu *= 1e2
+            return self.solve(bound, last, 1.0, min(change, 1.0))
+
+        def norm(values: Array) -> float:
+            return float(np.sqrt(self.problem.sum(values**2)))
 
         def renewed(bound: Array, solution: Solution) -> Array | None:
             found.append(solution)
             counts.append(self.factorizations())
             factor = solution.state.load_factor
             target = self.problem.law.given(solution.state.pressure)
-            change = self._norm(target - bound) / (self._norm(target) or 1.0)
+            change = norm(target - bound) / (norm(target) or 1.0)
             omega = relaxation.next(target - bound, change)
             steps.append(Step(factor, change, omega, counts[-1] - counts[-2], relaxation.secant))
             self.monitor(steps[-1])
@@ -131,56 +129,31 @@ class FixedPoint:
             _log.info("  fixed point stops: no state for the next bound (%s)", error)
         return found[-1], History(tuple(steps), relaxation.cycles, "fixed-point", converged)
 
-    def _state(self, bound: Array, start: State, change: float) -> Solution:
-        """State with given bound, as exact as the last change of the bound deserves."""
-        tolerance = self.exact(min(change, 1.0))
-        mu = float(np.clip(1e-2 * change, 1e-8, 1.0))
-        while mu < 1.0:
-            try:
-                return self.solve(bound, start, mu, tolerance)
-            except SolverError:
-                mu *= 1e2
-        return self.solve(bound, start, 1.0, tolerance)
-
-    def _norm(self, values: Array) -> float:
-        return float(np.sqrt(self.problem.sum(values**2)))
-
     def _converged(self, steps: Sequence[Step]) -> bool:
-        """Whether neither bound nor load factor will change by more than the tolerance."""
-        last = steps[-1]
-        if last.bound_change * max(1.0, self._series(steps)) > self.tolerance:
-            return False
-        return self._load_factor_error(steps) <= self.tolerance * abs(last.load_factor)
+        """Whether neither bound nor load factor will change by more than the tolerance.
 
-    def _series(self, steps: Sequence[Step]) -> float:
-        """Sum of all further changes over the last: a geometric series, by changes and secants."""
-        contraction = History(tuple(steps)).contraction
-        contraction = min(contraction or 0.5, 1.0 - SEARCH.small_factor)
-        secant = min(step.secant for step in steps[len(steps) // 2 :])
-        slow = SEARCH.secant_safety * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
-        return max(slow, contraction / (1.0 - contraction))
-
-    def _load_factor_error(self, steps: Sequence[Step]) -> float:
-        """Estimate of the error of the load factor from its last changes.
-
-        Changes of one sign are a series of their own, which may creep where the bound converges
-        fast.
+        All further changes over the last are a geometric series, by changes and by secants. Changes
+        of the load factor of one sign are a series of their own, which may creep where the bound
+        converges fast.
         """
+        contraction = min(History(tuple(steps)).contraction or 0.5, SEARCH.slowest)
+        secant = min(step.secant for step in steps[len(steps) // 2 :])
+        slow = SEARCH.secant_safety * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+        series = max(slow, contraction / (1.0 - contraction))
         last = steps[-4:]
         changes = np.diff([step.load_factor for step in last])
-        if len(changes) == 0:
-            return float(np.inf)
-        largest = float(np.abs(changes).max())
-        if len(changes) == 1:
-            return largest
-        series = largest * self._series(steps)
-        if not (np.all(changes > 0.0) or np.all(changes < 0.0)):
-            return series
-        omega = np.array([step.relaxation for step in last[:-1]])
-        rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
-        secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
-        creeps = abs(float(rates[-1])) * (1.0 / max(secant, SEARCH.small_factor) - 1.0)
-        return max(series, SEARCH.secant_safety * creeps)
+        if steps[-1].bound_change * max(1.0, series) > self.tolerance or len(changes) == 0:
+            return False
+        error = float(np.abs(changes).max())
+        if len(changes) > 1:
+            error *= series
+            if np.all(changes > 0.0) or np.all(changes < 0.0):
+                omega = np.array([step.relaxation for step in last[:-1]])
+                rates = changes / omega  # of the plain iteration, which relaxation speeds or slows
+                secant = float(np.min((1.0 - rates[1:] / rates[:-1]) / omega[:-1]))
+                creeps = abs(float(rates[-1])) * (1.0 / max(secant, 1.0 - SEARCH.slowest) - 1.0)
+                error = max(error, SEARCH.secant_safety * creeps)
+        return error <= self.tolerance * abs(steps[-1].load_factor)
 
 
 class _Relaxation:
@@ -203,32 +176,30 @@ class _Relaxation:
 
     def next(self, difference: Array, change: float) -> float:
         """Relaxation for a step with difference F r_N - g, of a size relative to F r_N."""
-        last = self._omega
-        aligned = self._last is not None and self._follow(difference, self._last)
+        before = self._omega
+        aligned = False  # whether the change points where the last one did
+        if self._last is not None:  # Irons and Tuck
+            step = difference - self._last
+            square = self._total(step * step)
+            of_last = self._total(self._last * self._last)
+            moved = before**2 * of_last
+            self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
+            if square > 0.0:
+                self._omega = -before * self._total(self._last * step) / square
+            sizes = self._total(difference**2) * of_last
+            aligned = self._total(difference * self._last) > 0.9 * np.sqrt(sizes)
         if change < 0.9 * self._best:
             self._best = change
             self._since = 0
         elif not aligned:
             self._since += 1
-        if self._since >= SEARCH.no_progress:
+        if self._since >= SEARCH.cycle:
             self._cap = max(0.5 * min(self._cap, 1.0), SEARCH.least_relaxation)
             self._since = 0
             self.cycles += 1
         if self._omega <= 0.0:  # the change points the same way and grew: go on faster
-            self._omega = 2.0 * last
+            self._omega = 2.0 * before
         cap = SEARCH.fast_relaxation if aligned and self.cycles == 0 else self._cap
         self._omega = float(np.clip(self._omega, SEARCH.least_relaxation, cap))
         self._last = difference
         return self._omega
-
-    def _follow(self, difference: Array, last: Array) -> bool:
-        """Set omega by Irons and Tuck; whether the change points where the last one did."""
-        step = difference - last
-        square = self._total(step * step)
-        of_last = self._total(last * last)
-        moved = self._omega**2 * of_last
-        self.secant = float(np.sqrt(square / moved)) if moved > 0.0 else 1.0
-        if square > 0.0:
-            self._omega = -self._omega * self._total(last * step) / square
-        sizes = self._total(difference**2) * of_last
-        return self._total(difference * last) > 0.9 * np.sqrt(sizes)

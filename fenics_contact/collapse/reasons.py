@@ -1,14 +1,16 @@
-"""Why a limit load was not found, in words, from the record of what was tried."""
+"""Why a limit load was not found, in words; when a run is stopped, and what is known by then."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from fenics_contact.collapse.load_case import LoadCase
+import numpy as np
+
+from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.discretization.discretization import Discretization
-from fenics_contact.results.certificate import Certificate
-from fenics_contact.results.history import Trial
+from fenics_contact.results.certificate import Certificate, state_residuals
 from fenics_contact.results.result import Collapse
 
 #: Methods in the order in which they are recommended.
@@ -38,23 +40,25 @@ def explained(case: LoadCase, end: Collapse) -> Collapse:
         return end
     stopped = whole.effort.watch.reason
     if stopped and end.reason.startswith(stopped):
-        parts = [end.reason, *_came_to(end, case.sign), _reached(end, case.sign)]
-        cures = "more time"
-    else:
-        limit = record.exhausted
-        ended = [f"the search ended at its limit of {limit:g} factorisations"] if limit else []
-        parts = [*ended, end.reason or _reached(end, case.sign), *_tried(end.attempts)]
-        cures = _either(_cures(whole))
+        parts = [end.reason]
+        if end.trace:
+            last = end.trace[-1]
+            at = f"{case.sign * last.load_factor:.4g} at {1e3 * last.displacement:.3g} mm"
+            parts.append(f"the path ({last.phase}) had come to load factor {at}")
+        parts.append(_reached(end, case.sign))
+        return replace(end, reason="; ".join([*parts, "try more time"]))
+    limit = record.exhausted
+    parts = [f"the search ended at its limit of {limit:g} factorisations"] if limit else []
+    parts.append(end.reason or _reached(end, case.sign))
+    # Attempts that found nothing, those of one kind together.
+    lost = [trial for trial in end.attempts if not trial.found]
+    for name in dict.fromkeys(trial.name for trial in lost):
+        trials = [trial for trial in lost if trial.name == name]
+        times = f"{len(trials)} times, the last one: " if len(trials) > 1 else ""
+        parts.append(f"{ATTEMPTS.get(name, name)} found no state ({times}{trials[-1].outcome})")
+    *first, last_cure = _cures(whole)
+    cures = f"{', '.join(first)} or {last_cure}" if first else last_cure
     return replace(end, reason="; ".join([*parts, f"try {cures}"]))
-
-
-def _came_to(end: Collapse, sign: float) -> Iterator[str]:
-    """Where the path ended."""
-    if end.trace:
-        last = end.trace[-1]
-        factor = sign * last.load_factor
-        moved = 1e3 * last.displacement
-        yield f"the path ({last.phase}) had come to load factor {factor:.4g} at {moved:.3g} mm"
 
 
 def _reached(end: Collapse, sign: float) -> str:
@@ -82,15 +86,6 @@ def missed(certificate: Certificate) -> str:
     )
 
 
-def _tried(attempts: Sequence[Trial]) -> Iterator[str]:
-    """Attempts that found nothing, those of one kind together."""
-    lost = [trial for trial in attempts if not trial.found]
-    for name in dict.fromkeys(trial.name for trial in lost):
-        trials = [trial for trial in lost if trial.name == name]
-        times = f"{len(trials)} times, the last one: " if len(trials) > 1 else ""
-        yield f"{ATTEMPTS.get(name, name)} found no state ({times}{trials[-1].outcome})"
-
-
 def _cures(whole: Discretization) -> Iterator[str]:
     """What may help, the easiest first."""
     scene = whole.scene
@@ -112,7 +107,52 @@ def _cures(whole: Discretization) -> Iterator[str]:
     yield "a finer mesh"
 
 
-def _either(cures: Iterator[str]) -> str:
-    """A list of alternatives."""
-    *first, last = cures
-    return f"{', '.join(first)} or {last}" if first else last
+def within(
+    seconds: float | None, asked: Callable[[], str] = lambda: "", spent: float = 0.0
+) -> Callable[[], str]:
+    """A function that says why a run is to end; empty while it may go on.
+
+    Args:
+        seconds: Time that it may take; None for any.
+        asked: Who asks to end the run, in words; empty while nobody does.
+        spent: Time that it took until now, s.
+    """
+    start = time.monotonic() - spent
+
+    def reason() -> str:
+        if seconds is not None and time.monotonic() - start >= seconds:
+            return f"stopped after {seconds:g} s (solve.time)"
+        somebody = asked()
+        return f"stopped by {somebody}" if somebody else ""
+
+    return reason
+
+
+def unfinished(case: LoadCase, reason: str) -> Collapse:
+    """What is known of a collapse whose search was stopped.
+
+    That is the collapse, if a verified state was found; else the best state, or the last point of
+    the path that was followed, which is no state yet.
+
+    Args:
+        case: The load case, with the record of the search.
+        reason: Why it was stopped.
+    """
+    record = case.record
+    problem = case.problem
+    if record.best is not None and record.best.status == "limit":
+        return record.best
+    if record.best is not None:
+        return replace(record.best, reason=reason)
+    if record.last is None:
+        return Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
+    state = record.last()
+    scales = case.scales_at(abs(state.work), abs(state.load_factor))
+    size = max(abs(state.load_factor), case.scales.load_factor)
+    certificate = Certificate(state_residuals(problem, state, scales), np.nan, size=size)
+    work = problem.dot(problem.live, state.displacement)
+    mode = state.displacement / work if work > 0.0 else None
+    values = mode if mode is None else joint_values(problem, case.discretization, state, mode)
+    found = state, mode, values, certificate
+    bounds = case.blocks.bounds
+    return Collapse("not_converged", state.load_factor, bounds, *found, reason=reason)

@@ -15,12 +15,6 @@ from fenics_contact.solvers.effort import Effort
 from fenics_contact.solvers.problem import State
 
 
-def name_of(attempt: Callable[..., Any]) -> str:
-    """Name of an attempt: that of its function, in words."""
-    name: str = getattr(attempt, "func", attempt).__name__
-    return name.replace("_", " ")
-
-
 class Listener:
     """Is told how the search for a collapse goes, on all ranks; this one does not listen."""
 
@@ -119,12 +113,12 @@ class Record:
 
     @contextmanager
     def attempt(
-        self, name: str, work: float, count: Callable[[], int], effort: Effort
+        self, attempt: Callable[..., Any], work: float, count: Callable[[], int], effort: Effort
     ) -> Iterator[Any]:
         """Record what is done inside as one attempt.
 
         Args:
-            name: Of the attempt.
+            attempt: Has the name of its function, in words.
             work: T of the state that is looked for.
             count: Number of factorisations so far.
             effort: Their cost so far.
@@ -137,14 +131,16 @@ class Record:
         points = len(self.trace)
         found: list[str] = []
         outcome = "ended early"
+        name = getattr(attempt, "func", attempt).__name__.replace("_", " ")
         try:
             yield found.append
             outcome = found[-1]
-        except SolverError as error:
-            outcome = f"{self._where(points)}{error}"
-            raise
-        except Stopped as stop:
-            outcome = f"{self._where(points)}{stop}"
+        except (SolverError, Stopped) as error:
+            outcome = str(error)
+            if len(self.trace) > points:  # phase and place of the last point passed
+                last = self.trace[-1]
+                at = f"{last.phase}, at load factor {self._sign * last.load_factor:.4g}"
+                outcome = f"{at}, displacement {last.displacement:.3g} m: {error}"
             raise
         finally:
             costs = count() - before, effort.spent - spent
@@ -161,11 +157,3 @@ class Record:
     def phase(self, name: str) -> None:
         """Tell the listener that something else begins."""
         self._listener.phase(name)
-
-    def _where(self, first: int) -> str:
-        """Phase and place of the last point passed, if any was since the first."""
-        if len(self.trace) <= first:
-            return ""
-        last = self.trace[-1]
-        factor = f"{self._sign * last.load_factor:.4g}"
-        return f"{last.phase}, at load factor {factor}, displacement {last.displacement:.3g} m: "

@@ -8,20 +8,14 @@ one before found nothing (`work_control`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from itertools import product
-from typing import Concatenate, ParamSpec
 
 import numpy as np
 
-from fenics_contact.collapse.coulomb import (
-    FixedPoint,
-    GivenFriction,
-    to_first_order,
-    to_second_order,
-)
+from fenics_contact.collapse.coulomb import FixedPoint
 from fenics_contact.collapse.load_case import Answer, Attempt, Task
 from fenics_contact.collapse.loading_path import LoadingPath, falling
 from fenics_contact.collapse.record import PathSample
@@ -62,27 +56,21 @@ class WarmStart:
     """
 
     products: tuple[float, ...] = field(
-        default_factory=lambda: (
-            SEARCH.end_products / SEARCH.decade,
-            SEARCH.end_products * SEARCH.decade,
-        )
+        default_factory=lambda: (SEARCH.warm_products, SEARCH.close_products)
     )
     from_afar: tuple[float, ...] = (1.0,)
     tolerances: Tolerances = field(default_factory=Tolerances)
     options: SearchOptions = SEARCH
 
 
-def finishing() -> SearchOptions:
-    """When the interior point method stops next to a state: it succeeds soon or not at all."""
-    return replace(
-        SEARCH,
-        interior_window=SEARCH.finish_window,
-        exact_state=SEARCH.finish_acceptable,
-    )
-
+#: When the interior point method stops next to a state: it succeeds soon or not at all.
+FINISHING = replace(
+    SEARCH,
+    interior_window=SEARCH.finish_window,
+    interior_acceptable=SEARCH.finish_acceptable,
+)
 
 Minimiser = Callable[[ProximalStep, Array], Array]
-_Given = ParamSpec("_Given")
 
 
 def rising_mu(task: Task) -> float:
@@ -91,16 +79,14 @@ def rising_mu(task: Task) -> float:
     return task.mu(SEARCH.rising_products * larger)
 
 
-def monolithic(
-    solve: Callable[Concatenate[Task, _Given], Solution],
-) -> Callable[Concatenate[Task, _Given], Answer]:
+def monolithic(solve: Callable[[Task], Solution]) -> Attempt:
     """An attempt without iterations on the friction bound: its history has one step."""
 
     @wraps(solve)
-    def attempt(task: Task, *args: _Given.args, **options: _Given.kwargs) -> Answer:
+    def attempt(task: Task) -> Answer:
         count = task.case.discretization.factorizations
         before = count()
-        solution = solve(task, *args, **options)
+        solution = solve(task)
         step = Step(solution.state.load_factor, 0.0, 1.0, count() - before)
         task.case.monitor(step)
         return solution, History((step,), 0, "monolithic", True)
@@ -139,39 +125,26 @@ def along_block_modes(task: Task) -> Solution:
     """State by continuation in block modes: the work rises to T, then the products fall.
 
     Where the structure does not follow from the end of that path, it takes over before the products
-    fall: with larger products its own path is nearer. Else the work rises further, and they fall
-    again: the paths at two works have different folds.
+    fall: with larger products its own path is nearer. Then the same with smaller products, which
+    lead past other folds; then both at more work: the paths at two works have different folds. The
+    record of the load case has the samples of the rise.
     """
-    failed = SolverError("block modes: no end of a path")
     path = LoadingPath.on_modes(task, "block modes")
-    for point in _ends_of(path):
-        try:
-            return to_end(task, path.prolonged(point.state), point.mu)
-        except EffortError:
-            raise
-        except SolverError as error:
-            _log.info("  structure: %s", error)
-            failed = error
-    raise failed
-
-
-def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
-    """Points of a path on block modes where the structure may take over, the best first.
-
-    The work rises to T and the products fall: the end of that path, and where it began. Then the
-    same with smaller products, which lead past other folds, and both at more work. The record of
-    the load case has the samples of the rise.
-
-    Raises:
-        SolverError: If the paths of rising work are lost.
-    """
-    task = path.task
     record = task.case.record
     first = min(task.case.bonded_work, task.work)
-    parts = 1.0, SEARCH.decade
+    parts = 1.0, SEARCH.smaller_products
     points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
     risen: dict[float, list[PathSample]] = {part: [] for part in points}
-    works = task.work * SEARCH.further_work ** np.arange(SEARCH.works)
+    failed = SolverError("block modes: no end of a path")
+
+    def fails(what: str, error: SolverError) -> None:
+        nonlocal failed
+        if isinstance(error, EffortError):
+            raise error
+        _log.info("  %s: %s", what, error)
+        failed = error
+
+    works = task.work * SEARCH.further_work ** np.arange(SEARCH.falls)
     for work, part in product(works, parts):
         if part not in points:
             continue
@@ -180,21 +153,20 @@ def _ends_of(path: LoadingPath) -> Iterator[PathPoint]:
             for sample in path.points(points.pop(part), float(work), levels=task.case.wants_peak):
                 record.risen.append(sample)
             point = points[part] = record.risen.pop().point
-        except EffortError:
-            raise
         except SolverError as error:
-            _log.info("  block modes: %s", error)
-            failed = error
+            fails("block modes", error)
             continue
+        ends = [point]
         try:
-            yield path.with_products(point, task.mu(SEARCH.end_products))
-        except EffortError:
-            raise
+            ends.insert(0, path.with_products(point, task.mu(SEARCH.end_products)))
         except SolverError as error:
-            _log.info("  block modes: %s", error)
-        yield point
-    if not points:
-        raise failed
+            fails("block modes", error)
+        for end in ends:
+            try:
+                return to_end(task, path.prolonged(end.state), end.mu)
+            except SolverError as error:
+                fails("structure", error)
+    raise failed
 
 
 def next_to(state: State, direction: Array | None, warm: WarmStart | None = None) -> Attempt:
@@ -202,17 +174,13 @@ def next_to(state: State, direction: Array | None, warm: WarmStart | None = None
 
     @monolithic
     def next_to_another_state(task: Task) -> Solution:
-        return _warm(task, task.kkt, moved_on(task, state, direction), warm)
+        if direction is None:
+            raise SolverError("no direction in which to go on")
+        u = state.displacement + (task.work - state.work) * direction
+        start = task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
+        return from_next_to(task, task.kkt, start, warm)
 
     return next_to_another_state
-
-
-def moved_on(task: Task, state: State, direction: Array | None) -> State:
-    """A state moved on to the work of a task by displacements with f_L.v = 1, or `SolverError`."""
-    if direction is None:
-        raise SolverError("no direction in which to go on")
-    u = state.displacement + (task.work - state.work) * direction
-    return task.case.problem.state(u, state.load_factor, state.pressure, state.shear)
 
 
 def coulomb_equilibrium(
@@ -220,64 +188,13 @@ def coulomb_equilibrium(
 ) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
     kkt = task.case.coulomb(start.work, task.scales, load_factor)
-    return _warm(task, kkt, start, warm).state
+    return from_next_to(task, kkt, start, warm).state
 
 
-def at_work(task: Task, start: State, warm: WarmStart | None = None) -> State:
-    """State at the work of a task next to another one at that work, or `SolverError`."""
-    return _warm(task, task.kkt, start, warm).state
-
-
-def to_end(task: Task, state: State, mu: float) -> Solution:
-    """The state at the end of the structure's central path, from a point near it.
-
-    Where the path is lost before its end, the last point found answers if its load factor is known
-    to the tolerance; else `SolverError`.
-    """
-    path = LoadingPath(task, name="structure")
-    kkt = replace(task.kkt, work=state.work)
-    point = path.next_to(state, mu)
-    passed: list[PathPoint] = []
-    try:
-        for end in SEARCH.end_products * SEARCH.decade ** np.arange(SEARCH.path_ends):
-            point = path.with_products(point, task.mu(float(end)))
-            passed.append(point)
-            try:
-                return solve_interior_point(
-                    kkt, point.state, point.mu, task.tolerances, finishing()
-                )
-            except SolverError as error:
-                failed = error
-    except SolverError as error:
-        failed = error
-    return _near_the_end(task, kkt, passed, failed)
-
-
-def _near_the_end(
-    task: Task, kkt: PerturbedKKT, passed: Sequence[PathPoint], failed: SolverError
+def from_next_to(
+    task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart | None = None
 ) -> Solution:
-    """The last of the points at which the products fell to the next end, settled on its path.
-
-    The load factor changes less and less as the products fall. From the last point on it is taken
-    to change by no more than between that and the one before; beyond the tolerance `failed` is
-    raised.
-    """
-    if len(passed) < 2:
-        raise failed
-    before, last = (point.iterate.load_factor for point in passed[-2:])
-    size = max(abs(last), 1e-3 * task.scales.load_factor)
-    change = abs(last - before) / size
-    if not change <= task.tolerance:
-        _log.info(
-            "  load factor %.6g, which the last decade of products changed by %.1e", last, change
-        )
-        raise failed
-    iterate = falling(kkt).settled(passed[-1], 1e-6).iterate
-    return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
-
-
-def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart | None) -> Solution:
-    """Solution next to a state, or else from afar."""
+    """Solution of some conditions next to a state, or else from afar, or `SolverError`."""
     warm = warm or WarmStart()
     for mu in (*map(task.mu, warm.products), *warm.from_afar):
         try:
@@ -287,54 +204,75 @@ def _warm(task: Task, kkt: PerturbedKKT, start: State, warm: WarmStart | None) -
     raise failed
 
 
+def to_end(task: Task, state: State, mu: float) -> Solution:
+    """The state at the end of the structure's central path, from a point near it.
+
+    Where the path is lost before its end, the last point at which the products fell to the next end
+    answers, settled on its path, if its load factor is known to the tolerance; else `SolverError`.
+    The load factor changes less and less as the products fall: from the last point on it is taken
+    to change by no more than between that and the one before.
+    """
+    path = LoadingPath(task, name="structure")
+    kkt = replace(task.kkt, work=state.work)
+    point = path.next_to(state, mu)
+    passed: list[PathPoint] = []
+    try:
+        for end in SEARCH.end_products * 0.1 ** np.arange(SEARCH.path_ends):
+            point = path.with_products(point, task.mu(float(end)))
+            passed.append(point)
+            try:
+                return solve_interior_point(kkt, point.state, point.mu, task.tolerances, FINISHING)
+            except SolverError as error:
+                failed = error
+    except SolverError as error:
+        failed = error
+    if len(passed) < 2:
+        raise failed
+    before, last = (point.iterate.load_factor for point in passed[-2:])
+    change = abs(last - before) / max(abs(last), 1e-3 * task.scales.load_factor)
+    if not change <= task.tolerance:
+        known = "  load factor %.6g, which the last decade of products changed by %.1e"
+        _log.info(known, last, change)
+        raise failed
+    iterate = falling(kkt).settled(passed[-1], 1e-6).iterate
+    return Solution(kkt.state(iterate), kkt.sizes(iterate, kkt.residual(iterate)), 0, change)
+
+
 # ---- attempts by the fixed point on the friction bound
 
 
-def fixed_point(task: Task, first: Array | None = None) -> Answer:
-    """State by the fixed point from a first bound, by the interior point method.
+def fixed_point(task: Task) -> Answer:
+    """State by the fixed point, by the interior point method.
 
-    By default that bound is F times the dead load's normal forces, N per metre of thickness.
+    The first bound is F times the dead load's normal forces, N per metre of thickness.
     """
-    bound = task.case.problem.law.given(task.case.first_pressure) if first is None else first
-    return _iterated(task, _interior_point(task), task.case.bonded_state(task.work), bound)
+    bound = task.case.problem.law.given(task.case.first_pressure)
+    return _iterated(task, task.case.bonded_state(task.work), bound)
 
 
 def fixed_point_equilibrium(task: Task, start: State, load_factor: float) -> State:
     """State at a prescribed load factor next to another one, or `SolverError`."""
     bound = task.case.problem.law.given(np.maximum(start.pressure, 0.0))
-    solution, history = _iterated(task, _interior_point(task, load_factor), start, bound)
+    solution, history = _iterated(task, start, bound, load_factor)
     if not history.converged:
         raise SolverError("the fixed point on the friction bound does not converge")
     return solution.state
 
 
-def _interior_point(task: Task, load_factor: float | None = None) -> GivenFriction:
-    """States with given friction, under the work of the task or a load factor."""
-
-    def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-        work = task.work if load_factor is None else start.work
-        kkt = task.case.given(bound, work, task.scales, load_factor)
-        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
-
-    return solve
-
-
-def _iterated(
-    task: Task,
-    solve: GivenFriction,
-    start: State,
-    bound: Array,
-    exact: Callable[[float], float] = to_second_order,
-    more: Callable[[], int] = lambda: 0,
-) -> Answer:
-    """What the fixed point leads to from a state and a bound; `more` counts factorisations."""
+def _iterated(task: Task, start: State, bound: Array, load_factor: float | None = None) -> Answer:
+    """What the fixed point leads to, under the work of the task or a load factor."""
     case = task.case
 
-    def count() -> int:
-        return case.discretization.factorizations() + more()
+    def solve(bound: Array, start: State, mu: float, change: float) -> Solution:
+        # To second order in the change of the bound, which costs little.
+        tolerance = max((SEARCH.bound_precision * change) ** 2, Tolerances().residual)
+        work = task.work if load_factor is None else start.work
+        kkt = case.given(bound, work, task.scales, load_factor)
+        return solve_interior_point(kkt, start, mu, Tolerances(tolerance))
 
-    told = case.monitor, count, exact
-    return FixedPoint(case.problem, solve, task.tolerance, *told).run(start, bound)
+    count = case.discretization.factorizations
+    iteration = FixedPoint(case.problem, solve, task.tolerance, case.monitor, count)
+    return iteration.run(start, bound)
 
 
 def joint_forces(task: Task, minimise: Minimiser) -> Answer:
@@ -344,35 +282,28 @@ def joint_forces(task: Task, minimise: Minimiser) -> Answer:
     `minimise` goes over normal and shear forces `alternately` or `at_once`.
     """
     case = task.case
-    rows = task.case.discretization.operators
+    rows = case.discretization.operators
     points = JointPoints(rows.sides, rows.dofs, rows.normal_rows, rows.tangential_rows)
     with JointForceSolver(case.problem, points, state_residuals, minimise) as solver:
 
-        def solve(bound: Array, start: State, mu: float, tolerance: float) -> Solution:
-            if not case.problem.coulomb:
-                tolerance = SEARCH.exact_state
+        def solve(bound: Array, start: State, mu: float, change: float) -> Solution:
+            tolerance = SEARCH.exact_state
+            if case.problem.coulomb:
+                tolerance = max(SEARCH.bound_precision * change, SEARCH.exact_state)
             found = solver.solve(bound, task.work, start, task.scales, tolerance)
             return Solution(*found, 1)
 
+        def count() -> int:
+            return case.discretization.factorizations() + solver.factorizations
+
         start = case.bonded_state(task.work)
         bound = case.problem.law.given(case.first_pressure)
-        solution, history = _iterated(
-            task, solve, start, bound, to_first_order, lambda: solver.factorizations
-        )
+        iteration = FixedPoint(case.problem, solve, task.tolerance, case.monitor, count)
+        solution, history = iteration.run(start, bound)
         return solution, replace(history, splitting=solver.history)
 
 
 # ---- the list
-
-
-def first_work(options: SearchOptions, blocks: int, tolerance: float) -> float:
-    """First work for so many blocks, in units of that on the bonded structure.
-
-    The plateau is the nearer the larger the work, and the longer the path. A tolerance that is
-    looser than usual asks for less of both.
-    """
-    part = min(1.0, (SEARCH.usual_tolerance / tolerance) ** 0.5)
-    return max(options.first_work, options.work_of_many * blocks**2 * part)
 
 
 #: Iterations on the bound, which a user may ask for, take some 10 states with given friction.

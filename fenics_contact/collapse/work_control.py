@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,17 +16,16 @@ import numpy as np
 from mpi4py import MPI
 
 from fenics_contact.collapse.collapse_mode import Verified, verify
-from fenics_contact.collapse.load_case import Attempt, LoadCase, Task, joint_values
+from fenics_contact.collapse.load_case import LoadCase, Task, joint_values
 from fenics_contact.collapse.reasons import missed
-from fenics_contact.collapse.record import name_of
-from fenics_contact.collapse.strategy import Strategy, first_work
+from fenics_contact.collapse.strategy import Strategy
 from fenics_contact.errors import SolverError, Stopped
 from fenics_contact.faces.planar import PlanarFaces
 from fenics_contact.faces.programs import stiffness_alone
 from fenics_contact.results.certificate import Certificate, state_residuals, worst_joint
 from fenics_contact.results.history import History
 from fenics_contact.results.result import Collapse
-from fenics_contact.search_options import SEARCH, SearchOptions
+from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import State
 
 _log = logging.getLogger("fenics_contact")
@@ -36,38 +34,42 @@ _log = logging.getLogger("fenics_contact")
 def find_collapse(case: LoadCase, strategy: Strategy, tolerance: float) -> Collapse:
     """The collapse of a load case, to a relative tolerance on the load factor.
 
+    The plateau is the nearer the larger the work, and the longer the path. A tolerance that is
+    looser than usual asks for less of both.
+
     Raises:
         Stopped: If the run is to end; the record of the load case has what was found.
     """
     search = _Search(case, strategy, tolerance)
-    case.record.exhausted = 0.0
-    try:
-        with case.discretization.effort.at_most(strategy.options.collapse_cost):
-            status = _at_growing_work(search, strategy.options, case.block_count)
-        found = search.result(status)
-        if status == "limit":
-            case.record.best = case.record.best or found
-        return found
-    except Stopped:
-        if search.verified or (search.best is not None and case.record.best is None):
-            status = "limit" if search.verified else "not_converged"
-            case.record.best = search.result(status)
-        raise
-
-
-def _at_growing_work(search: _Search, options: SearchOptions, blocks: int) -> str:
-    """The status that states by the attempts of a search lead to."""
-    ratio = first = first_work(options, blocks, search.tolerance)
+    options = strategy.options
+    record = case.record
+    record.exhausted = 0.0
+    part = min(1.0, (SEARCH.usual_tolerance / tolerance) ** 0.5)
+    first = max(options.first_work, options.work_of_many * case.block_count**2 * part)
+    ratio = first
     missing = 0
-    while ratio <= SEARCH.largest * first and missing < options.works:
-        found = search.at(ratio)
-        missing = missing + 1 if found is None else 0
-        if search.done(found):
-            break
-        if search.unlimited:
-            return "unbounded"
-        ratio *= options.work_growth
-    return "limit" if search.verified else "not_converged"
+    unlimited = False
+    try:
+        with case.discretization.effort.at_most(options.collapse_cost):
+            while ratio <= SEARCH.largest * first and missing < options.missing_works:
+                found = search.at(ratio)
+                missing = missing + 1 if found is None else 0
+                if search.done(found):
+                    break
+                unlimited = search.unlimited
+                if unlimited:
+                    break
+                ratio *= options.work_growth
+        if unlimited:
+            return search.result("unbounded")
+        end = search.result("limit" if search.verified else "not_converged")
+        if end.status == "limit":
+            record.best = record.best or end
+        return end
+    except Stopped:
+        if search.verified or (search.best is not None and record.best is None):
+            record.best = search.result("limit" if search.verified else "not_converged")
+        raise
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,6 @@ class _Found:
     @property
     def load_factor(self) -> float:
         return self.verified.state.load_factor
-
-    @property
-    def outcome(self) -> str:
-        """Whether it is verified, in words."""
-        if self.passed:
-            return "a state, verified"
-        text = missed(self.verified.certificate) or "load factor and friction not settled"
-        return f"a state, not verified: {text}"
 
     @property
     def passed(self) -> bool:
@@ -120,7 +114,6 @@ class _Search:
     def __init__(self, case: LoadCase, strategy: Strategy, tolerance: float) -> None:
         self.case = case
         self.strategy = strategy
-        self.options = strategy.options
         self.tolerance = tolerance
         self.gap = strategy.options.work_gap * tolerance
         self.found: list[_Found] = []
@@ -134,43 +127,42 @@ class _Search:
         last = self.found[-1].verified.state if self.found else None
         task = Task(case, work, scales, self.tolerance, last)
         self._last_found = False
-        for attempt in self._attempts():
+        # From the last state, and from afar as long as none is verified.
+        attempts = () if self.verified else self.strategy.attempts
+        if self.best is not None:
+            further = self.strategy.further
+            attempts = (further, *attempts) if further is not None else self.strategy.attempts
+        for attempt in attempts:
             if case.discretization.effort.left < 1.0:
                 case.record.exhausted = case.discretization.effort.allowed
                 return None
             count = case.discretization.factorizations
             try:
-                with case.record.attempt(
-                    name_of(attempt), work, count, case.discretization.effort
-                ) as ended:
-                    with case.discretization.effort.at_most(self.options.attempt_cost):
+                with case.record.attempt(attempt, work, count, case.discretization.effort) as ended:
+                    with case.discretization.effort.at_most(self.strategy.options.attempt_cost):
                         solution, history = attempt(task)
                     self._last_found = True
                     ended("a state, not yet verified")
                     case.record.phase("verification")
                     verified = verify(case, solution.state, scales, self.tolerance, self.gap)
-                    verified = verified.known_to(solution.change)
+                    certificate = verified.certificate.known_to(solution.change)
+                    verified = replace(verified, certificate=certificate)
                     reached = solution.state.work / case.bonded_work
                     self.found.append(_Found(verified, history, reached))
-                    ended(self.found[-1].outcome)
+                    outcome = "a state, verified"
+                    if not self.found[-1].passed:
+                        text = missed(verified.certificate)
+                        text = text or "load factor and friction not settled"
+                        outcome = f"a state, not verified: {text}"
+                    ended(outcome)
             except SolverError as error:
                 _log.info("  no state with T = %.3g: %s", work, error)
                 continue
             gap = verified.certificate.gap
             factor = solution.state.load_factor
-            outcome = self.found[-1].outcome
             _log.info("  T = %.3g: load factor %.8g, gap %.1e, %s", work, factor, gap, outcome)
             return self.found[-1]
         return None
-
-    def _attempts(self) -> Iterator[Attempt]:
-        """What is tried: from the last state, and from afar as long as none is verified."""
-        strategy = self.strategy
-        if self.best is not None and strategy.further is not None:
-            yield strategy.further
-            if self.verified:
-                return
-        yield from strategy.attempts
 
     @property
     def best(self) -> _Found | None:
@@ -223,20 +215,17 @@ class _Search:
             return blocks.is_unlimited()
         if blocks.frictionless.is_unlimited():
             return True
-        if self._line is None:
-            return self._grows and blocks.is_unlimited()
-        last = self.found[-1] if self._last_found else None
-        return last is None or last.load_factor > SEARCH.on_line * self._line * last.ratio
-
-    @property
-    def _grows(self) -> bool:
-        """Whether the last load factors have grown with their works."""
-        factors = np.array([one.load_factor for one in self.found[-3:]])
-        if len(factors) < 3 or not np.all(factors > 0.0):
-            return False
-        works = np.array([one.ratio for one in self.found[-3:]])
-        grown = np.diff(np.log(factors)) >= SEARCH.grows * np.diff(np.log(works))
-        return bool(np.all(grown))
+        if self._line is None:  # does the load factor grow with the work?
+            last = self.found[-3:]
+            factors = np.array([one.load_factor for one in last])
+            works = np.array([one.ratio for one in last])
+            if len(last) < 3 or not np.all(factors > 0.0):
+                return False
+            grown = np.diff(np.log(factors)) >= SEARCH.grows * np.diff(np.log(works))
+            return bool(np.all(grown)) and blocks.is_unlimited()
+        if not self._last_found:
+            return True
+        return self.found[-1].load_factor > SEARCH.on_line * self._line * self.found[-1].ratio
 
     @cached_property
     def _line(self) -> float | None:
@@ -280,28 +269,9 @@ class _Search:
 def _at_onset(case: LoadCase, verified: Verified) -> tuple[State, Certificate]:
     """The state where the collapse begins, and its certificate on its own scale.
 
-    They are those far along the mode where the digits at the onset do not suffice.
-    """
-    state = _onset(case, verified)
-    certificate = verified.certificate
-    work = max(abs(state.work), case.bonded_work)
-    scales = case.scales_at(work, abs(state.load_factor))
-    certificate = replace(
-        certificate,
-        residuals=certificate.residuals | state_residuals(case.problem, state, scales),
-        worst_joint=worst_joint(case.problem, state, scales, case.discretization.operators.points),
-    )
-    if certificate.passed:
-        return state, certificate
-    _log.info("  the state is left far along its mode: %s", sorted(certificate.failures))
-    return verified.state, verified.certificate
-
-
-def _onset(case: LoadCase, verified: Verified) -> State:
-    """The state moved back along its mode to where the collapse began.
-
-    Every state further along the mode has the same stresses and joint forces; at the first, some
-    joint is about to close, or to stick.
+    The state is moved back along its mode. Every state further along it has the same stresses and
+    joint forces; at the first, some joint is about to close, or to stick. Where the digits there do
+    not suffice, state and certificate are those far along the mode.
     """
     problem = case.problem
     state = verified.state
@@ -318,9 +288,19 @@ def _onset(case: LoadCase, verified: Verified) -> State:
     moved = [opening[opens] / opening_rate[opens], slip[slips] / slip_rate[slips]]
     least = min(float(np.min(m, initial=np.inf)) for m in moved)
     least = problem.comm.allreduce(least, MPI.MIN)
-    if not 0.0 < least < np.inf:
-        return state
-    # A mechanism does not strain the blocks: their strains keep the digits that they have.
-    u = state.displacement - least * mode
-    u += state.elastic - problem.elastic_part(u)
-    return replace(state, displacement=u, work=problem.dot(problem.live, u))
+    if 0.0 < least < np.inf:
+        # A mechanism does not strain the blocks: their strains keep the digits that they have.
+        u = state.displacement - least * mode
+        u += state.elastic - problem.elastic_part(u)
+        state = replace(state, displacement=u, work=problem.dot(problem.live, u))
+    scales = case.scales_at(max(abs(state.work), case.bonded_work), abs(state.load_factor))
+    residuals = state_residuals(problem, state, scales)
+    certificate = replace(
+        verified.certificate,
+        residuals=verified.certificate.residuals | residuals,
+        worst_joint=worst_joint(problem, state, scales, case.discretization.operators.points),
+    )
+    if certificate.passed:
+        return state, certificate
+    _log.info("  the state is left far along its mode: %s", sorted(certificate.failures))
+    return verified.state, verified.certificate
