@@ -16,9 +16,9 @@ from fenics_contact.collapse.load_case import LoadCase
 from fenics_contact.collapse.reasons import within
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
 from fenics_contact.collapse.service_state import (
+    face_state,
     rests,
     service_state,
-    told_by_faces,
     without_equilibrium,
 )
 from fenics_contact.collapse.strategy import strategy_of
@@ -107,7 +107,9 @@ class Equilibrium(ServiceState, Pictured):
             lines.append(f"verified: {found}")
             lines += [BY_FACES] if self.engine == "faces" else []
         if self.joint_values is not None:
-            lines.append(_contact_line(self.joints["state"]))
+            state = self.joints["state"]
+            counts = (f"{np.sum(state == one)} {one.name.lower()}" for one in reversed(Contact))
+            lines.append(f"joint points: {', '.join(counts)}")
             lines += tension_lines(self.ties, self.layout.scene.units)
         took = f"{self.factorizations} factorisations, {self.seconds:.2f} s"
         return "\n".join([*lines, took])
@@ -140,12 +142,6 @@ class Equilibrium(ServiceState, Pictured):
         at = f"at load factor {self.load_factor:.6g}"
         doubt = "" if self.status == "equilibrium" else ", not verified"
         return replace(view, caption=Caption(f"displacements x {{}}{doubt}", at + doubt))
-
-
-def _contact_line(state: Array) -> str:
-    """How many joint points stick, slide and are open."""
-    counts = ", ".join(f"{np.sum(state == one)} {one.name.lower()}" for one in reversed(Contact))
-    return f"joint points: {counts}"
 
 
 @checked
@@ -191,6 +187,10 @@ def standing(scene: Scene, load_factor: float = 0.0) -> Equilibrium:
     Raises:
         InputError: As `equilibrium` does.
     """
+
+    def told_by_faces(case: LoadCase, load_factor: float) -> ServiceState:
+        return face_state(case, load_factor) or service_state(case, load_factor)
+
     return _found(scene, load_factor, told_by_faces)
 
 
@@ -230,29 +230,21 @@ def _found(
     with Discretization(scene) as made:
         blocks = RigidBlocks.of(made, sign, made.effort.wait)
         found = without_equilibrium(made.layout, blocks, abs(load_factor), sign)
-        found = found or _searched(made, load_factor, find)
+        if found is None:
+            kind = strategy_of(scene).kind
+            made.end_when(within(scene.solve.time))
+            try:
+                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+                found = find(case, abs(load_factor))
+            except Stopped as stop:
+                found = ServiceState("not_converged", load_factor, reason=str(stop))
+        if found.status == "equilibrium" and found.joint_values is not None:
+            forces = found.joint_values.normal_force
+            if turned := turn_in(made.joints.without_ties(), forces):  # a contact has rolled
+                found = replace(found, status="not_converged", reason=turned)
         count = made.factorizations()
     took = time.perf_counter() - start
     return Equilibrium(**vars(found), layout=made.layout, factorizations=count, seconds=took)
-
-
-def _searched(
-    made: Discretization, load_factor: float, find: Callable[[LoadCase, float], ServiceState]
-) -> ServiceState:
-    """The state as it is found; none in which a contact has rolled."""
-    kind = strategy_of(made.scene).kind
-    sign = math.copysign(1.0, load_factor)
-    made.end_when(within(made.scene.solve.time))
-    try:
-        case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
-        found = find(case, abs(load_factor))
-    except Stopped as stop:
-        return ServiceState("not_converged", load_factor, reason=str(stop))
-    if found.status == "equilibrium" and found.joint_values is not None:
-        forces = found.joint_values.normal_force
-        if turned := turn_in(made.joints.without_ties(), forces):
-            found = replace(found, status="not_converged", reason=turned)
-    return found
 
 
 def _check(scene: Scene, load_factor: float) -> None:

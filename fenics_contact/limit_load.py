@@ -18,7 +18,7 @@ from dolfinx import fem
 from fenics_contact.accuracy import to_accuracy
 from fenics_contact.answers.question import answered, of_curve
 from fenics_contact.collapse.engine import collapse_by_engine
-from fenics_contact.collapse.least_forces import with_least_forces
+from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import SIGNS, LoadCase
 from fenics_contact.collapse.load_control import capacity_curve
 from fenics_contact.collapse.reasons import explained, unfinished, within
@@ -121,13 +121,22 @@ class LimitLoad(Result, Pictured):
             return replace(self, skipped=(*self.skipped, NO_CURVE))
         with Discretization(self.scene) as made:
             made.end_when(within(self.scene.solve.time, stop, self.seconds["total"]))
-            curve, end = _traced(made, end, points, monitor or _Silent())
+            kind = strategy_of(made.scene).kind
+            sign = end.sign
+            found: Collapse = signed(end, sign)
+            curve: list[CapacityPoint] = []  # stays empty where it is stopped before its first one
+            with suppress(Stopped):
+                case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
+                found = of_curve(case, found, CURVE_SOLVE)
+                told = (monitor or _Silent()).point
+                curve = capacity_curve(case, found, points, told)
+            found = signed(found, sign)
         passed = time.perf_counter() - start
         seconds = {"capacity": passed, "total": self.seconds["total"] + passed}
         return replace(
             self,
-            ends={**self.ends, direction: end},
-            capacity=tuple(_rounded(point, end.size) for point in curve),
+            ends={**self.ends, direction: found},
+            capacity=tuple(_rounded(point, found.size) for point in signed(tuple(curve), sign)),
             factorizations=self.factorizations + made.factorizations(),
             mode_factorizations=self.mode_factorizations + made.mode_tally.count,
             cost=self.cost + made.effort.spent,
@@ -183,24 +192,6 @@ class LimitLoad(Result, Pictured):
         curve = self.scene.output.capacity and not (self.capacity or self.stopped)
         whole = self.with_capacity() if curve else self
         write_result(whole.with_brackets(), Path(folder), hurry)
-
-
-def _traced(
-    made: Discretization, end: Collapse, points: int, monitor: Monitor
-) -> tuple[tuple[CapacityPoint, ...], Collapse]:
-    """The capacity curve to a collapse, and the collapse with what is known by the curve.
-
-    The curve is empty where the run is stopped before its first point.
-    """
-    kind = strategy_of(made.scene).kind
-    sign = end.sign
-    end = signed(end, sign)
-    curve: list[CapacityPoint] = []
-    with suppress(Stopped):
-        case = LoadCase.of(made, made.bonded(kind), sign, kind, lambda step: None)
-        end = of_curve(case, end, CURVE_SOLVE)
-        curve = capacity_curve(case, end, points, monitor.point)
-    return signed(tuple(curve), sign), signed(end, sign)
 
 
 class Monitor(Protocol):
@@ -317,11 +308,11 @@ def limit_load_of(
         reason = f"{stop}, before any state was looked for"
         unknown = partial(known_bounds, LimitBounds(None, None))
         nothing = Collapse("not_converged", math.nan, unknown, reason=reason)
-        return _result(discretization, dict.fromkeys(_asked(scene), nothing), seconds)
+        return _result(discretization, dict.fromkeys(_directions(scene), nothing), seconds)
 
 
-def _asked(scene: Scene) -> tuple[str, ...]:
-    """Directions asked for."""
+def _directions(scene: Scene) -> tuple[str, ...]:
+    """Directions of the live load that are asked for."""
     direction = scene.solve.direction
     return tuple(SIGNS) if direction == "both" else (direction,)
 
@@ -335,7 +326,7 @@ def _solved(
         Stopped: If the run is to end before any collapse is looked for.
     """
     scene = discretization.scene
-    asked = _asked(discretization.scene)
+    asked = _directions(scene)
     start = time.perf_counter()
     blocks = RigidBlocks.of(discretization, check_stop=discretization.effort.wait)
     lower = 0.0 if blocks.frictionless.stands() else None
@@ -358,7 +349,8 @@ def _solved(
     found = answered(cases, found, cost, monitor.phase, seconds)
     for name, end in found.items():
         if end.status == "limit" and not blocks.crushes:
-            found[name] = with_least_forces(cases[name].discretization, end)
+            least = end.joints and least_forces(cases[name].discretization, end.joints)
+            found[name] = replace(end, joints=least)
         if end.status == "limit" and end.joints is not None:
             turned = turn_in(discretization.joints.without_ties(), end.joints.normal_force)
             pressed = pressed_too_much(scene, discretization.joints, end.joints.normal_force)

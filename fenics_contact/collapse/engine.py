@@ -31,18 +31,23 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
         Stopped: If the run is to end; the record of the load case has what was found.
     """
     options = case.discretization.scene.solve
+    effort = case.discretization.effort
+    strategy = strategy_of(case.discretization.scene)
     crushes = case.blocks.crushes
     if options.engine == "faces" or (crushes and options.engine == "auto"):
         return _unless_unlimited(case, face_collapse(case))
-    if options.engine == "path" or options.method != "auto" or options.control != "work":
-        return _by_path(case)
+    if options.control == "load":
+        return raise_load(case)
+    if options.engine == "path" or options.method != "auto":
+        return find_collapse(case, strategy, options.tolerance)
     many = case.block_count >= SEARCH.large_wall
     found = face_collapse(case) if many and not options.fast else None
     limited = found is not None and found.status == "limit"
-    if limited:
+    if limited:  # no program is asked whether there is a limit
         case.record.best = found
-    with case.discretization.effort.at_most(SEARCH.soon if many else math.inf):
-        end = _by_path(case, limited)
+        strategy = replace(strategy, asks=False)
+    with effort.at_most(SEARCH.soon if many else math.inf):
+        end = find_collapse(case, strategy, options.tolerance)
     least = -options.tolerance * case.scales.load_factor
     # The dead load alone stands: what needs the live load to stand is another state.
     lost = end.status == "not_converged" or end.load_factor < least
@@ -57,33 +62,12 @@ def collapse_by_engine(case: LoadCase) -> Collapse:
     if found.status != "not_converged" and found.load_factor >= least:
         return replace(found, history=end.history)
     if not many and case.has_dead_load:
-        raised = _by_rising_load(case)
+        with effort.at_most(strategy.options.collapse_cost):  # the dearest way, at last
+            raised = raise_load(case)
         if raised.status == "limit" and raised.load_factor >= least:
             return raised
     reason = "; ".join(filter(None, [end.reason, found.reason]))
     return replace(end, status="not_converged", reason=reason)
-
-
-def _by_path(case: LoadCase, limited: bool = False) -> Collapse:
-    """The collapse on the loading path, as the scene's options ask for it.
-
-    Where a limit is known, no program is asked whether there is one.
-    """
-    scene = case.discretization.scene
-    strategy = strategy_of(scene)
-    if scene.solve.control == "load":
-        return raise_load(case, strategy, scene.solve)
-    if limited:
-        strategy = replace(strategy, asks=False)
-    return find_collapse(case, strategy, scene.solve.tolerance)
-
-
-def _by_rising_load(case: LoadCase) -> Collapse:
-    """The collapse next to the end of a load that rises step by step: the dearest way, at last."""
-    scene = case.discretization.scene
-    strategy = strategy_of(scene)
-    with case.discretization.effort.at_most(strategy.options.collapse_cost):
-        return raise_load(case, strategy, scene.solve)
 
 
 def _unless_unlimited(case: LoadCase, end: Collapse) -> Collapse:

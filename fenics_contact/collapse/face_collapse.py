@@ -13,7 +13,7 @@ that blocks strained from rest would exert them is not claimed.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,22 +84,6 @@ class CrushingAnswer(Answer):
         return Table(rows, "Joints that crush", head, note)
 
 
-def asked_gap(case: LoadCase) -> float:
-    """The gap that a state may have, as the scene asks for it or by default."""
-    given = case.discretization.scene.solve.gap
-    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else 5.0 * SEARCH.gap
-    return default if given is None else given
-
-
-@dataclass(frozen=True)
-class _Found:
-    """What a search came to, for all ranks."""
-
-    state: FaceState | None
-    attempts: tuple[FaceAttempt, ...]
-    stopped: str
-
-
 def face_collapse(case: LoadCase) -> Collapse:
     """The collapse by the face engine. Collective.
 
@@ -107,60 +91,67 @@ def face_collapse(case: LoadCase) -> Collapse:
         Stopped: If the run is to end; the record has the best certified state, if there is one.
     """
     faces = PlanarFaces.of(case.discretization, case.sign)
-    asked = asked_gap(case)
-    case.record.phase("face forces")
-    found = case.problem.comm.bcast(_searched(case, faces, asked))
-    for attempt in found.attempts:
-        case.record.attempts.append(_trial(attempt))
     effort = case.discretization.effort
+    default = SEARCH.gap if case.block_count < SEARCH.many_blocks else SEARCH.gap_of_many
+    given = case.discretization.scene.solve.gap
+    asked = default if given is None else given
+    case.record.phase("face forces")
+    state: FaceState | None = None
+    attempts: list[FaceAttempt] = []
+    stopped = ""
+    if case.problem.comm.rank == 0:
+        search = FaceSearch(faces.model, asked, check_stop=effort.wait)
+        try:
+            search.run()
+        except Stopped as stop:
+            stopped = str(stop)
+        except SolverError as error:  # faces that do not hold the blocks
+            _log.info("  %s", error)
+        state = search.best
+        attempts = search.attempts
+    state, attempts, stopped = case.problem.comm.bcast((state, attempts, stopped))
+    for attempt in attempts:  # their factorisations are those of small systems
+        found = bool(np.isfinite(attempt.gap))
+        outcome = f"a state with gap {attempt.gap:.1e}" if found else "no state"
+        case.record.attempts.append(Trial(f"faces: {attempt.name}", np.nan, outcome, found, 0, 0.0))
     with effort.unwatched():
-        end = _collapse(case, faces, found, asked)
-    if found.stopped:
+        if state is not None and state.gap <= max(asked, SEARCH.rough_gap):
+            end = collapse_of(case, faces, state, asked)
+        else:
+            best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
+            reason = f"the search on face forces ended with {best}"
+            end = Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
+            end = replace(end, engine="faces")
+    if stopped:
         if end.status == "limit":
             case.record.best = end
-        effort.watch.reason = found.stopped
-        raise Stopped(found.stopped)
+        effort.watch.reason = stopped
+        raise Stopped(stopped)
     return end
-
-
-def _searched(case: LoadCase, faces: PlanarFaces, asked: float) -> _Found | None:
-    """The search of rank 0."""
-    if case.problem.comm.rank != 0:
-        return None
-    search = FaceSearch(faces.model, asked, check_stop=case.discretization.effort.wait)
-    stopped = ""
-    try:
-        search.run()
-    except Stopped as stop:
-        stopped = str(stop)
-    except SolverError as error:  # faces that do not hold the blocks
-        _log.info("  %s", error)
-    return _Found(search.best, tuple(search.attempts), stopped)
-
-
-def _trial(attempt: FaceAttempt) -> Trial:
-    """An attempt as the record has it; its factorisations are those of small systems."""
-    found = bool(np.isfinite(attempt.gap))
-    outcome = f"a state with gap {attempt.gap:.1e}" if found else "no state"
-    return Trial(f"faces: {attempt.name}", np.nan, outcome, found, 0, 0.0)
-
-
-def _collapse(case: LoadCase, faces: PlanarFaces, found: _Found, asked: float) -> Collapse:
-    """What was found as a collapse."""
-    state = found.state
-    if state is None or state.gap > max(asked, SEARCH.rough_gap):
-        best = "no state" if state is None else f"a state with a gap of {state.gap:.1e}"
-        reason = f"the search on face forces ended with {best}"
-        nothing = Collapse("not_converged", np.nan, case.blocks.bounds, reason=reason)
-        return replace(nothing, engine="faces")
-    return collapse_of(case, faces, state, asked)
 
 
 def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: float) -> Collapse:
     """A certified state as a collapse of the structure, if its blocks have strains. Collective."""
+    problem = case.problem
     strained = strained_state(case, faces, state.force, state.load_factor)
     mode = case.discretization.rigid_motion(faces.motions(state.mode))
-    certificate = certified(case, faces, state, strained, mode, asked)
+    opening = np.abs(problem.normal @ mode)
+    largest = max(problem.max(opening), problem.max(np.abs(problem.tangential @ mode)), 1e-300)
+    # Rates at which this rank's points close that do not crush.
+    crushes = np.isfinite(faces.crushing)[faces.faces.of_point]
+    crushes = crushes[case.discretization.operators.points]
+    closing = np.where(crushes, 0.0, -problem.clearance_rates(mode))
+    residuals = {
+        **force_residuals(case, faces, state.force, strained),
+        "mode_work": abs(state.sign * problem.dot(problem.live, mode) - 1.0),
+        "mode_penetration": problem.max(closing) / largest,
+        "limit": abs(state.gap),
+    }
+    size = faces.model.size(state.load_factor)
+    allowed = max(asked, SEARCH.rough_gap)
+    # The gap is no estimate of an error.
+    known = np.nan, None, state.upper, state.load_factor, size, allowed
+    certificate = Certificate(residuals, *known)
     misses = f"with the forces of the search on joint faces the blocks miss {missed(certificate)}"
     end = Collapse(
         "limit" if certificate.passed else "not_converged",
@@ -168,7 +159,7 @@ def collapse_of(case: LoadCase, faces: PlanarFaces, state: FaceState, asked: flo
         case.blocks.bounds,
         strained,
         mode,
-        joint_values(case.problem, case.discretization, strained, mode),
+        joint_values(problem, case.discretization, strained, mode),
         certificate,
         reason="" if certificate.passed else misses,
         engine="faces",
@@ -216,30 +207,6 @@ def force_residuals(
     return residuals
 
 
-def certified(
-    case: LoadCase,
-    faces: PlanarFaces,
-    state: FaceState,
-    strained: State,
-    mode: Array,
-    asked: float,
-) -> Certificate:
-    """Residuals of a state and its mode. Collective."""
-    problem = case.problem
-    largest = problem.max(np.abs(problem.normal @ mode))
-    largest = max(largest, problem.max(np.abs(problem.tangential @ mode)), 1e-300)
-    size = faces.model.size(state.load_factor)
-    residuals = {
-        **force_residuals(case, faces, state.force, strained),
-        "mode_work": abs(state.sign * problem.dot(problem.live, mode) - 1.0),
-        "mode_penetration": problem.max(_closing(case, faces, mode)) / largest,
-        "limit": abs(state.gap),
-    }
-    allowed = max(asked, SEARCH.rough_gap)
-    # The gap is no estimate of an error.
-    return Certificate(residuals, np.nan, None, state.upper, state.load_factor, size, allowed)
-
-
 def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     """Ends of faces at their strength, the longest blocks of pressure first."""
     model = faces.model
@@ -249,17 +216,12 @@ def _crushed(faces: PlanarFaces, force: Array) -> tuple[CrushedPlace, ...]:
     joints = faces.joints
     places = []
     # Where little is left at one end, the block of pressure is at the other one.
-    for face, end in np.argwhere(at_strength[:, None] & (left <= SEARCH.slight * normal[:, None])):
+    for face, end in np.argwhere(
+        at_strength[:, None] & (left <= SEARCH.at_strength * normal[:, None])
+    ):
         point = faces.faces.ends[face, 1 - end]
         length = float(normal[face] / faces.crushing[face])
         x, y = map(float, joints.position[point])
         group = joints.names[joints.law[point]]
         places.append(CrushedPlace((x, y), group, length, float(normal[face])))
     return tuple(sorted(places, key=lambda place: -place.length))
-
-
-def _closing(case: LoadCase, faces: PlanarFaces, mode: Array) -> Array:
-    """Rates at which this rank's points close that do not crush."""
-    mine = case.discretization.operators.points
-    crushes = np.isfinite(faces.crushing)[faces.faces.of_point][mine]
-    return np.where(crushes, 0.0, -case.problem.clearance_rates(mode))

@@ -25,7 +25,6 @@ import numpy as np
 from fenics_contact.discretization.discretization import Discretization
 from fenics_contact.discretization.joints import GROUND, coefficients
 from fenics_contact.geometry.mesh import Array, Flags, Indices
-from fenics_contact.results.result import Collapse
 from fenics_contact.results.values import JointValues
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.joint_law import PointLaws
@@ -36,19 +35,22 @@ RANK = 1e-9
 ROUNDING = 1e-12
 
 
-def with_least_forces(whole: Discretization, end: Collapse) -> Collapse:
-    """A collapse whose joint values, to be read by people, have the least forces."""
-    joints = end.joints and least_forces(whole, end.joints)
-    return replace(end, joints=joints)
-
-
 def least_forces(whole: Discretization, values: JointValues) -> JointValues:
     """Joint values with the least forces that load the nodes alike; the same on all ranks."""
     joints = whole.joints
     forces = np.column_stack([values.normal_force, values.shear_force])
     laws = joints.point_laws
-    free = _free(laws, forces) & _rests(values)[:, None]
-    rows = _nodal_rows(whole)
+    # Forces that are not at their bounds,
+    least = SEARCH.no_force * np.abs(forces).max(initial=0.0)
+    pressed = forces[:, 0] + laws.bond > least
+    sticks = laws.bound(forces[:, 0] + laws.bond) - np.abs(forces[:, 1]) > least
+    free = np.column_stack([pressed & (sticks | ~laws.frictional), pressed & sticks])
+    # at points that have neither opened nor slipped, and do not in the collapse mode.
+    moved = np.maximum(values.gap, np.abs(values.slip))
+    still = moved <= SEARCH.no_force * max(moved.max(initial=0.0), 0.0)
+    free &= (still & ~values.opens & ~values.slips)[:, None]
+    dofs, *of_point = coefficients(joints, whole.supports, np.arange(len(joints.length)))
+    rows = _NodalRows(dofs, np.stack(of_point, axis=1))
     held = ~np.all(np.any(rows.values != 0.0, axis=2), axis=1)
     places = _places(joints.nodes, np.any(free, axis=1))
     places = [points for points in places if len(points) > 1 or held[points[0]]]
@@ -83,22 +85,6 @@ def _places(nodes: Indices, wanted: Flags) -> list[Indices]:
     return [order[first:end] for first, end in pairwise([*begins, len(order)])]
 
 
-def _free(law: PointLaws, forces: Array) -> Flags:
-    """Forces (normal, shear) that are not at their bounds, shape (points, 2)."""
-    normal, shear = forces.T
-    least = SEARCH.no_force * np.abs(forces).max(initial=0.0)
-    pressed = normal + law.bond > least
-    sticks = law.bound(normal + law.bond) - np.abs(shear) > least
-    return np.column_stack([pressed & (sticks | ~law.frictional), pressed & sticks])
-
-
-def _rests(values: JointValues) -> Flags:
-    """Points that have neither opened nor slipped, and do not in the collapse mode."""
-    moved = np.maximum(values.gap, np.abs(values.slip))
-    still = moved <= SEARCH.no_force * max(moved.max(initial=0.0), 0.0)
-    return np.asarray(still & ~values.opens & ~values.slips)
-
-
 @dataclass(frozen=True)
 class _NodalRows:
     """Nodal forces B^T r of joint forces r.
@@ -125,13 +111,6 @@ class _NodalRows:
         table = np.zeros((len(places), int(np.diff(first).max()), places.shape[1], 2))
         np.add.at(table, (place, row, point), self.values[places[place, point], :, entry])
         return table
-
-
-def _nodal_rows(whole: Discretization) -> _NodalRows:
-    """Coefficients of all joint points, on all ranks."""
-    every = np.arange(len(whole.joints.length))
-    dofs, normal, tangential = coefficients(whole.joints, whole.supports, every)
-    return _NodalRows(dofs, np.stack([normal, tangential], axis=1))
 
 
 def _loops(

@@ -101,12 +101,6 @@ class LoadCase:
         """The same with a record of its own, which nobody reads."""
         return replace(self, record=Record())
 
-    @property
-    def wants_peak(self) -> bool:
-        """Whether the scene asks for the peak of the loading path, or does not forbid it."""
-        options = self.discretization.scene.solve
-        return options.peak is not False and not options.fast
-
     def written(self, state: State) -> State:
         """A state with its displacements u in place of u - u_d, and the work on these."""
         if not self.discretization.scene.dead.movement:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -19,24 +19,19 @@ import numpy as np
 
 from fenics_contact.collapse.load_case import LoadCase, Task
 from fenics_contact.collapse.loading_path import LoadingPath
-from fenics_contact.collapse.strategy import Strategy, next_to, rising_mu, to_end
+from fenics_contact.collapse.strategy import next_to, rising_mu, strategy_of, to_end
 from fenics_contact.collapse.work_control import find_collapse
 from fenics_contact.errors import EffortError, NoEquilibriumError, SolverError, Stopped
 from fenics_contact.results.bounds import signed
 from fenics_contact.results.history import CapacityPoint, LoadPath, LoadStep
 from fenics_contact.results.result import NOT_KNOWN, Collapse
-from fenics_contact.scene.scene import SolveOptions
 from fenics_contact.search_options import SEARCH
 from fenics_contact.solvers.problem import Array, ContactProblem, State
 
 _log = logging.getLogger("fenics_contact")
 
 
-def raise_load(
-    case: LoadCase,
-    strategy: Strategy,
-    options: SolveOptions,
-) -> Collapse:
+def raise_load(case: LoadCase) -> Collapse:
     """The collapse that is found from the last state under rising load factors.
 
     The first state is next to the bonded response to the dead load.
@@ -45,7 +40,8 @@ def raise_load(
     if bounds.lower == np.inf:
         wedging = case.blocks.wedging()
         return Collapse("unbounded", float(np.inf), case.blocks.bounds, wedging=wedging)
-    climb = _Climb(case, strategy, options)
+    climb = _Climb(case)
+    tolerance = climb.options.tolerance
     upper = np.inf if bounds.upper is None else bounds.upper
     try:
         with case.discretization.effort.at_most(SEARCH.load_cost):
@@ -55,11 +51,11 @@ def raise_load(
     except SolverError as error:
         _log.warning("load control: %s", error)
         return Collapse("not_converged", float("nan"), case.blocks.bounds)
-    margin = 10.0 * options.tolerance * max(climb.lower, case.scales.load_factor)
+    margin = 10.0 * tolerance * max(climb.lower, case.scales.load_factor)
     low = climb.lower - margin
     high = min(climb.failed, upper) + margin
-    attempts = (next_to(climb.state, climb.direction), *strategy.attempts)
-    found = find_collapse(climb.case, replace(strategy, attempts=attempts), options.tolerance)
+    attempts = (next_to(climb.state, climb.direction), *climb.strategy.attempts)
+    found = find_collapse(climb.case, replace(climb.strategy, attempts=attempts), tolerance)
     if found.status != "limit" and case.problem.coulomb:
         against = _against_the_live_load(climb)
         if against.status == "limit" and low <= against.load_factor <= high:
@@ -92,30 +88,29 @@ def _against_the_live_load(climb: _Climb) -> Collapse:
     return replace(found, program=climb.case.blocks.classical_bounds, sign=1.0)
 
 
-def raise_load_to(
-    case: LoadCase,
-    strategy: Strategy,
-    options: SolveOptions,
-    target: tuple[float, int],
-) -> tuple[ContactProblem, State]:
+def raise_load_to(case: LoadCase, load_factor: float, steps: int) -> tuple[ContactProblem, State]:
     """State of equilibrium at a load factor >= 0, reached in equal steps from the dead load.
 
     With the structure, which has the origin of slip at which it was found.
 
     Args:
         case: The load case.
-        strategy: How states are found.
-        options: Of the scene.
-        target: The load factor, and the number of steps to it.
+        load_factor: Not negative.
+        steps: Number of steps to it.
 
     Raises:
         NoEquilibriumError: If none is found under the dead load alone, with Coulomb friction.
         SolverError: If none is found otherwise, there or on the way.
     """
-    climb = _Climb(case, strategy, options)
-    if case.has_dead_load:
-        climb.rest()
-    load_factor, steps = target
+    climb = _Climb(case)
+    if case.has_dead_load:  # its state is found soon or not at all
+        rests = False
+        with suppress(EffortError), case.discretization.effort.at_most(SEARCH.rest_cost):
+            rests = climb.reaches(0.0)
+        if not rests and case.problem.coulomb:
+            raise NoEquilibriumError(NOT_KNOWN)
+        if not rests:  # though programs prove that there is one
+            raise SolverError("no equilibrium was found under the dead load")
     step = load_factor / steps
     least = SEARCH.side_accuracy * step
     while climb.lower < load_factor:
@@ -134,8 +129,8 @@ def raise_load_to(
         scales = replace(case.scales, displacement=elastic)
         near = replace(case, problem=climb.problem)
         with suppress(SolverError):
-            task = Task(near, state.work, scales, options.tolerance)
-            state = strategy.equilibrium(task, state, load_factor)
+            task = Task(near, state.work, scales, climb.options.tolerance)
+            state = climb.strategy.equilibrium(task, state, load_factor)
     return climb.problem, state
 
 
@@ -154,11 +149,11 @@ class _Climb:
         failed: Least load factor at which none was found; infinite if none failed.
     """
 
-    def __init__(self, case: LoadCase, strategy: Strategy, options: SolveOptions) -> None:
+    def __init__(self, case: LoadCase) -> None:
         """Begin next to the bonded response to the dead load."""
         self.case = case
-        self.strategy = strategy
-        self.options = options
+        self.strategy = strategy_of(case.discretization.scene)
+        self.options = case.discretization.scene.solve
         none = np.zeros_like(case.first_pressure)
         self.state = case.problem.state(case.bonded.dead, 0.0, case.first_pressure, none)
         self.problem = case.problem
@@ -199,20 +194,6 @@ class _Climb:
             again = end - self.lower <= narrow
             target = self.failed if again else self.lower + min(step, 0.5 * (end - self.lower))
 
-    def rest(self) -> None:
-        """Find the state under the dead load alone, soon or not at all.
-
-        Raises:
-            NoEquilibriumError: If none is found with Coulomb friction.
-            SolverError: If none is found otherwise: programs prove that there is one.
-        """
-        with suppress(EffortError), self.case.discretization.effort.at_most(SEARCH.rest_cost):
-            if self.reaches(0.0):
-                return
-        if self.case.problem.coulomb:
-            raise NoEquilibriumError(NOT_KNOWN)
-        raise SolverError("no equilibrium was found under the dead load")
-
     def reaches(self, target: float) -> bool:
         """Whether a state of equilibrium is found at a load factor; it becomes the last one."""
         case = self.case
@@ -230,8 +211,7 @@ class _Climb:
         except SolverError as error:
             _log.info("  load factor %.8g: no equilibrium found (%s)", target, error)
             return False
-        work = case.written(state).work
-        self.steps.append(LoadStep(target, work / unit, work, _kept(case, state)))
+        self.steps.append(LoadStep(target, *_moved(case, state)))
         _log.info("  load factor %.8g: equilibrium, f_L.u = %.4g", target, state.work)
         moved = state.work - before.work
         if len(self.steps) > 1 and moved > 0.0:
@@ -246,11 +226,13 @@ class _Climb:
         return True
 
 
-def _kept(case: LoadCase, state: State) -> Array | None:
-    """Displacements of a state, where ParaView files of a capacity curve are asked for."""
+def _moved(case: LoadCase, state: State) -> tuple[float, float, Array | None]:
+    """Mean displacement along the live load, m, its work, and displacements, if asked for."""
+    written = case.written(state)
     output = case.discretization.scene.output
     kept = output.paraview and output.capacity
-    return case.written(state).displacement if kept else None
+    moved = written.work / case.problem.sum(np.abs(case.problem.live))
+    return moved, written.work, written.displacement if kept else None
 
 
 def capacity_curve(
@@ -275,11 +257,20 @@ def capacity_curve(
     fractions = (np.arange(1, points + 1) / points) ** 1.5
     works = [float(SEARCH.beyond_onset * end.state.work * part) for part in fractions]
     tolerance = case.discretization.scene.solve.tolerance
-    task = Task(case, works[-1], case.scales_at(works[-1]), tolerance)
+    task = Task(case.unrecorded, works[-1], case.scales_at(works[-1]), tolerance)
+    path = LoadingPath(task)
     found: dict[int, CapacityPoint] = {}
     try:
-        for number, state in _states_at(task, works):
-            found[number] = _capacity_point(case, state)
+        point = path.begin(min(case.bonded_work, works[0]), rising_mu(task))
+        for number, work in enumerate(works, 1):
+            try:
+                *_, end_of_step = path.points(point, work)
+                point = end_of_step.point
+                state = to_end(replace(task, work=work), end_of_step.state, point.mu).state
+            except SolverError as error:
+                _log.info("capacity curve: no state with T = %.3g: %s", work, error)
+                continue
+            found[number] = CapacityPoint(state.load_factor, *_moved(case, state))
             monitor(number, points, found[number])
     except Stopped as stop:
         _log.warning("capacity curve: %s", stop)
@@ -288,25 +279,5 @@ def capacity_curve(
     curve = [found.get(number, missing) for number, missing in enumerate(none, 1)]
     for answer in end.answers.values():
         if (carried := getattr(answer.value, "state", None)) is not None:
-            curve.append(_capacity_point(case, carried))
+            curve.append(CapacityPoint(carried.load_factor, *_moved(case, carried)))
     return sorted(curve, key=lambda point: point.work)
-
-
-def _states_at(task: Task, works: Sequence[float]) -> Iterator[tuple[int, State]]:
-    """States at rising work up to the task's, with numbers from 1; those not found are left out."""
-    path = LoadingPath(replace(task, case=task.case.unrecorded))
-    point = path.begin(min(task.case.bonded_work, works[0]), rising_mu(task))
-    for number, work in enumerate(works, 1):
-        try:
-            *_, end = path.points(point, work)
-            point = end.point
-            yield number, to_end(replace(task, work=work), end.state, point.mu).state
-        except SolverError as error:
-            _log.info("capacity curve: no state with T = %.3g: %s", work, error)
-
-
-def _capacity_point(case: LoadCase, state: State) -> CapacityPoint:
-    """The point of a capacity curve at a state."""
-    work = case.written(state).work
-    unit = case.problem.sum(np.abs(case.problem.live))
-    return CapacityPoint(state.load_factor, work / unit, work, _kept(case, state))

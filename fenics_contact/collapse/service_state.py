@@ -18,7 +18,6 @@ from fenics_contact.collapse.least_forces import least_forces
 from fenics_contact.collapse.load_case import LoadCase, joint_values
 from fenics_contact.collapse.load_control import raise_load_to
 from fenics_contact.collapse.rigid_blocks.programs import RigidBlocks
-from fenics_contact.collapse.strategy import strategy_of
 from fenics_contact.discretization.layout import Layout
 from fenics_contact.errors import NoEquilibriumError, SolverError
 from fenics_contact.faces.planar import PlanarFaces
@@ -84,12 +83,10 @@ def service_state(case: LoadCase, load_factor: float, steps: int = 1) -> Service
 
     Or that of their faces, where none is found.
     """
-    scene = case.discretization.scene
     try:
         if case.blocks.crushes:
             raise SolverError("no elastic state was found by the forces of joint faces")
-        target = load_factor, steps
-        problem, state = raise_load_to(case, strategy_of(scene), scene.solve, target)
+        problem, state = raise_load_to(case, load_factor, steps)
     except SolverError as error:
         none = "no_equilibrium" if isinstance(error, NoEquilibriumError) else "not_converged"
         nothing = ServiceState(none, case.sign * load_factor, reason=str(error))
@@ -111,11 +108,6 @@ def face_state(case: LoadCase, load_factor: float) -> ServiceState | None:
     state = strained_state(case, faces, force, load_factor)
     found = _verified(case, case.problem, state, force_residuals(case, faces, force, state))
     return replace(found, engine="faces") if found.status == "equilibrium" else None
-
-
-def told_by_faces(case: LoadCase, load_factor: float) -> ServiceState:
-    """The state of joint faces, or else that of elastic blocks."""
-    return face_state(case, load_factor) or service_state(case, load_factor)
 
 
 def _verified(

@@ -131,6 +131,8 @@ def along_block_modes(task: Task) -> Solution:
     """
     path = LoadingPath.on_modes(task, "block modes")
     record = task.case.record
+    options = task.case.discretization.scene.solve
+    levels = options.peak is not False and not options.fast
     first = min(task.case.bonded_work, task.work)
     parts = 1.0, SEARCH.smaller_products
     points = {part: path.begin(first, part * rising_mu(task)) for part in parts}
@@ -150,7 +152,7 @@ def along_block_modes(task: Task) -> Solution:
             continue
         record.risen = risen[part]
         try:
-            for sample in path.points(points.pop(part), float(work), levels=task.case.wants_peak):
+            for sample in path.points(points.pop(part), float(work), levels=levels):
                 record.risen.append(sample)
             point = points[part] = record.risen.pop().point
         except SolverError as error:

@@ -89,23 +89,27 @@ def torn_collapse(
     cases = [case]
     found: list[Collapse] = []
 
+    def with_answer(end: Collapse, torn: Flags, whole: float) -> Collapse:
+        return end.with_answer(TornAnswer(Torn(float(joints.length[torn].sum()), whole)))
+
     def collapse(torn: Flags) -> Collapse:
         if not np.any(torn):
-            return collapse_of(case)
-        now = case.with_unbonded(torn)
+            end = collapse_of(case)
+            return with_answer(end, torn, end.load_factor)
+        now = case.with_torn(torn)
         cases.append(now)
         now.record.best = None  # its joints were not torn yet
         whole = found[0].load_factor
-        about = _about(now, torn, whole)
-        _log.info("  torn: %.4g m of joints, load factor before %.8g", about.length_m, whole)
+        length = joints.length[torn].sum()
+        _log.info("  torn: %.4g m of joints, load factor before %.8g", length, whole)
         if now.blocks.fall() is None:
-            return _with(collapse_of(now), about)
+            return with_answer(collapse_of(now), torn, whole)
         reason = f"without the bonds that tear at {whole:.6g} the blocks do not stand"
         nothing = Collapse("no_equilibrium", np.nan, now.blocks.bounds, reason=reason)
-        return _with(nothing, about)
+        return with_answer(nothing, torn, whole)
 
     def with_opened(torn: Flags, end: Collapse) -> Flags | None:
-        found.append(end if np.any(torn) else _with(end, _about(case, torn, end.load_factor)))
+        found.append(end)
         if end.status != "limit" or end.joints is None:
             return None
         opens = end.joints.opens & joints.losing & ~torn
@@ -117,12 +121,3 @@ def torn_collapse(
             return found[-1], cases[-1]
     reason = f"joints go on tearing after {SEARCH.torn_states} collapses"
     return replace(found[-1], status="not_converged", reason=reason), cases[-1]
-
-
-def _about(case: LoadCase, torn: Flags, whole: float) -> Torn:
-    """What a collapse says of the joint points that are torn."""
-    return Torn(float(case.discretization.joints.length[torn].sum()), whole)
-
-
-def _with(end: Collapse, torn: Torn) -> Collapse:
-    return end.with_answer(TornAnswer(torn))
